@@ -20,6 +20,10 @@ FAILED_FRAME_ITEMS = [
     ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
      "Blender reports the animation as finished. A script that renders single frames continues"),
 ]  # fmt: skip
+DRAFT_ITEMS = [
+    ("AUTO", "Automatic", "Every pixel, or every second one where the view would not move smoothly"),
+    ("HALF", "Half Resolution", "Every second pixel along each side, which leaves more of the processor to other work"),
+]
 
 
 def _prepare_kernels_changed(_preferences, _context):
@@ -49,6 +53,16 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     show_live: BoolProperty(
         name="Show Volumes Live", default=True, update=_live_changed,
         description="Draw volumes in all 3D viewports whose eye is open in the RLE Splat tab")
+    show_imported: BoolProperty(
+        name="Show Imported Volumes", default=True,
+        description="Open the eye of the window's viewports when a volume is imported. Without, the first volume of a "
+        "scene closes it")
+    refine_live: BoolProperty(
+        name="Refine When Still", default=True, update=_live_changed,
+        description="Render a view with the scene's Quality once nothing changes. Without, viewports show drafts only")
+    live_pixels: EnumProperty(
+        name="Drafts", items=DRAFT_ITEMS, update=_live_changed,
+        description="Resolution of what viewports show while anything changes")
     memory_limit: FloatProperty(
         name="Memory Limit", description="Most memory that one volume or picture may take, in GiB; 0 for all that is "
         "free", default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)
@@ -70,6 +84,10 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         for name in ("pictures", "failed_frame", "show_live"):
             layout.prop(self, name)
+        column = layout.column()
+        column.active = self.show_live
+        for name in ("show_imported", "refine_live", "live_pixels"):
+            column.prop(self, name)
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
             draw_number(layout, self, name, automatic)
         layout.prop(self, "prepare_kernels")
@@ -101,6 +119,18 @@ def shows_live() -> bool:
     """Whether the user wants volumes in viewports."""
     found = current()
     return found is None or found.show_live
+
+
+def shows_imported() -> bool:
+    """Whether viewports show what is imported."""
+    found = current()
+    return found is None or found.show_imported
+
+
+def live_habits() -> tuple[bool, int]:
+    """What the user wants of views that are still, and of drafts: the arguments of ``live.viewport.Habits``."""
+    found = current()
+    return (True, 0) if found is None else (found.refine_live, int(found.live_pixels == "HALF"))
 
 
 def threads() -> int:

@@ -25,7 +25,7 @@ from .canvas import redraw_sidebars
 from .held import Held
 from .preset_entries import Entry
 
-BUDGET = 0.02  # seconds of work per call of the timer
+BUDGET = 0.005  # seconds of work after which a call of the timer begins no further step; a step takes up to 25 ms
 TICK, BUSY = 0.02, 0.3  # seconds between calls, and while other work is done
 CACHE_BYTES = 1 << 28  # of stages that thumbnails of one volume share
 
@@ -216,15 +216,15 @@ def picture_steps(entry: Entry, volume):
     Raises
     ------
     RleSplatError
-        If the preset cannot be read, or has gradient opacity, or nothing can be rendered.
+        If the preset cannot be read, or nothing can be rendered, or its kernels would have to be compiled first.
     """
     function, _ = yield from part(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
     key = thumbnail_key(volume, function)
     kept = thumbnail_files.load(key)
     if kept is not None:
         return kept
-    if function.gradient_opacity is not None:  # its kernels are not prepared: compiling them took 33 s on one core
-        raise RleSplatError("A preset with gradient opacity has no thumbnail.")
+    if function.gradient_opacity is not None and kernel_preparation.are_missing():  # the viewport compiled the others
+        raise RleSplatError("A preset with gradient opacity has no thumbnail until kernels are prepared.")
     if not _coarse or _coarse[0].key != volume.key:
         small = yield from portion(reduced_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]

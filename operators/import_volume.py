@@ -7,8 +7,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import box, facts, first_light, new_volume, source_options, viewports
+from ..bridge import box, facts, first_light, new_volume, preferences, source_options, viewports, volumes
 from ..bridge.automatic import draw_number
+from ..bridge.live import shown
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -102,6 +103,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
             told.append(" ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
+        self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
@@ -109,6 +111,13 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             told.append(first_light.light_if_dark(context, len(corners), corners[0]))
         for sentence in filter(None, told):
             self.report({"INFO"}, sentence)
+
+    def _show(self, context, added: int) -> None:
+        """Open the eyes of the window's viewports, or close them for a scene's first volumes, as the user prefers."""
+        if self.was_in_window and preferences.shows_imported():
+            shown.switch_all(context.window, True)
+        elif self.was_in_window and len(volumes.volume_objects(context.scene)) == added:
+            shown.switch_all(context.window, False)
 
     def _steps(self, paths):
         """Generator of Progress: (Found, options, TransferFunction, reason for it) of each path."""

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import live, volumes
+from ..bridge import live, preferences, volumes
 from ..bridge.live import shown
 from .outdated import draw_outdated
 from .places import paragraph
@@ -44,9 +44,15 @@ def draw_state(context, layout) -> None:
     if problem:
         paragraph(context, layout, f"Not shown in this viewport: {problem}", icon="ERROR")
         layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
+    elif not preferences.shows_live():
+        paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
     elif viewports := live.viewports_of(area):
-        is_busy = any(one.is_busy for one in viewports)
-        layout.label(text="Refining" if is_busy else "Up to date", icon="SORTTIME" if is_busy else "CHECKMARK")
+        if any(one.is_busy for one in viewports):
+            layout.label(text="Refining", icon="SORTTIME")
+        elif all(one.is_refined or not one.pictures for one in viewports):
+            layout.label(text="Up to date", icon="CHECKMARK")
+        else:
+            layout.label(text="Draft, up to date", icon="CHECKMARK")
 
 
 def _draw_overlay(self, context) -> None:

@@ -24,13 +24,13 @@ _handles: list = []
 class Live:
     """A viewport, and what is held for drawing it.
 
-    ``framebuffer``: the viewport's own, during a redraw.  ``placed``: textures of the pictures of ``version``.
-    ``waits``: see ``BlenderSurface``.
+    ``keys``: of the volumes that it shows.  ``framebuffer``: the viewport's own, during a redraw.  ``placed``: textures
+    of the pictures of ``version``.  ``waits``: see ``BlenderSurface``.
     """
 
     def __init__(self):
         self.viewport = Viewport(render_scene.KEPT)
-        self.framebuffer = None
+        self.keys, self.framebuffer = (), None
         self.version, self.placed = -1, []
         self.waits: list = []
 
@@ -67,13 +67,17 @@ def _before() -> None:
     """PRE_VIEW: keep the viewport's framebuffer, which is the one in use, until this redraw ends."""
     calls["before"] += 1
     context = bpy.context
-    if not _volumes_of(context):
+    keys = _volumes_of(context)
+    if not keys:
+        if _lives and is_allowed():
+            _lives.pop(context.region.as_pointer(), None)  # with its textures
         return
     address = context.region.as_pointer()
     if address not in _lives:
         _forget_closed()
         _lives[address] = Live()
-    _lives[address].framebuffer = surface.active_framebuffer()
+    live = _lives[address]
+    live.keys, live.framebuffer = keys, surface.active_framebuffer()
 
 
 def _forget_closed() -> None:
@@ -85,12 +89,9 @@ def _forget_closed() -> None:
 def _after() -> None:
     """POST_VIEW: look at what this redraw shows, and draw the pictures that there are."""
     calls["after"] += 1
-    context = bpy.context
-    keys = _volumes_of(context)
-    if not keys:
-        if _lives and is_allowed():
-            _lives.pop(context.region.as_pointer(), None)  # with its textures
+    if not _lives:
         return
+    context = bpy.context
     live = _lives.get(context.region.as_pointer())
     if live is None or live.framebuffer is None:
         return
@@ -98,7 +99,7 @@ def _after() -> None:
     framebuffer, live.framebuffer = live.framebuffer, None
     viewport = live.viewport
     if not kernel_preparation.is_due():
-        request = surface.request_of(context, keys)
+        request = surface.request_of(context, live.keys)
         had = viewport.problem
         viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
         _draw(live, framebuffer)
@@ -185,7 +186,7 @@ def problem_of(area) -> str:
 
 def remark_of(area) -> str:
     """What differs from the volume in what an area's viewports show; "" for nothing, and while they draw drafts."""
-    halvings = max((one.halvings for one in viewports_of(area) if not one.is_busy), default=0)
+    halvings = max((one.halvings for one in viewports_of(area) if one.is_refined), default=0)
     if not halvings:
         return ""
     return f"Shown with voxels {2**halvings} times as large, because the volume's own need more memory than is free."

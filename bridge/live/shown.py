@@ -94,6 +94,19 @@ def is_on(space) -> bool:
     return getattr(space, SWITCH)
 
 
+def switch_all(window, on: bool) -> None:
+    """Let all viewports of a window show volumes, or none.
+
+    Parameters
+    ----------
+    window : bpy.types.Window
+    on : bool
+    """
+    for area in window.screen.areas:
+        if area.type == "VIEW_3D":
+            setattr(area.spaces.active, SWITCH, on)
+
+
 def forget() -> None:
     """Forget all scenes, before another file is opened."""
     _Now.known.clear()

@@ -10,14 +10,14 @@ import gpu
 import numpy as np
 
 from ...rle_splat.scene import Camera, Scene
-from .. import freshness, loading, read_ahead, render_scene, settings
+from .. import freshness, loading, preferences, read_ahead, render_scene, settings
 from ..box import CORNERS
 from ..decimals import typed
 from . import shown
 from .floor import without_floor
 from .frames import Contents
 from .view import Matrices, View, ray_ends
-from .viewport import Request
+from .viewport import Habits, Request
 
 BEYOND = 2.0  # voxels by which footprints reach beyond the outermost voxel centers
 ELSEWHERE = {"depth of field", "motion blur"}  # effects of a camera's exposure, which a viewport has not
@@ -50,7 +50,7 @@ def request_of(context, volumes: tuple) -> Request:
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
         shading.show_xray_wireframe, _draws_floor(space.overlay),
     )
-    return Request(matrices, volumes, drawn)
+    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()))
 
 
 def _draws_floor(overlay) -> bool:
@@ -156,7 +156,9 @@ class BlenderSurface:
         if not buffer.any():  # nothing has been drawn into it
             return None
         found = ray_ends(view, buffer, part)
-        return without_floor(view, found, part) if self._request.drawn[-1] else found
+        if self._request.drawn[-1]:
+            without_floor(view, found, part)
+        return found
 
 
 def _are_slow(waits: list) -> bool:

@@ -238,6 +238,8 @@ def differ(depths: np.ndarray, others: np.ndarray, share: float) -> bool:
     """Whether more than ``share`` of the pixels of two depth pictures differ by more than a thousandth."""
     if depths.shape != others.shape:
         return True
+    if np.array_equal(depths, others):  # as in most redraws, and in a tenth of the time
+        return False
     with np.errstate(invalid="ignore"):
         alike = (depths == others) | (np.abs(depths - others) <= 1e-3 * np.minimum(np.abs(depths), np.abs(others)))
     return np.count_nonzero(~alike) > share * depths.size

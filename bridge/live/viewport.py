@@ -23,8 +23,26 @@ STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
-SLOW, QUICK = 0.03, 0.012  # seconds of a draft above which the next one is coarser, and below which it is finer
-OF_FEWER_VOXELS = 0.25  # of QUICK, for drafts of fewer voxels: with twice as many along each side they take much longer
+# Seconds of a draft above which the next one is coarser, and below which it is finer.  With SLOW a redraw takes about
+# 16 ms; QUICK is less than what a draft takes that is coarser by one, or two kinds of drafts would alternate.
+SLOW, QUICK = 0.014, 0.005
+OF_FEWER_VOXELS = 0.5  # of QUICK, for drafts of fewer voxels: with twice as many along each side they take much longer
+
+
+@dataclass(frozen=True)
+class Habits:
+    """What a user prefers of all viewports.
+
+    Attributes
+    ----------
+    refines : bool
+        Whether a view is refined when it is still; without, drafts are all that is shown.
+    least_coarseness : int
+        Of drafts; see ``picture_steps``.
+    """
+
+    refines: bool = True
+    least_coarseness: int = 0
 
 
 @dataclass(frozen=True)
@@ -38,11 +56,13 @@ class Request:
         Keys of the visible volumes.
     drawn : tuple
         How the viewport draws its objects, because their depth depends on it.
+    habits : Habits
     """
 
     matrices: Matrices
     volumes: tuple = ()
     drawn: tuple = ()
+    habits: Habits = Habits()
 
 
 class Surface(Protocol):
@@ -73,6 +93,8 @@ class Viewport:
         To draw, the furthest first.
     version : int
         Grows with every new list of pictures.
+    is_refined : bool
+        Whether they are no drafts.
     problem : str
         Why nothing is shown; "" without a problem.
     counts : Counter
@@ -81,7 +103,7 @@ class Viewport:
 
     def __init__(self, cache, now=time.perf_counter):
         self.pictures: list[Picture] = []
-        self.version, self.problem, self.counts = 0, "", Counter()
+        self.version, self.problem, self.counts, self.is_refined = 0, "", Counter(), False
         self._cache, self._now = cache, now
         self._request: Request | None = None
         self._stamp = None
@@ -147,7 +169,7 @@ class Viewport:
                 if found is None:
                     return False
                 self._contents, shot, changed = found, shot_of(request.matrices, found), True
-        changed = changed or _ends_differ(ends, self._ends)
+        changed = changed or _ends_differ(ends, self._ends, shot.part)
         if changed:
             self._request, self._shot, self._ends = request, shot, ends
         return changed
@@ -164,7 +186,7 @@ class Viewport:
         if self._work is not None and self._work_on[1] is None:
             self._stop_work()
         if self._work is None:
-            self._start(self._coarseness)
+            self._start_draft()
         self._advance(now + BITE)
 
     def work(self) -> bool:
@@ -208,6 +230,9 @@ class Viewport:
     def _fail(self, problem: Exception) -> None:
         self.give_up(sentence_of(problem))
 
+    def _start_draft(self) -> None:
+        self._start(max(self._coarseness, self._request.habits.least_coarseness))
+
     def _start(self, coarseness: int | None) -> None:
         self._work_on, self._spent = (self._shot, coarseness), 0.0
         self._work = picture_steps(self._shot, self._ends, self._cache, coarseness)
@@ -235,7 +260,7 @@ class Viewport:
 
     def _finish(self, pictures: list[Picture]) -> None:
         shot, coarseness = self._work_on
-        self._work = None
+        self._work, self.is_refined = None, coarseness is None
         self._show(pictures)
         self.counts["refinements" if coarseness is None else "drafts"] += 1
         if coarseness is None:
@@ -244,8 +269,8 @@ class Viewport:
             return
         self._choose_coarseness(coarseness)
         if shot is not self._shot:
-            self._start(self._coarseness)
-        else:
+            self._start_draft()
+        elif self._request.habits.refines:
             self._due = self._now() + self._pause
 
     def _choose_coarseness(self, coarseness: int) -> None:
@@ -261,8 +286,10 @@ class Viewport:
         self.version += 1
 
 
-def _ends_differ(ends: np.ndarray | None, others: np.ndarray | None) -> bool:
-    """Whether rays end elsewhere than before; None is no depth at all."""
-    if ends is None or others is None:
+def _ends_differ(ends: np.ndarray | None, others: np.ndarray | None, part) -> bool:
+    """Whether rays end elsewhere than before, in the part that was read; None is no depth at all."""
+    if ends is None or others is None or ends.shape != others.shape:
         return ends is not others
-    return differ(ends, others, CHANGED)
+    left, top, right, bottom = part
+    inside = slice(top, bottom), slice(left, right)
+    return differ(ends[inside], others[inside], CHANGED * ends.size / ends[inside].size)

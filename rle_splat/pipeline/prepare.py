@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from ..classify.default import default_transfer_function
+from ..classify.transfer_function import GradientOpacity
 from ..runtime import jit
 from ..runtime.steps import Progress, part
 from ..scene import Light, Quality, RleSplatError, Scene
@@ -65,6 +66,7 @@ PICTURES = (
     Picture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     Picture("previews", 16.8, 1.7, scene="meshes", perspective=True, previews=True),
     Picture("hard walls", 21.4, 2.4, quality="fine"),
+    Picture("surfaces only", 20.0, 0.4, scene="surfaces"),
 )
 
 
@@ -87,11 +89,12 @@ def prepare_steps():
       headlight; by white lamps and the world's light, without shadows, and with shadows without and with meshes that
       hide the volume; with progressive previews.
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
+    - at "standard" and "draft", with gradient opacity: by the headlight.
 
     Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
     without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "strict" and "paper"
-    and knobs by hand; a maximum error; labels and channels; clip objects; gradient opacity; mist; ambient
-    occlusion; modes other than "composite"; ``.rle`` files.
+    and knobs by hand; a maximum error; labels and channels; clip objects; mist; ambient occlusion; modes other than
+    "composite"; ``.rle`` files.
 
     Yields
     ------
@@ -169,14 +172,17 @@ def _ball(stored: str) -> Volume:
 def _scene(picture: Picture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
-    By the headlight, or as ``picture.scene`` says: "lights", a lamp that casts shadows and the world's light;
-    "no shadows", both without shadows; "meshes", with these lights and a triangle that cuts the ball.
+    By the headlight, or as ``picture.scene`` says: "surfaces", with gradient opacity; "lights", a lamp that casts
+    shadows and the world's light; "no shadows", both without shadows; "meshes", with these lights and a triangle that
+    cuts the ball.
     """
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
     if picture.scene == "headlight":
         return scene
+    if picture.scene == "surfaces":
+        return replace(scene, transfer_function=replace(function, gradient_opacity=GradientOpacity(0.0, 1.0)))
     beside = np.eye(4)
     beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
     lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)

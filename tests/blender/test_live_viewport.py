@@ -205,6 +205,32 @@ def test_a_slow_draft_ends_although_the_view_moves_on(live, made, monkeypatch):
     assert viewport.counts["refinements"] == 1
 
 
+def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
+    viewport, clock, surface = made
+    drafts = live.viewport.Habits(refines=False, least_coarseness=1)
+    viewport.redraw(request_of(live, habits=drafts), 1, surface)
+    assert not viewport.is_busy and not viewport.is_refined and viewport._work_on[1] == 1
+    coarse = viewport.pictures[0].rgba.shape
+    viewport.redraw(request_of(live), 1, surface)  # the preferences have changed
+    finish(viewport, clock)
+    assert viewport.is_refined and viewport.counts["refinements"] == 1
+    assert abs(viewport.pictures[0].rgba.shape[0] - 2 * coarse[0]) <= 2
+
+
+def test_depths_are_compared_where_they_were_read(live):
+    """Of a small part of a view a change must not be too small a share of all pixels to count."""
+    ends = np.full((40, 50), np.inf, np.float32)
+    other = ends.copy()
+    part = 10, 10, 20, 20
+    other[12:15, 12:15] = 3.0
+    assert live.viewport._ends_differ(ends, other, part)
+    assert not live.viewport._ends_differ(ends, ends.copy(), part)
+    assert live.viewport._ends_differ(ends, None, part) and not live.viewport._ends_differ(None, None, None)
+    one = ends.copy()
+    one[12, 12] = 3.0
+    assert not live.viewport._ends_differ(ends, one, part), "a pixel in 2000 is what an engine's samples move"
+
+
 def test_depth_ends_rays_and_without_one_triangles_do(live, made):
     viewport, _clock, surface = made
     surface.depth = 30.0

@@ -155,17 +155,25 @@ def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, ca
     assert thumbnails.icon(ball, entry) == 0 and not thumbnails._wanted
 
 
-def test_no_kernels_are_compiled_for_gradient_opacity(ball, thumbnails, bridge, cache, core):
+@pytest.mark.parametrize("are_missing", (True, False))
+def test_a_preset_with_gradient_opacity_waits_for_prepared_kernels(
+    ball, thumbnails, bridge, cache, core, monkeypatch, are_missing
+):
     function = core("classify.transfer_function")
     preset = core("classify.presets").preset("mr-head")
     own = bridge("own_presets")
+    monkeypatch.setattr(bridge("kernel_preparation"), "are_missing", lambda: are_missing)
     own.save("steep", replace(preset, gradient_opacity=function.GradientOpacity(2.0, 9.0)), overwrite=True)
     try:
-        with pytest.raises(core("scene").RleSplatError, match="gradient opacity"):
-            picture(thumbnails, bridge, ball, "steep")
+        if are_missing:
+            with pytest.raises(core("scene").RleSplatError, match="until kernels are prepared"):
+                picture(thumbnails, bridge, ball, "steep")
+        else:
+            steep = picture(thumbnails, bridge, ball, "steep")
+            assert np.abs(steep.astype(int) - picture(thumbnails, bridge, ball, "mr-head")).max() > 10
     finally:
         own.delete("steep")
-    assert not thumbnails.rendered
+    assert len(thumbnails.rendered) == 2 * (not are_missing)
 
 
 def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, cache, monkeypatch):

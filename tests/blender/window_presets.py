@@ -29,7 +29,7 @@ FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_presets_"))
 PATIENCE = 400.0  # seconds: kernels may have to be prepared first
 MRML = """<MRML>
 <VolumeProperty name="Rose" shade="1" ambient="0.1" diffuse="0.9" specular="0.2" specularPower="10"
- scalarOpacity="6 0 0 60 0 255 0.4" gradientOpacity="4 0 1 255 1" colorTransfer="8 0 0 0 0 255 1 0.6 0.6"/>
+ scalarOpacity="6 0 0 60 0 255 0.4" gradientOpacity="6 0 0 9 1 255 1" colorTransfer="8 0 0 0 0 255 1 0.6 0.6"/>
 <VolumeProperty name="Sea" shade="0" scalarOpacity="6 0 0 90 0 255 0.1" gradientOpacity="4 0 1 255 1"
  colorTransfer="8 0 0 0.2 0.4 255 0.4 1 1"/>
 </MRML>"""
@@ -86,8 +86,10 @@ def check_thumbnails(owner, took):
     for name, preview in pictures().items():
         pixels = np.array(preview.image_pixels_float).reshape(128, 128, 4)
         assert pixels[..., :3].std() > 0.01, f"the thumbnail of {name} is blank"
-    # The first calls load kernels.
-    print(f"{len(took)} calls, the longest {sorted(round(1e3 * t) for t in took)[-4:]} ms", flush=True)
+    # The first calls load kernels that the viewport has not needed.
+    first, later = took[: len(took) // 3], took[len(took) // 3 :]
+    for name, calls in (("first third", first), ("later", later)):
+        print(f"{len(calls)} calls, {name}, the longest {sorted(round(1e3 * t) for t in calls)[-4:]} ms", flush=True)
     assert len(took) >= len(wanted)
 
 

@@ -1,0 +1,194 @@
+"""Where the time of a redraw of the live viewport goes: a table for a draft, an unchanged redraw and an edit.
+
+    python3 dev.py blender --photograph tests/blender/window_times.py --size 1280x800
+
+prints medians in milliseconds, for a scan of 256 voxels along each side with a mesh inside, in Solid shading with
+overlays.  It asserts no time: what a software driver draws takes longer than on any graphics card.
+"""
+
+import tempfile
+import time
+from collections import defaultdict
+from importlib import import_module
+from math import radians
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Euler
+
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until, window
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_times_"))
+SIDE, REDRAWS, WARM = 256, 24, 6
+PATIENCE = 600.0  # seconds: kernels may have to be compiled
+# Parts of a redraw: module of bridge.live, class or "", function.
+PARTS = {
+    "request": ("surface", "", "request_of"),
+    "contents": ("surface", "BlenderSurface", "contents"),
+    "depth": ("surface", "BlenderSurface", "ends"),
+    "depth to ray ends": ("surface", "", "ray_ends"),
+    "lines of the floor": ("surface", "", "without_floor"),
+    "compare depths": ("viewport", "", "differ"),
+    "place": ("viewport", "", "shot_of"),
+    "coarser depths": ("frames", "", "furthest_of_blocks"),
+    "upload": ("drawing", "", "texture_of"),
+    "draw": ("drawing", "", "draw"),
+}
+WITHIN = {"depth": ("depth to ray ends", "lines of the floor")}  # parts that are parts of another
+
+
+def live(name=""):
+    return import_module(f"{MODULE}.bridge.live{'.' if name else ''}{name}")
+
+
+class Meter:
+    """Milliseconds by part of each handler call that drew."""
+
+    def __init__(self):
+        self.calls, self.now = [], defaultdict(float)
+
+    def timing(self, name, function):
+        def timed(*arguments, **options):
+            began = time.perf_counter()
+            try:
+                return function(*arguments, **options)
+            finally:
+                self.now[name] += 1e3 * (time.perf_counter() - began)
+
+        return timed
+
+    def steps(self, function):
+        """A picture's steps, the time of which counts for the stages of its report."""
+
+        def timed(*arguments, **options):
+            began, work = time.perf_counter(), function(*arguments, **options)
+            rendering, halvings = yield from work
+            self.now["picture"] += 1e3 * (time.perf_counter() - began)
+            for stage, spent in rendering.report["stages_ms"].items():
+                if stage != "total":
+                    self.now[f"picture: {stage}"] += spent
+            return rendering, halvings
+
+        return timed
+
+    def watch(self):
+        """Put clocks around all parts, and one around the two handlers."""
+        for name, (module, owner, function) in PARTS.items():
+            place = getattr(live(module), owner) if owner else live(module)
+            setattr(place, function, self.timing(name, getattr(place, function)))
+        live("frames").fitting_steps = self.steps(live("frames").fitting_steps)
+        ours = live()
+        before, after = ours._before, ours._after
+
+        def timed_after():
+            drawn, began = ours.calls["drawn"], time.perf_counter()
+            after()
+            self.now["handler"] += 1e3 * (time.perf_counter() - began)
+            if ours.calls["drawn"] > drawn:
+                self.calls.append(dict(self.now))
+            self.now.clear()
+
+        ours._before, ours._after = self.timing("handler", before), timed_after
+        for handle in ours._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+        ours._handles[:] = [
+            bpy.types.SpaceView3D.draw_handler_add(ours._before, (), "WINDOW", "PRE_VIEW"),
+            bpy.types.SpaceView3D.draw_handler_add(ours._after, (), "WINDOW", "POST_VIEW"),
+        ]
+
+    def table(self, title: str, counts) -> None:
+        """Print the medians of the calls since the last table."""
+        calls, self.calls = self.calls[WARM:], []
+        names = sorted({name for call in calls for name in call}, key=lambda name: (name != "handler", name))
+        print(f"\n{title}: {len(calls)} calls, {counts}", flush=True)
+        for name in names:
+            found = [call.get(name, 0.0) for call in calls]
+            if max(found) >= 0.05:
+                print(f"  {name:28s} {np.median(found):7.2f}   {np.min(found):7.2f}", flush=True)
+
+
+def viewport():
+    return next(iter(live().viewports_of(area_of("VIEW_3D"))), None)
+
+
+def settled():
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: viewport() is not None and not viewport().is_busy, PATIENCE)
+    yield
+
+
+def phantom() -> Path:
+    """A scan in Hounsfield units: skin, a skull, and branches of a vessel in it."""
+    z, y, x = (np.mgrid[:SIDE, :SIDE, :SIDE].astype(np.float32) - (SIDE - 1) / 2) / (SIDE / 2)
+    apart = np.sqrt((x / 0.7) ** 2 + (y / 0.85) ** 2 + (z / 0.8) ** 2)
+    values = np.where(apart < 1.0, np.float32(40.0), np.float32(-1000.0))
+    values[(apart < 0.92) & (apart > 0.82)] = 900.0
+    branches = (np.abs(np.sin(9.0 * x) * np.cos(7.0 * y) + np.sin(8.0 * z)) < 0.12) & (apart < 0.8)
+    values[branches] = 300.0
+    path = FOLDER / f"head_{SIDE}x{SIDE}x{SIDE}_int16.raw"
+    values.astype(np.int16).tofile(path)
+    return path
+
+
+def set_up():
+    yield from new_file()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(phantom()), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0)) == {"FINISHED"}
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.05, location=(0.06, 0.03, 0.13))
+    volume = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
+    bpy.context.view_layer.objects.active = volume
+    area_of("VIEW_3D").spaces.active.show_region_ui = False
+    yield from settled()
+    return volume
+
+
+def redrawn() -> None:
+    """Redraw at once, so that no timer works between."""
+    with in_the_view():
+        area_of("VIEW_3D").tag_redraw()
+        bpy.ops.wm.redraw_timer(type="DRAW", iterations=1)
+
+
+def turn(meter):
+    space = area_of("VIEW_3D").spaces.active
+    before = viewport().counts.copy()
+    for n in range(REDRAWS):
+        space.region_3d.view_rotation = Euler((radians(70.0), 0.0, radians(20.0 + 2.0 * n))).to_quaternion()
+        redrawn()
+        yield
+    meter.table("draft redraw", viewport().counts - before)
+    print(f"coarseness {viewport()._coarseness}, region {viewport()._request.matrices.width} x "
+          f"{viewport()._request.matrices.height}", flush=True)
+
+
+def scenario():
+    window()
+    volume = yield from set_up()
+    meter = Meter()
+    meter.watch()
+    for quality in ("first", "again"):
+        yield from turn(meter)
+        yield from settled()
+        yield from photograph(f"turned_{quality}")
+    meter.calls.clear()
+    before = viewport().counts.copy()
+    for _ in range(REDRAWS):
+        redrawn()
+    meter.table("unchanged redraw", viewport().counts - before)
+    yield from settled()
+    before = viewport().counts.copy()
+    for n in range(REDRAWS):
+        volume.rle_splat.window_center += 1.0 if n % 2 else -1.0
+        bpy.context.view_layer.update()
+        redrawn()
+        yield
+    meter.table("edit of the transfer function", viewport().counts - before)
+    passed("times")
+
+
+drive(scenario)
