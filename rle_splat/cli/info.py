@@ -12,6 +12,8 @@ from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality
+from ..volume.counts import counts_values
+from ..volume.few_planes import few_planes
 from ..volume.histogram import histogram, percentiles
 from ..volume.orientation import axis_letters, orientation_text
 from ..volume.volume import PATIENT
@@ -58,9 +60,10 @@ def run(args) -> None:
             report, lines_of = describe_series(several), series_lines
         else:
             line.show(None, "counting values")
-            choice = choose_transfer_function(args, volume, given_function)
+            looked_at = few_planes(volume)
+            choice = choose_transfer_function(args, looked_at, given_function)
             line.show(None, "counting visible voxels")
-            report, lines_of = describe(volume, choice), text_lines
+            report, lines_of = describe(volume, choice, looked_at), text_lines
         report["command"] = "info"
         report["input"] = str(args.volume)
         with whole_files(outputs) as parts:
@@ -89,7 +92,7 @@ def series_lines(report: dict) -> list[str]:
     return [*found, "Choose one with --series N."]
 
 
-def describe(volume, choice) -> dict:
+def describe(volume, choice, looked_at=None) -> dict:
     """The report of a volume.
 
     Parameters
@@ -98,6 +101,8 @@ def describe(volume, choice) -> dict:
         The volume.
     choice : tuple
         The transfer function that a picture would use, and the reason for it.
+    looked_at : Volume, optional
+        A few planes of it (see ``few_planes``), whose values stand for all. By default, the volume itself.
 
     Returns
     -------
@@ -105,11 +110,15 @@ def describe(volume, choice) -> dict:
         The report, ready for JSON after ``report.plain``.
     """
     function, reason = choice
-    counted = histogram(volume, bins=REPORT_BINS)
+    looked_at = looked_at or volume
+    if looked_at is not volume and counts_values(volume.voxels.dtype):  # else all voxels would be read for them
+        share = len(volume.voxels) / len(looked_at.voxels)
+        vars(volume)["value_counts"] = np.rint(share * looked_at.value_counts).astype(np.int64)
+    counted = histogram(looked_at, bins=REPORT_BINS)
     quality = Quality()  # the defaults of the command render
     picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
     memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
-    low, high = volume.value_range
+    low, high = looked_at.value_range
     return {
         "name": volume.name,
         "shape_xyz": volume.shape_xyz,
@@ -128,10 +137,10 @@ def describe(volume, choice) -> dict:
         "value_unit": volume.value_unit,
         "modality": volume.modality,
         "range": (low, high),
-        "percentiles": {number_text(p): v for p, v in zip(PERCENTS, percentiles(volume, PERCENTS))},
+        "percentiles": {number_text(p): v for p, v in zip(PERCENTS, percentiles(looked_at, PERCENTS))},
         "histogram": {"counts": counted.counts, "edges": counted.edges},
         "not_finite": counted.not_finite,
-        "remarks": [*volume.remarks, *_odd(volume, counted)],
+        "remarks": [*looked_at.remarks, *_odd(volume, counted, (low, high))],
         "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": memory.visible_fraction},
         "memory_bytes": {
             "voxels": memory.volume,
@@ -149,9 +158,9 @@ def describe(volume, choice) -> dict:
     }
 
 
-def _odd(volume, counted) -> list[str]:
-    """Sentences on unusual values."""
-    total, low_high = counted.total, volume.value_range
+def _odd(volume, counted, low_high) -> list[str]:
+    """Sentences on unusual values; ``low_high``: their range."""
+    total = counted.total
     odd = []
     if counted.not_finite == total:
         return ["No voxel holds a finite number; there is nothing to see."]

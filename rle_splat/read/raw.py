@@ -27,6 +27,7 @@ from .streaming import (
     allocated,
     bytes_held,
     grid_text,
+    mapped,
     opened,
     plain_name,
     storable_steps,
@@ -115,12 +116,9 @@ def _plain_steps(path, layout: RawLayout, doing: str):
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
         raise _wrong_size(path, layout, actual)
-    native = layout.file_dtype.isnative
-    aligned = layout.header_bytes % layout.file_dtype.alignment == 0
-    if native and aligned:  # kernels need aligned arrays; other headers cost a copy
-        mapped = np.memmap(
-            path, dtype=layout.file_dtype, mode="r", offset=layout.header_bytes, shape=layout.shape[::-1])
-        return np.asarray(mapped)  # a plain array; it keeps the mapping alive
+    in_file = mapped(path, layout.shape, layout.file_dtype, layout.header_bytes)
+    if in_file is not None:
+        return in_file
     return (yield from voxel_steps(path, layout.shape, layout.file_dtype, [Part(path, layout.header_bytes)]))
 
 

@@ -17,11 +17,13 @@ from ..runtime.memory import bytes_text, refuse_beyond
 from ..runtime.steps import Progress
 from ..runtime.steps import part as share_of
 from ..scene import RleSplatError
+from ..volume.volume import STORED_TYPES
 from .format import GZIP_MAGIC, GZIP_WINDOW
 from .layout import CHUNK_BYTES, DEFLATE_LIMIT, UNREADABLE, is_gzip, unreadable
 
 ZLIB_WINDOW = 15  # zlib's window bits for data with a zlib header
 BZIP2_LIMIT = 1 << 20  # bzip2 cannot expand data more than about this many times
+LEAST_MAPPED = 1 << 28  # bytes of voxels from which a file is mapped: a smaller one is copied, and may be replaced
 EXPANSION = {None: 1, "gzip": DEFLATE_LIMIT, "zlib": DEFLATE_LIMIT, "bzip2": BZIP2_LIMIT}  # packing -> largest factor
 
 
@@ -191,6 +193,40 @@ class Part:
         return max(0, bytes_held(self.path, self.offset, self.packing) - self.skip)
 
 
+def mapped(path, shape, dtype, offset: int) -> np.ndarray | None:
+    """Voxels of an unpacked file, mapped into memory read-only, so that only what is looked at is read.
+
+    Parameters
+    ----------
+    path : Path
+    shape : (nx, ny, nz)
+    dtype : numpy.dtype
+        In the byte order of the file.
+    offset : int
+        Bytes of the file before the voxels.
+
+    Returns
+    -------
+    (nz, ny, nx) ndarray or None
+        None where kernels could not read them there: of another byte order or type, or not aligned.
+    """
+    dtype = np.dtype(dtype)
+    if not dtype.isnative or dtype.name not in STORED_TYPES or offset % dtype.alignment:
+        return None
+    try:
+        return np.asarray(np.memmap(path, dtype=dtype, mode="r", offset=offset, shape=tuple(shape)[::-1]))
+    except OSError as problem:
+        raise unreadable(path, problem) from None
+
+
+def _mapped_part(shape, dtype, parts, begin: int) -> np.ndarray | None:
+    """``mapped`` voxels of a large volume in one unpacked file that is long enough; else None."""
+    size = math.prod(shape) * dtype.itemsize
+    if len(parts) != 1 or parts[0].packing is not None or not LEAST_MAPPED <= size <= parts[0].held - begin:
+        return None
+    return mapped(parts[0].path, shape, dtype, parts[0].offset + parts[0].skip + begin)
+
+
 def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | None = None):
     """Generator of Progress: read voxels, x fastest.
 
@@ -210,9 +246,12 @@ def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | Non
     Returns
     -------
     (nz, ny, nx) ndarray
-        In native byte order; one of STORED_TYPES.
+        In native byte order; one of STORED_TYPES. A large volume in one unpacked file is mapped (see ``mapped``).
     """
     dtype = np.dtype(dtype)
+    in_file = _mapped_part(shape, dtype, parts, begin)
+    if in_file is not None:
+        return in_file
     doing = f"reading {Path(path).name} ({grid_text(shape, dtype)})"
     size = math.prod(shape) * dtype.itemsize
     each = size + begin if part_bytes is None else part_bytes

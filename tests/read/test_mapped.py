@@ -1,0 +1,111 @@
+"""Large unpacked files are mapped, not read; what only looks at them reads a few planes."""
+
+import json
+
+import nibabel
+import nrrd
+import numpy as np
+import pytest
+
+from rle_splat.cli.main import main
+from rle_splat.read import streaming
+from rle_splat.read.formats import read_volume
+from rle_splat.scene import RleSplatError
+from rle_splat.volume import few_planes
+from rle_splat.volume.volume import Volume
+
+SHAPE = (9, 10, 11)  # x, y, z
+
+
+def values():
+    """Every voxel is different."""
+    return np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE[::-1]).transpose(2, 1, 0)
+
+
+def write(path, given):
+    if path.suffix == ".nii":
+        nibabel.save(nibabel.Nifti1Image(given, np.eye(4)), path)
+    elif path.suffix == ".nrrd":
+        nrrd.write(str(path), given, {"encoding": "raw"})
+    else:
+        path.write_bytes(given.tobytes(order="F"))
+
+
+def is_mapped(volume):
+    base = volume.voxels
+    while base is not None and not isinstance(base, np.memmap):
+        base = base.base
+    return base is not None
+
+
+@pytest.fixture
+def all_large(monkeypatch):
+    monkeypatch.setattr(streaming, "LEAST_MAPPED", 1)
+
+
+@pytest.mark.parametrize("suffix", [".nii", ".nhdr", ".raw"])
+def test_a_large_file_is_mapped(tmp_path, all_large, suffix):
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".nhdr":
+        nrrd.write(str(path), values(), {"encoding": "raw"})
+    else:
+        write(path, values())
+    volume = read_volume(path, **({"shape": SHAPE, "dtype": "int16"} if suffix == ".raw" else {}))
+    assert is_mapped(volume) and not volume.voxels.flags.writeable
+    np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values())
+
+
+def test_a_frame_of_a_large_file_is_mapped(tmp_path, all_large):
+    nibabel.save(nibabel.Nifti1Image(np.stack((values(), values() + 1), axis=3), np.eye(4)), tmp_path / "a.nii")
+    volume = read_volume(tmp_path / "a.nii", frame=2)
+    assert is_mapped(volume)
+    np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values() + 1)
+
+
+@pytest.mark.parametrize("given", [values().astype(">i2"), values().astype(np.int64)])
+def test_what_kernels_cannot_read_is_copied(tmp_path, all_large, given):
+    write(tmp_path / "a.nrrd", given)
+    volume = read_volume(tmp_path / "a.nrrd")
+    assert not is_mapped(volume)
+    np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), given)
+
+
+def test_a_small_file_is_copied(tmp_path):
+    """It may be replaced while it is shown."""
+    write(tmp_path / "a.nii", values())
+    assert not is_mapped(read_volume(tmp_path / "a.nii"))
+
+
+def test_a_large_file_that_breaks_off(tmp_path, all_large):
+    write(tmp_path / "a.nii", values())
+    content = (tmp_path / "a.nii").read_bytes()
+    (tmp_path / "a.nii").write_bytes(content[:-1])
+    with pytest.raises(RleSplatError, match=r"a\.nii breaks off"):
+        read_volume(tmp_path / "a.nii")
+
+
+def test_a_few_planes_lie_where_they_were():
+    volume = Volume(values().transpose(2, 1, 0).copy(), np.diag((1.0, 2.0, 3.0, 1.0)))
+    assert few_planes.few_planes(volume) is volume
+    plane = volume.voxels[0].nbytes
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(few_planes, "MOST_BYTES", 4 * plane)
+        few = few_planes.few_planes(volume)
+    assert len(few.voxels) == 4 and "4 of its 11 planes" in few.remarks[-1]
+    for index, kept in enumerate(few.voxels):
+        where = (few.affine @ (0.0, 0.0, index, 1.0))[2] / 3.0
+        np.testing.assert_array_equal(kept, volume.voxels[round(where)])
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.float32])
+def test_info_of_a_large_volume_reads_a_few_planes(tmp_path, monkeypatch, capsys, dtype):
+    """Of planes that grow brighter, the outermost values are not seen."""
+    planes = np.broadcast_to(np.arange(16, dtype=dtype)[:, None, None], (16, 8, 8)).copy()
+    (tmp_path / "a.raw").write_bytes(planes.tobytes())
+    monkeypatch.setattr(few_planes, "MOST_BYTES", planes[:4].nbytes)
+    report = tmp_path / "report.json"
+    options = ["--shape", "8", "8", "16", "--dtype", np.dtype(dtype).name, "--json", str(report)]
+    assert main(["info", str(tmp_path / "a.raw"), *options]) == 0
+    found = json.loads(report.read_text())
+    assert found["range"] == [2.0, 14.0] and "4 of its 16 planes" in capsys.readouterr().out
+    assert found["shape_xyz"] == [8, 8, 16] and found["memory_bytes"]["voxels"] == planes.nbytes
