@@ -49,7 +49,7 @@ class Environment:
         return total.hexdigest()
 
 
-CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt"))
+CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt", "scale.txt"))
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", PYTHONS, ("bench.txt",))
 JUDGES = Environment("other readers of DICOM", ENVIRONMENTS / "judges", PYTHONS, ("judges.txt",))
 SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))

@@ -53,7 +53,7 @@ def run(args) -> None:
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
         try:
-            volume = read_input(args, line)
+            volume = read_input(args, line, quick=True)
         except SeveralSeries as several:
             if args.series is not None:
                 raise
@@ -130,6 +130,7 @@ def describe(volume, choice, looked_at=None) -> dict:
         "orientation": orientation_text(volume.affine) if volume.space == PATIENT else None,
         "axis_letters": axis_letters(volume.affine) if volume.space == PATIENT else None,
         "frames": volume.frames,
+        "levels": volume.levels,
         "labels": [{"label": one.label, "name": one.name, "color": one.color} for one in volume.named_labels],
         "extent": (np.array(volume.shape_xyz) - 1) * volume.spacing,
         "slope": volume.slope,
@@ -200,6 +201,8 @@ def text_lines(report: dict) -> list[str]:
     ]
     if report["frames"] > 1:
         facts.insert(1, ("frames", f"{report['frames']}; --frame chooses one"))
+    if report["levels"]:
+        facts.insert(1, ("levels", ", ".join(f"{n}: {_times(shape)}" for n, shape in enumerate(report["levels"]))))
     if report["labels"]:
         facts.append(("labels", ", ".join(f"{one['label']} {one['name']}" for one in report["labels"])))
     lines = [str(report["input"])]

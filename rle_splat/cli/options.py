@@ -53,7 +53,7 @@ EFFECT_STATES = {"on": True, "off": False, "auto": None}
 # The keyword arguments of read_volume, by their names in the parsed arguments.
 READ_OPTIONS = (
     "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "series", "frame", "unit",
-    "value_unit", "modality", "orientation", "flip",
+    "value_unit", "modality", "orientation", "flip", "level",
 )
 
 
@@ -81,6 +81,9 @@ def add_volume_options(parser) -> None:
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")
     group.add_argument(
         "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them")
+    group.add_argument(
+        "--level", type=int, metavar="N",
+        help="the level of an OME-Zarr pyramid, 0 for the finest (default the finest that fits into memory)")
     group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a volume in time (default 1)")
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")
@@ -92,11 +95,17 @@ def volume_options(args) -> dict:
     return {name: getattr(args, name) for name in READ_OPTIONS if getattr(args, name) is not None}
 
 
-def read_input(args, line):
-    """Read the volume of a command, with its progress on a ProgressLine; return the Volume."""
-    from ..read.formats import read_steps
+def read_input(args, line, **more):
+    """Read the volume of a command, with its progress on a ProgressLine; return the Volume.
 
-    return line.follow(read_steps(args.volume, **volume_options(args)))
+    ``more``: options of ``read_volume`` beside those of ``add_volume_options``, left out where the format has none.
+    """
+    from ..read.formats import format_of, read_steps
+
+    if more:
+        known = getattr(format_of(args.volume), "options", ())
+        more = {name: value for name, value in more.items() if name in known}
+    return line.follow(read_steps(args.volume, **volume_options(args), **more))
 
 
 def add_report_options(parser) -> None:

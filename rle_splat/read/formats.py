@@ -27,6 +27,8 @@ from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .mgh import read_mgh_steps, recognizes_mgh
 from .nifti import lost_in_nifti, read_nifti_steps, recognizes_nifti, write_nifti_steps
 from .nrrd import lost_in_nrrd, read_nrrd_steps, recognizes_nrrd, write_nrrd_steps
+from .ome_zarr import SUFFIXES as ZARR_SUFFIXES
+from .ome_zarr import read_ome_zarr_steps, reads_ome_zarr_folder, recognizes_ome_zarr
 from .raw import LAYOUT_OPTIONS, lost_in_raw, read_raw_steps, write_raw_steps
 from .sequence import Sequence, sequence_of
 from .tiff import SUFFIXES as TIFF_SUFFIXES
@@ -38,6 +40,11 @@ FORMATS = (
         "raw", (".raw", ".raw.gz", ".bin", ".bin.gz", ".dat", ".dat.gz"),
         "bare voxels, x fastest, any number type and byte order, gzip if the name ends in .gz",
         (*LAYOUT_OPTIONS, "spacing", "unit"), read_raw_steps, write_steps=write_raw_steps, lost=lost_in_raw,
+    ),
+    Format(
+        "OME-Zarr", ZARR_SUFFIXES, "OME-Zarr 0.4 and 0.5: one level of the pyramid of a folder; needs the package zarr",
+        ("level", "frame", "scratch", "quick"), read_ome_zarr_steps, recognizes_ome_zarr, reads_ome_zarr_folder,
+        is_dropped=False,
     ),
     Format(
         "DICOM", (".dcm", ".ima"), "a folder, any file of a series, a DICOMDIR or a multi-frame file",
@@ -195,6 +202,8 @@ def read_volume(path, **options) -> Volume:
         OpenVDB: ``grid``, the name of a grid.
         Several series in one place: ``series``, the number of one, from 1; ``series_key``, the ``Volume.series`` of one
         that was read before, to find it again.
+        OME-Zarr: ``level`` of the pyramid, 0 for the finest, by default the finest that fits into memory; ``scratch``,
+        a file to be made, in which the voxels are kept and mapped; ``quick``, for a level that is read at once.
         Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
         from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,

@@ -73,6 +73,8 @@ class Volume:
     series : str
         Hash of the identifier of the DICOM series that it was read from, by which the series is found again; "" for
         other volumes.
+    levels : tuple of (nx, ny, nz)
+        Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
 
     Raises
     ------
@@ -95,6 +97,7 @@ class Volume:
     frame_axis: str = "time"
     named_labels: tuple = ()
     series: str = ""
+    levels: tuple = ()
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
     refinement: ClassVar[int] = 1  # voxels per voxel of the scan, along each side

@@ -1,0 +1,305 @@
+"""The folder form of `.rle`: run-length tables of a volume that is larger than memory, appended slab by slab.
+
+A folder holds a header and a few files of bare numbers. A slab of planes z is encoded as a volume of its own, and its
+tables are appended to the files; so nothing that is on disk is ever written again, and a job that was killed goes on
+behind the last slab that its journal names. The pointers of the whole volume follow from the number of runs and voxels
+of each scanline when a folder is opened; a scanline may lie anywhere in the files.
+
+    rows      scanlines along x, in the order of the planes: the tables of principal z, and of y, whose scanlines are
+              the same
+    across    scanlines along y, slab by slab: the tables of principal x
+
+Files are mapped, not read. Each slab of each file has a checksum, which is compared, and its runs are validated, before
+a kernel reads it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import zlib
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..runtime.memory import bytes_text
+from ..scene import RleSplatError
+from .tables import RunTables
+
+FORMAT, VERSION = "rle-splat folder", 1
+HEADER, JOURNAL = "header.json", "journal"
+COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
+ROWS, ACROSS = "rows", "across"  # orders
+ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
+AXIS_OF = {ROWS: 2, ACROSS: 0}  # order -> principal axis along which a slab is encoded for it
+LITTLE = "<"
+MOST_HEADER = 1 << 28  # bytes
+
+
+def unfinished(path: Path) -> Path:
+    """Where a folder is written until it is complete."""
+    return path.with_name(f".{path.name}.unfinished")
+
+
+def is_folder_form(path) -> bool:
+    """Whether a path is a folder of tables."""
+    return (Path(path) / HEADER).is_file()
+
+
+def check_folder_output(path) -> None:
+    """RleSplatError if a folder of tables cannot be written to ``path``; another folder of tables may be there."""
+    path = Path(path)
+    if path.exists() and not is_folder_form(path):
+        raise RleSplatError(f"Cannot write {path}: something else has this name; choose another name, or remove it.")
+    if not path.parent.is_dir():
+        raise RleSplatError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
+
+
+@contextmanager
+def _writing(path: Path):
+    """Context manager: a failure of the system becomes a RleSplatError."""
+    try:
+        yield
+    except OSError as problem:
+        raise RleSplatError(
+            f"Cannot write {path}: {problem.strerror or problem}; choose another place, or make room there."
+        ) from None
+
+
+@dataclass(frozen=True)
+class Slab:
+    """What the journal says of a slab.
+
+    Attributes
+    ----------
+    planes : int
+        One past its last plane.
+    tables : dict of str to (int, int)
+        Name of a table -> bytes and checksum of the slab's part.
+    facts : dict
+        JSON-compatible, for the header.
+    """
+
+    planes: int
+    tables: dict
+    facts: dict
+
+
+class FolderWriter:
+    """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
+
+    Parameters
+    ----------
+    path : Path
+        The folder. It appears under this name when it is complete.
+    job : dict
+        JSON-compatible: all that the tables depend on. A job that was killed goes on if it was the same one.
+    """
+
+    def __init__(self, path, job: dict):
+        self.path = Path(path)
+        self.folder = unfinished(self.path)
+        self._job = json.dumps(job, sort_keys=True)
+        self.slabs: list[Slab] = []
+
+    def __enter__(self) -> FolderWriter:
+        with _writing(self.path):
+            self.slabs = self._left_behind() or []
+            if not self.slabs:
+                shutil.rmtree(self.folder, ignore_errors=True)
+                self.folder.mkdir()
+                self._append(JOURNAL, (self._job + "\n").encode())
+        return self
+
+    def __exit__(self, kind, problem, _traceback):
+        if kind is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    @property
+    def planes(self) -> int:
+        """Planes that are done."""
+        return self.slabs[-1].planes if self.slabs else 0
+
+    def _left_behind(self) -> list[Slab] | None:
+        """The slabs that the same job has written before it was killed, with nothing behind them in any file."""
+        try:
+            first, *lines = (self.folder / JOURNAL).read_text(encoding="utf-8").splitlines(keepends=True)
+        except (OSError, ValueError):
+            return None
+        if first != self._job + "\n":
+            return None
+        slabs = [Slab(**json.loads(line)) for line in lines if line.endswith("\n")]  # the last line may be cut
+        sizes: dict[str, int] = {}
+        for slab in slabs:
+            for name, (size, _) in slab.tables.items():
+                sizes[name] = sizes.get(name, 0) + size
+        for name, size in sizes.items():
+            file = self.folder / name
+            if not file.is_file() or file.stat().st_size < size:
+                return None
+            os.truncate(file, size)
+        whole = "".join([first, *(line for line in lines if line.endswith("\n"))]).encode()
+        os.truncate(self.folder / JOURNAL, len(whole))
+        return slabs
+
+    def append(self, planes: int, tables: dict, facts: dict) -> None:
+        """Append a slab up to plane ``planes``; ``tables``: name -> array."""
+        written = {}
+        with _writing(self.path):
+            for name, array in tables.items():
+                content = memoryview(np.ascontiguousarray(array, array.dtype.newbyteorder(LITTLE))).cast("B")
+                self._append(name, content)
+                written[name] = len(content), zlib.crc32(content)
+            slab = Slab(planes, written, facts)
+            self._append(JOURNAL, (json.dumps(vars(slab)) + "\n").encode())
+        self.slabs.append(slab)
+
+    def _append(self, name: str, content) -> None:
+        with open(self.folder / name, "ab") as file:
+            file.write(content)
+
+    def finish(self, header: dict, joined=()) -> int:
+        """Write the header and give the folder its name; return its bytes.
+
+        ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
+        """
+        with _writing(self.path):
+            for name in joined:
+                self._join(name)
+            slabs = [[slab.planes, slab.tables] for slab in self.slabs]
+            content = json.dumps({"format": FORMAT, "version": VERSION, **header, "slabs": slabs})
+            (self.folder / HEADER).write_text(f"{zlib.crc32(content.encode()):08x}{content}", encoding="utf-8")
+            (self.folder / JOURNAL).unlink()
+            size = 0
+            for file in self.folder.iterdir():
+                with open(file, "rb+") as stream:
+                    os.fsync(stream.fileno())
+                size += file.stat().st_size
+            before = self.path.with_name(f".{self.path.name}.replaced")
+            shutil.rmtree(before, ignore_errors=True)
+            if self.path.exists():
+                os.replace(self.path, before)
+            os.replace(self.folder, self.path)
+            shutil.rmtree(before, ignore_errors=True)
+        return size
+
+    def _join(self, name: str) -> None:
+        parts = sorted(self.folder.glob(f"{name}.*"))
+        with open(self.folder / name, "wb") as target:
+            for part in parts:
+                with open(part, "rb") as source:
+                    shutil.copyfileobj(source, target, 1 << 24)
+        for part in parts:
+            part.unlink()
+
+
+def counts_of(tables: RunTables) -> np.ndarray:
+    """(n_slices, n_scanlines, 2) uint32: runs and voxels of each scanline."""
+    pointers = tables.scanline_pointers.reshape(-1)
+    counts = np.zeros((len(pointers), 2), np.uint32)
+    filled = pointers >= 0
+    counts[filled, 0] = np.diff(np.append(pointers[filled].astype(np.int64), len(tables.runs)))
+    counts[:, 1] = np.diff(np.append(tables.scanline_data_pointers.reshape(-1), tables.n_voxels))
+    return counts.reshape(*tables.scanline_pointers.shape, 2)
+
+
+def read_header(path) -> dict:
+    """The header of a folder; RleSplatError if it is missing or damaged."""
+    file = Path(path) / HEADER
+    try:
+        with open(file, encoding="utf-8") as stream:
+            text = stream.read(MOST_HEADER)
+    except OSError as problem:
+        raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check the path and its permissions.") from None
+    except ValueError:
+        raise damaged(path, "its header is not text") from None
+    try:
+        header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
+    except ValueError:
+        header = None
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise damaged(path, "its header is not complete")
+    if header.get("version") != VERSION:
+        raise RleSplatError(
+            f"The folder {path} has the format version {header.get('version')}, and this program reads version "
+            f"{VERSION}; encode the volume again."
+        )
+    return header
+
+
+def damaged(path, what: str) -> RleSplatError:
+    """The error for a folder whose files do not fit together; ``what``: a clause."""
+    return RleSplatError(f"The tables in {Path(path).name} are damaged: {what}; encode the volume again.")
+
+
+class MappedTables:
+    """The files of a folder, mapped read-only.
+
+    Parameters
+    ----------
+    path : Path
+    header : dict
+        With ``slabs`` and ``dtypes`` (name of a table -> dtype and words of an entry).
+    """
+
+    def __init__(self, path, header: dict):
+        self.path, self._dtypes = Path(path), header["dtypes"]
+        self.ends = [0, *(int(planes) for planes, _ in header["slabs"])]
+        self._slabs = [tables for _, tables in header["slabs"]]
+        self._mapped: dict[str, np.ndarray] = {}
+
+    def table(self, name: str) -> np.ndarray:
+        """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
+        if name not in self._mapped:
+            kind, words, parts = self._dtypes[name]
+            dtype, size = np.dtype(LITTLE + kind), self._size(name, parts)
+            mapped = self._map(name, size, dtype)
+            shape = (parts, -1) if parts else (-1, words) if words else (-1,)
+            self._mapped[name] = mapped.reshape(shape)
+        return self._mapped[name]
+
+    def _size(self, name: str, parts: int) -> int:
+        names = [f"{name}.{part}" for part in range(parts)] or [name]
+        return sum(int(slab[one][0]) for slab in self._slabs for one in names)
+
+    def _map(self, name: str, size: int, dtype: np.dtype) -> np.ndarray:
+        file = self.path / name
+        try:
+            held = file.stat().st_size
+            if held != size:
+                raise damaged(self.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
+            if size == 0:  # an empty file cannot be mapped
+                return np.empty(0, dtype)
+            return np.asarray(np.memmap(file, dtype=dtype, mode="r"))
+        except FileNotFoundError:
+            raise damaged(self.path, f"{name} is missing") from None
+        except OSError as problem:
+            raise RleSplatError(f"Cannot read {file}: {problem.strerror}; check its permissions.") from None
+
+    def slab_parts(self, names):
+        """Yield (first plane, end, name -> the slab's part of that table) for each slab, its checksums compared."""
+        at = dict.fromkeys(names, 0)
+        for first, end, sizes in zip(self.ends, self.ends[1:], self._slabs):
+            parts = {}
+            for name in names:
+                table, pieces = self.table(name), self._dtypes[name][2]
+                rows = table.reshape(max(pieces, 1), -1)
+                size = int(sizes[f"{name}.0" if pieces else name][0]) // table.itemsize
+                for number, row in enumerate(rows):
+                    part = row[at[name] : at[name] + size]
+                    wanted = sizes[f"{name}.{number}" if pieces else name][1]
+                    if zlib.crc32(memoryview(np.ascontiguousarray(part)).cast("B")) != wanted:
+                        raise damaged(self.path, f"the checksum of {name} does not fit in planes {first} to {end - 1}")
+                words = self._dtypes[name][1]
+                parts[name] = part.reshape(-1, words) if words else part
+                at[name] += size
+            yield first, end, parts
+
+
+def words_of_entry(array: np.ndarray) -> list:
+    """[dtype, words of an entry (0 for one number), parts] of a table, for the header."""
+    return [array.dtype.str[1:], math.prod(array.shape[1:]) if array.ndim > 1 else 0, 0]
