@@ -1,7 +1,8 @@
-"""``rle-splat encode``: classify, shade and run-length encode a volume into a .rle file."""
+"""``rle-splat encode``: classify, shade and run-length encode a volume into a .rle file, or a folder of tables."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 
@@ -27,11 +28,19 @@ from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"
+CLASSIFICATIONS = ("pre", "post")
 
 
 def add_arguments(parser) -> None:
     add_volume_argument(parser)
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
+    parser.add_argument(
+        "--folder", action="store_true",
+        help="write a folder of tables, slab by slab, for a volume larger than memory; the same command goes on where "
+        "it was killed")
+    parser.add_argument(
+        "--classification", choices=CLASSIFICATIONS, default="pre",
+        help="pre (the default), or post, which a folder of tables alone can hold")
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
     add_report_options(parser)
     add_scene_options(parser)
@@ -45,23 +54,24 @@ def run(args) -> None:
     if Path(args.output).suffix.lower() != SUFFIX:
         raise RleSplatError(f"{args.output} does not have the suffix {SUFFIX}; end the name in {SUFFIX}.")
     axes = _axes(args.axes)
-    outputs = [args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=scene_inputs(args))
+    if args.classification != "pre" and not args.folder:
+        raise RleSplatError(
+            f"A .rle file holds no {args.classification} classification; add --folder, or leave --classification out."
+        )
+    reports = [args.json] if args.json else []
+    check_outputs([*([] if args.folder else [args.output]), *reports], inputs=scene_inputs(args))
     check_scene_options(args)
-    quality = encoding_quality(args)
-    placement = read_placement(args)
-    given_function = read_transfer_function(args)
-    lights, headlight = read_lights(args)
+    if args.folder:
+        _run_folder(args, axes, start)
+        return
+    outputs = [args.output, *reports]
+    quality, given = encoding_quality(args), _given(args)
     from ..encode.store import save
     from ..pipeline.encode_scene import encode_scene_steps
 
     with ProgressLine(args.progress) as line:
-        began = perf_counter()
-        volume = read_input(args, line)
-        read_ms = 1e3 * (perf_counter() - began)
-        check_values(volume)
-        function, reason = choose_transfer_function(args, volume, given_function)
-        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        scene, read_ms, function, reason = _scene(args, line, given)
+        volume = scene.volume
         with line.compiling():
             steps = encode_scene_steps(scene, quality, axes, Path(args.volume).name)
             stored, report = line.follow(steps, start=0.1)
@@ -85,6 +95,68 @@ def run(args) -> None:
             if args.json:
                 write_report(parts[1], report)
     _say(report)
+
+
+def _given(args) -> tuple:
+    """What the options name beside the volume: placement, transfer function, lights; read before the volume."""
+    return read_placement(args), read_transfer_function(args), read_lights(args)
+
+
+def _scene(args, line, given, **more):
+    """Read the volume; return the scene, the time for reading, the transfer function and the reason for it.
+
+    ``more``: see ``options.read_input``.
+    """
+    placement, given_function, lit = given
+    began = perf_counter()
+    volume = read_input(args, line, **more)
+    read_ms = 1e3 * (perf_counter() - began)
+    check_values(volume)
+    function, reason = choose_transfer_function(args, volume, given_function)
+    return make_scene(args, volume, function, *place(args, volume, *placement), *lit), read_ms, function, reason
+
+
+def _run_folder(args, axes: list[int], start: float) -> None:
+    """Encode into a folder of tables."""
+    from ..encode.folder import check_folder_output
+
+    check_folder_output(args.output)
+    quality = encoding_quality(args).classified(args.classification)
+    given, output = _given(args), Path(args.output)
+    from ..pipeline.encode_folder import encode_folder_steps
+
+    scratch = output.with_name(f".{output.name}.voxels")  # for formats that cannot be mapped as they are
+    try:
+        with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
+            level = {"level": 0} if args.level is None else {}
+            scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
+            with suppress(OSError):  # where a system removes no file that is mapped, it goes at the end
+                scratch.unlink()
+            with line.compiling():
+                report = line.follow(encode_folder_steps(scene, quality, output, axes, Path(args.volume).name))
+            report = {
+                "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
+                **report, "transfer_function": {"name": function.name, "reason": reason},
+                "remarks": list(scene.volume.remarks),
+            }  # fmt: skip
+            report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
+            if args.json:
+                write_report(parts[0], report)
+    finally:
+        scratch.unlink(missing_ok=True)
+    _say_folder(report)
+
+
+def _say_folder(report: dict) -> None:
+    """Print what a folder holds."""
+    for remark in report["remarks"]:
+        print(remark)
+    function, volume, folder = report["transfer_function"], report["volume"], report["folder"]
+    print(f"Transfer function {function['name']}: {function['reason']}")
+    print(f"{volume['visible_voxels']} of the voxels are kept ({volume['visible_fraction']:.2%}).")
+    if folder["resumed_at_plane"]:
+        print(f"Planes up to {folder['resumed_at_plane']} were there from a run that was stopped.")
+    print(f"Wrote the folder {report['output']['path']} ({bytes_text(folder['bytes'])}).")
 
 
 def _axes(names: str) -> list[int]:

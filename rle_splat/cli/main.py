@@ -103,7 +103,13 @@ def _run(argv: list[str]) -> None:
         raise RleSplatError(f"No command was given; choose {', '.join(COMMANDS)}, or see rle-splat --help.")
     if unknown:
         raise RleSplatError(_unknown_words(unknown, args))
-    args.run(args)
+    from ..runtime.memory import limit_process_to
+
+    limit_process_to(getattr(args, "memory_limit", None))
+    try:
+        args.run(args)
+    finally:
+        limit_process_to(None)
 
 
 def _unknown_words(unknown: list[str], args) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from dataclasses import asdict
 
 from ..accuracy.planner.candidates import check_tolerance
@@ -114,6 +115,10 @@ def add_report_options(parser) -> None:
     parser.add_argument(
         "--progress", action=argparse.BooleanOptionalAction, default=None,
         help="show progress on stderr (default: only on a terminal)",
+    )
+    parser.add_argument(
+        "--memory-limit", type=memory_size, metavar="SIZE",
+        help="the most memory to take, such as 2GiB or 800MiB; a command that needs more is refused",
     )
 
 
@@ -408,6 +413,14 @@ def encoding_quality(args) -> Quality:
 def record_from(args) -> int:
     """Bytes of a voxel record; --record may be combined with any quality."""
     return RECORDS[0] if args.record is None else args.record
+
+
+def memory_size(text: str) -> int:
+    """Bytes from a number with a unit, such as 2GiB; powers of 1024."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT])i?B?", text.strip(), re.IGNORECASE)
+    if not found or not float(found[1]) > 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 2GiB or 800MiB")
+    return round(float(found[1]) * 1024 ** (1 + "KMGT".index(found[2].upper())))
 
 
 def image_size(text: str) -> tuple[int, int]:

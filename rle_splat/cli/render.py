@@ -156,7 +156,12 @@ def _checked(args, frames) -> Checked:
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
             "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
-    return Checked(quality_from(args, "pre" if is_encoded else None), poses, mixing, crop, is_encoded)
+    usual = None
+    if is_encoded:
+        from ..encode.stored_folder import classification_of
+
+        usual = classification_of(args.volume)
+    return Checked(quality_from(args, usual), poses, mixing, crop, is_encoded)
 
 
 def _holding(checked: Checked, report: dict) -> Checked:
@@ -255,14 +260,16 @@ def _prepare_tables(args, quality) -> Prepared:
     if volume_options(args):
         option = next(iter(volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
-    if quality.classification != "pre":
-        raise RleSplatError(
-            "The voxels of a .rle file are classified already; leave --classification "
-            f"{quality.classification} out, or render the original volume."
-        )
     began = perf_counter()
     stored = load(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
+    if quality.classification != stored.classification:
+        raise RleSplatError(
+            "The voxels of a .rle file are classified already; leave --classification "
+            f"{quality.classification} out, or render the original volume."
+            if stored.classification == "pre" else
+            f"{args.volume} holds post-classified tables; leave --classification {quality.classification} out."
+        )
     if stored.transfer_function is None or not isinstance(stored.lighting, dict):
         raise RleSplatError(f"{args.volume} lacks its transfer function or its lights; encode the volume again.")
     function = TransferFunction.from_json(stored.transfer_function)

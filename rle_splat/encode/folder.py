@@ -151,7 +151,7 @@ class FolderWriter:
         written = {}
         with _writing(self.path):
             for name, array in tables.items():
-                content = memoryview(np.ascontiguousarray(array, array.dtype.newbyteorder(LITTLE))).cast("B")
+                content = _bytes(array.astype(array.dtype.newbyteorder(LITTLE), copy=False))
                 self._append(name, content)
                 written[name] = len(content), zlib.crc32(content)
             slab = Slab(planes, written, facts)
@@ -195,6 +195,11 @@ class FolderWriter:
                     shutil.copyfileobj(source, target, 1 << 24)
         for part in parts:
             part.unlink()
+
+
+def _bytes(array: np.ndarray) -> memoryview:
+    """The bytes of an array."""
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
 def counts_of(tables: RunTables) -> np.ndarray:
@@ -252,6 +257,10 @@ class MappedTables:
         self._slabs = [tables for _, tables in header["slabs"]]
         self._mapped: dict[str, np.ndarray] = {}
 
+    def has(self, name: str) -> bool:
+        """Whether there is such a table."""
+        return name in self._dtypes
+
     def table(self, name: str) -> np.ndarray:
         """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
         if name not in self._mapped:
@@ -292,7 +301,7 @@ class MappedTables:
                 for number, row in enumerate(rows):
                     part = row[at[name] : at[name] + size]
                     wanted = sizes[f"{name}.{number}" if pieces else name][1]
-                    if zlib.crc32(memoryview(np.ascontiguousarray(part)).cast("B")) != wanted:
+                    if zlib.crc32(_bytes(part)) != wanted:
                         raise damaged(self.path, f"the checksum of {name} does not fit in planes {first} to {end - 1}")
                 words = self._dtypes[name][1]
                 parts[name] = part.reshape(-1, words) if words else part

@@ -24,6 +24,7 @@ from ..runtime.memory import refuse_beyond
 from ..scene import RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT
+from .stored_folder import FolderVolume, load_folder
 from .tables import TABLES, RunLengthVolume
 from .validate import scanline_data_pointers
 
@@ -74,6 +75,22 @@ class StoredVolume:
     space: str | None = None
 
     holds_values: ClassVar[bool] = False
+    classification: ClassVar[str] = "pre"
+
+    @property
+    def principal_axes(self) -> tuple[int, ...]:
+        """The principal axes that it holds."""
+        return tuple(self.axes)
+
+    @property
+    def visible_voxels(self) -> int:
+        """Number of visible voxels."""
+        return self._any_axis.visible_voxels
+
+    def tables_steps(self, axis: int):
+        """Generator of fractions done: the tables of a principal axis, and nothing else; see FolderVolume."""
+        yield 1.0
+        return self.axes[axis], {}
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
@@ -145,8 +162,8 @@ def save(path, stored: StoredVolume) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def load(path) -> StoredVolume:
-    """Read and validate a `.rle` file.
+def load(path) -> StoredVolume | FolderVolume:
+    """Read and validate a `.rle` file, or open a folder of tables.
 
     Parameters
     ----------
@@ -154,13 +171,15 @@ def load(path) -> StoredVolume:
 
     Returns
     -------
-    StoredVolume
+    StoredVolume, or FolderVolume
 
     Raises
     ------
     RleSplatError
         If the file cannot be read or is not a valid `.rle` file.
     """
+    if Path(path).is_dir():
+        return load_folder(path)
     try:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             return _read(archive, os.fstat(file.fileno()).st_size)

@@ -44,8 +44,16 @@ def scanline_data_pointers(
     RleSplatError
         If a table is not as RunLengthVolume describes it.
     """
-    _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs)
-    _check_records(axis, voxel_data, decoding)
+    if model not in MODELS:
+        raise _broken(axis, f"there is no model called {model!r}")
+    _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs)
+    check_records(axis, voxel_data, decoding)
+    return scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, len(voxel_data))
+
+
+def scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, stored: int) -> np.ndarray:
+    """As ``scanline_data_pointers``, of tables whose ``stored`` voxels are checked elsewhere."""
+    _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs)
     width = shape_xyz[AXES[axis][0]]
     starts = scanline_pointers[scanline_pointers >= 0].astype(np.int64)
     if scanline_pointers.size and scanline_pointers.min() < -1:
@@ -60,8 +68,8 @@ def scanline_data_pointers(
         voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
         voxel_counts[scanline_pointers >= 0] = _visible_per_scanline(axis, starts, runs, width)
     pointers, n_voxels = pointers_from_counts(voxel_counts)
-    if n_voxels != len(voxel_data):
-        raise _broken(axis, f"the runs hold {n_voxels} voxels, but {len(voxel_data)} are stored")
+    if n_voxels != stored:
+        raise _broken(axis, f"the runs hold {n_voxels} voxels, but {stored} are stored")
     if not np.array_equal(data_pointers_from_scanlines(pointers, n_voxels), data_pointers):
         raise _broken(axis, "the data pointers of the slices do not match the runs")
     return pointers
@@ -78,12 +86,10 @@ def _visible_per_scanline(axis, starts, runs, width) -> np.ndarray:
     return np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
 
 
-def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs) -> None:
+def _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs) -> None:
     """Check types, dimensions and sizes of the tables that state where voxels are."""
     if axis not in AXES:
         raise _broken(axis, "there is no such axis")
-    if model not in MODELS:
-        raise _broken(axis, f"there is no model called {model!r}")
     if len(shape_xyz) != 3 or min(shape_xyz) < 1:
         raise _broken(axis, f"a volume cannot have the shape {tuple(shape_xyz)}")
     _, n_scanlines, n_slices = (shape_xyz[i] for i in AXES[axis])
@@ -98,7 +104,7 @@ def _check_form(axis, shape_xyz, model, scanline_pointers, data_pointers, runs) 
             raise _broken(axis, "a table is not contiguous in memory")
 
 
-def _check_records(axis, voxel_data, decoding) -> None:
+def check_records(axis, voxel_data, decoding) -> None:
     """Check type and size of the voxel data, and that they are finite and not negative."""
     kinds = {np.dtype(kind): (WORDS[record], record) for record, kind in TYPES.items()}
     words, record = kinds.get(voxel_data.dtype, (None, None))

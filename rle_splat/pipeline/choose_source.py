@@ -11,6 +11,7 @@ from ..scene import Quality, Scene
 from ..view.base_plane import BasePlane
 from .file_source import FileSource
 from .pooled_source import pooled
+from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
 from .scan_source import RefinedSource, scan_source
 from .source import Source
@@ -52,7 +53,7 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     """
     quality = _with_backend(quality, "numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
-        quality = quality.classified("pre")
+        quality = quality.classified(scene.volume.classification)
     effects, left = analyzed(scene, quality)
     fitted, remarks = effects.fitted(left, quality)
     if fitted != quality:
@@ -69,8 +70,10 @@ def _with_backend(quality: Quality, backend: str) -> Quality:
 
 def choose_source(scene: Scene, quality: Quality) -> Source:
     """The source of a scene's voxels; both arguments as ``settled`` returns them."""
-    make = SOURCES[quality.classification] if scene.volume.holds_values else FileSource.of
-    return make(scene, quality)
+    if scene.volume.holds_values:
+        return SOURCES[quality.classification](scene, quality)
+    kind = ScalarFileSource if scene.volume.classification == "post" else FileSource
+    return kind.of(scene, quality)
 
 
 def minified(source: Source, planes: list[BasePlane]) -> Source:

@@ -1,4 +1,4 @@
-"""Source of a ``.rle`` file: voxels that are classified, lit and encoded already."""
+"""Source of a ``.rle`` file or folder: voxels that are classified, lit and encoded already."""
 
 from __future__ import annotations
 
@@ -35,14 +35,22 @@ class FileSource(Source):
 
     @property
     def axes(self):
-        return self.scene.volume.axes
+        return self.scene.volume.principal_axes
 
     @property
     def remarks(self) -> tuple[str, ...]:
         return (*super().remarks, CLASSIFIED_ALREADY)
 
     def tables_held(self, encodings: dict) -> dict:
-        return dict(self.scene.volume.axes)
+        return getattr(self.scene.volume, "axes", encodings)  # a file is read as a whole, a folder is mapped
+
+    def refuse_without(self, axis: int) -> None:
+        """RleSplatError if there are no tables of a principal axis."""
+        if axis not in self.scene.volume.principal_axes:
+            raise RleSplatError(
+                f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
+                "encode the volume again with all three axes."
+            )
 
     def medium_steps(self, work: Work):
         stored = self.scene.volume
@@ -54,18 +62,13 @@ class FileSource(Source):
         yield from ()
 
         def encode_steps(axis: int):
-            if axis not in stored.axes:
-                raise RleSplatError(
-                    f"This view needs principal axis {AXIS_NAMES[axis]}, which the .rle file does not hold; "
-                    "encode the volume again with all three axes."
-                )
-            yield 1.0
-            return stored.axes[axis]
+            self.refuse_without(axis)
+            return (yield from stored.tables_steps(axis))[0]
 
         length = unit_length(stored, self.scene.index_to_world)
         if stored.model == "opacity":
             length = opacity_distance(stored, TransferFunction.from_json(stored.transfer_function), length)
         else:
             length /= stored.unit_length
-        visible = next(iter(stored.axes.values())).visible_voxels
-        return classified_sheets(stored.shape_xyz, encode_steps, length, self.quality, self.scene.mist, visible)
+        counts = stored.visible_voxels
+        return classified_sheets(stored.shape_xyz, encode_steps, length, self.quality, self.scene.mist, counts)

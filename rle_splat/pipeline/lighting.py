@@ -24,13 +24,17 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
     matrix : (4, 4) float64
         Voxel index to world.
     """
-    to_camera = world_to_camera(scene.camera)
-    eye = np.append(to_camera[2, :3], 0.0)
-    if scene.camera.type == "PERSP":
-        eye = np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
-    headlight = -to_camera[2, :3] if scene.headlight else None
-    shade = scene.transfer_function.shade
+    headlight = -world_to_camera(scene.camera)[2, :3] if scene.headlight else None
+    shade, eye = scene.transfer_function.shade, eye_of(scene.camera)
     return lighting(matrix, shade, scene.lights, headlight_direction=headlight, eye=eye, world=scene.world)
+
+
+def eye_of(camera) -> np.ndarray:
+    """(4,) homogeneous eye of a camera in the world; see ``shade.lighting.lighting``."""
+    to_camera = world_to_camera(camera)
+    if camera.type == "PERSP":
+        return np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
+    return np.append(to_camera[2, :3], 0.0)
 
 
 def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:

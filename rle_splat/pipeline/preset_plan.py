@@ -189,6 +189,8 @@ def held(quality: Quality, plan: dict) -> Quality:
 
 def _why_not(scene: Scene) -> str:
     """Why a scene's plan cannot be chosen; empty where it can."""
+    if not scene.volume.holds_values:
+        return "for tables in a folder it has one plan for all scenes"
     if scene.mode != MODES[0]:
         return f"in the mode {scene.mode} it has one plan for all scenes"
     if is_mixed(scene):

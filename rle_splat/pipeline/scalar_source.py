@@ -210,7 +210,7 @@ class ScalarSource(Source):
         relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, *lit)
         voxels, key = relevant.voxels, (voxels_key, relevant.key)
         with clock.stage("classify"):
-            ends, infinite = _value_ends(volume, tf, blocks)
+            ends, infinite = value_ends(volume, tf, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
         factor = hidden_key = None
         if scene.labels is not None:
@@ -384,7 +384,7 @@ class ScalarSource(Source):
         if isinstance(lit.light, NormalLight):
             steps = job.steps("normal codes", (lit.light_key, order), lambda: self._normal_steps(lit, placed_steps))
             codes = yield from timed(steps, clock, "shade")
-            none = np.empty((0, lit.light.channels), np.uint16)
+            none = lit.light.no_codes
             return ScalarVolume(tables, placed, lit.center, none, lamps=lit.light.lamps(codes, axis))
         steps = job.steps("lights", (lit.light_key, order), lambda: placed_steps(lit.light.codes))
         codes = yield from timed(steps, clock, "shade")  # as with classified sheets, whose records are lit already
@@ -415,7 +415,7 @@ class ScalarSource(Source):
         return trace_rays(rows, lit.center, lit.transfer, rays, slabs, self.quality, counts)
 
 
-def _value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
+def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity.
 
     These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.

@@ -18,17 +18,26 @@ MEMINFO = Path("/proc/meminfo")  # Linux
 GROUP_OF_PROCESS = Path("/proc/self/cgroup")
 GROUPS = Path("/sys/fs/cgroup")
 ADDRESS_SPACE_USED = Path("/proc/self/statm")
+STATUS = Path("/proc/self/status")
 
 
 class _Limit:
-    """Set by ``limit_to``."""
+    """``most``: set by ``limit_to``; ``of_process``: by ``limit_process_to``."""
 
-    most = UNLIMITED
+    most = of_process = UNLIMITED
 
 
 def limit_to(most: int | None) -> None:
     """Let ``available_bytes`` be at most so many bytes; None lifts the limit."""
     _Limit.most = UNLIMITED if most is None else most
+
+
+def limit_process_to(most: int | None) -> None:
+    """Let this process take at most so many bytes in all, pages of mapped files aside; None lifts the limit.
+
+    What it has taken already counts on Linux; elsewhere the limit is for what is still to be taken.
+    """
+    _Limit.of_process = UNLIMITED if most is None else most
 
 
 def total_bytes() -> int:
@@ -46,7 +55,8 @@ def available_bytes() -> int:
 
     Memory the system holds copies of files in counts as free, for it gives that back.
     """
-    return max(min(_machine_free(), _group_free(), _address_space_free(), _Limit.most), 0)
+    own = _Limit.of_process if _Limit.of_process == UNLIMITED else _Limit.of_process - _anonymous_bytes()
+    return max(min(_machine_free(), _group_free(), _address_space_free(), _Limit.most, own), 0)
 
 
 def refuse_beyond(needed: int, what: str, remedy: str) -> None:
@@ -112,6 +122,14 @@ def _address_space_free() -> int:
         return UNLIMITED
     pages = next(iter(_lines(ADDRESS_SPACE_USED)), "0").split()[0]
     return limit - int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _anonymous_bytes() -> int:
+    """Memory of this process that is no copy of a file; 0 where the system does not say."""
+    for line in _lines(STATUS):
+        if line.startswith("RssAnon:"):
+            return 1024 * int(line.split()[1])
+    return 0
 
 
 def _lines(path: Path) -> list[str]:

@@ -87,6 +87,11 @@ class NormalLight:
     most_light: float
     most_highlight: float
 
+    @property
+    def no_codes(self) -> np.ndarray:
+        """(0, channels): codes of light of no voxel."""
+        return np.empty((0, self.channels), np.uint16)
+
     def lamps(self, normals: np.ndarray, axis: int) -> Lamps:
         """For kernels: ``normals``, (3, m) codes in the order of the tables of principal axis ``axis``."""
         falling, material = self.falling, self.falling.material

@@ -1,0 +1,308 @@
+"""A volume whose run-length tables lie in a folder (``encode.folder``): opened at once, checked axis by axis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from ..classify.limits import BRIGHTEST
+from ..scene import MODELS, RECORDS, as_matrix
+from ..volume.axes import AXES, AXIS_NAMES
+from ..volume.volume import PATIENT, STORED_TYPES, Volume
+from .folder import COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
+from .records import TYPES, WORDS
+from .tables import (
+    RunTables,
+    data_pointers_from_scanlines,
+    pointers_from_counts,
+    run_type,
+    scanline_pointers_from_counts,
+)
+from .validate import check_records, scanline_starts
+
+DAMAGE = (LookupError, ValueError, TypeError, AttributeError, OverflowError)
+OF_VOXELS = {"pre": ("records",), "post": ("scalars", "light", "normals")}  # classification -> tables of voxels
+
+
+class Values(NamedTuple):
+    """What post-classified tables say of the volume's values.
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+        Of the volume's voxels.
+    slope, intercept : float
+        See Volume.
+    ends : (float, float)
+        Smallest and largest stored value that is splatted.
+    center : float
+        What was taken from stored values.
+    light : (float, float, float) or None
+        Unit, largest light and largest highlight of codes of light; None without codes.
+    """
+
+    dtype: np.dtype
+    slope: float
+    intercept: float
+    ends: tuple
+    center: float
+    light: tuple | None
+
+
+@dataclass(frozen=True, eq=False)
+class FolderVolume:
+    """Content of a folder of tables.
+
+    Attributes
+    ----------
+    path : Path
+    classification : {"pre", "post"}
+    shape_xyz : (nx, ny, nz)
+    principal_axes : tuple of int
+    model, record, affine, unit, unit_length, transfer_function, lighting, source, remarks, space
+        See StoredVolume.
+    visible_voxels, nan_voxels : int
+    values : Values or None
+        Of post-classified tables.
+    most_color : float
+        Largest channel of any color of pre-classified tables.
+    decoding : ndarray or None
+        See RunLengthVolume.
+    mapped : MappedTables
+    """
+
+    path: Path
+    classification: str
+    shape_xyz: tuple
+    principal_axes: tuple
+    model: str
+    record: int
+    affine: np.ndarray
+    unit: str
+    unit_length: float
+    transfer_function: object
+    lighting: object
+    source: str
+    remarks: tuple
+    space: str | None
+    visible_voxels: int
+    nan_voxels: int
+    values: Values | None
+    most_color: float
+    decoding: np.ndarray | None
+    mapped: MappedTables
+
+    holds_values: ClassVar[bool] = False
+
+    def __post_init__(self):
+        object.__setattr__(self, "_opened", {})
+
+    @property
+    def spacing(self) -> np.ndarray:
+        """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
+        return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    @property
+    def holds_normals(self) -> bool:
+        """Whether light is made of the voxels' normals, for any view."""
+        return self.mapped.has(f"{ROWS}.normals")
+
+    @property
+    def stand_in(self) -> Volume:
+        """A volume of one voxel with the type and the meaning of the values, for the lookup table."""
+        dtype, slope, intercept, *_ = self.values
+        return Volume(np.zeros((1, 1, 1), dtype), self.affine, self.unit, slope, intercept)
+
+    def tables_steps(self, axis: int):
+        """Generator of fractions done: the tables of a principal axis, checked the first time.
+
+        Returns
+        -------
+        tables : RunLengthVolume, or RunTables of post-classified voxels
+        of_voxels : dict
+            Name -> array of the tables of voxels.
+
+        Raises
+        ------
+        RleSplatError
+            If a file is missing, cut short or damaged.
+        """
+        if axis not in self._opened:
+            order = ORDER_OF[axis]
+            try:
+                if order not in self._opened:
+                    self._opened[order] = yield from self._order_steps(order)
+                self._opened[axis] = self._of_axis(axis, *self._opened[order])
+            except DAMAGE as problem:
+                raise damaged(self.path, f"they do not fit together ({problem})") from None
+        yield 1.0
+        return self._opened[axis]
+
+    def _names(self, order: str) -> dict:
+        """Name -> file of the tables of voxels of an order."""
+        names = {name: f"{order}.{name}" for name in OF_VOXELS[self.classification]}
+        return {name: file for name, file in names.items() if self.mapped.has(file)}
+
+    def _order_steps(self, order: str):
+        """Generator of fractions done: (run counts, voxel counts), (planes, scanlines) or (scanlines, planes) of each
+        slab, after all is checked."""
+        of_voxels = self._names(order)
+        run_counts, voxel_counts = [], []
+        axis = 2 if order == ROWS else 0
+        for first, last, parts in self.mapped.slab_parts([f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]):
+            yield first / self.shape_xyz[2]
+            shape = (*self.shape_xyz[:2], last - first)
+            _, n_scanlines, n_slices = (shape[i] for i in AXES[axis])
+            counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(n_slices, n_scanlines, 2)
+            runs, voxels = counts[..., 0], counts[..., 1]
+            pointers, _ = scanline_pointers_from_counts(runs)
+            starts, n_voxels = pointers_from_counts(voxels)
+            ends = data_pointers_from_scanlines(starts, n_voxels)
+            made = scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+            if not np.array_equal(made, starts):
+                raise damaged(self.path, "the counts of voxels do not fit the runs")
+            for name, file in of_voxels.items():
+                if name != "normals" and len(parts[file]) != n_voxels:
+                    raise damaged(self.path, f"{file} does not have an entry for each voxel")
+            if self.classification == "pre":
+                check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
+            run_counts.append(runs)
+            voxel_counts.append(voxels)
+        return run_counts, voxel_counts
+
+    def _records(self, stored: np.ndarray) -> np.ndarray:
+        """Records as RunLengthVolume has them."""
+        return stored.reshape(-1, *WORDS[self.record])
+
+    def _of_axis(self, axis: int, run_counts, voxel_counts):
+        """The tables of a principal axis from the counts of its order's slabs."""
+        order = ORDER_OF[axis]
+        if axis == 1:  # the scanlines of z, slice by slice
+            pointers, starts, voxels = self._of_rows(run_counts, voxel_counts)
+            pointers, starts, voxels = (np.ascontiguousarray(part.T) for part in (pointers, starts, voxels))
+        elif axis == 2:
+            pointers, starts, voxels = self._of_rows(run_counts, voxel_counts)
+        else:
+            pointers, starts, voxels = self._of_slabs(run_counts, voxel_counts)
+        data_pointers = np.append(np.int64(0), np.cumsum(voxels.sum(axis=1, dtype=np.int64)))
+        runs = self.mapped.table(f"{order}.{RUNS}")
+        tables = RunTables(axis, self.shape_xyz, pointers, data_pointers, runs, starts)
+        of_voxels = {name: self.mapped.table(file) for name, file in self._names(order).items()}
+        if self.classification == "pre":
+            records = self._records(of_voxels["records"])
+            return tables.with_voxels(self.model, records, self.decoding, self.most_color), of_voxels
+        return tables, of_voxels
+
+    @staticmethod
+    def _of_rows(run_counts, voxel_counts):
+        """(nz, ny) pointers to runs, first voxels, and numbers of voxels."""
+        voxels = np.concatenate(voxel_counts)
+        return scanline_pointers_from_counts(np.concatenate(run_counts))[0], pointers_from_counts(voxels)[0], voxels
+
+    @staticmethod
+    def _of_slabs(run_counts, voxel_counts):
+        """(nx, nz) pointers to runs, first voxels, and numbers of voxels; the slabs follow one another in the files."""
+        all_pointers, all_starts, n_runs, n_voxels = [], [], 0, 0
+        for runs, voxels in zip(run_counts, voxel_counts, strict=True):
+            pointers, more_runs = scanline_pointers_from_counts(runs)
+            starts, more_voxels = pointers_from_counts(voxels)
+            all_pointers.append(np.where(pointers < 0, -1, pointers.astype(np.int64) + n_runs))
+            all_starts.append(starts + n_voxels)
+            n_runs, n_voxels = n_runs + more_runs, n_voxels + more_voxels
+        kind = np.int32 if n_runs <= np.iinfo(np.int32).max else np.int64
+        pointers, starts, voxels = (np.concatenate(parts, axis=1) for parts in (all_pointers, all_starts, voxel_counts))
+        return pointers.astype(kind), starts, voxels
+
+
+def classification_of(path) -> str:
+    """The classification of a `.rle` file or folder: "pre" for all but a folder whose header says "post"."""
+    if not Path(path).is_dir():
+        return "pre"
+    found = read_header(path).get("classification")
+    return found if found in OF_VOXELS else "pre"
+
+
+def load_folder(path) -> FolderVolume:
+    """Open a folder of tables; what it holds is checked when it is needed.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    FolderVolume
+
+    Raises
+    ------
+    RleSplatError
+        If it is not a folder of tables, or its header is damaged.
+    """
+    header = read_header(path)
+    try:
+        return _opened(Path(path), header)
+    except DAMAGE:
+        raise damaged(path, "its header says something impossible") from None
+
+
+def _opened(path: Path, header: dict) -> FolderVolume:
+    """The FolderVolume of a header, whose entries are checked."""
+    shape = tuple(int(n) for n in header["shape_xyz"])
+    classification, model, record = header["classification"], header["model"], header["record"]
+    ends = [int(planes) for planes, _ in header["slabs"]]
+    names = {name for _, tables in header["slabs"] for name in tables}
+    good = len(shape) == 3 and min(shape) > 0 and ends and ends[-1] == shape[2] and ends == sorted(set(ends))
+    good = good and classification in OF_VOXELS and model in MODELS and record in RECORDS and header["axes"]
+    good = good and all("/" not in name and "\\" not in name for name in names)
+    good = good and header["space"] in (None, PATIENT) and math.isfinite(header["unit_length"])
+    if not good:
+        raise ValueError
+    decoding = header.get("decoding")
+    mapped = MappedTables(path, {**header, "dtypes": _checked_types(header)})
+    return FolderVolume(
+        path, classification, shape, tuple(axis for axis in AXES if AXIS_NAMES[axis] in header["axes"]), model, record,
+        as_matrix(header["affine"], "its affine"), str(header["unit"]), float(header["unit_length"]),
+        header["transfer_function"], header["lighting"], str(header["source"]), tuple(header["remarks"]),
+        header["space"], int(header["visible"]), int(header["nan_voxels"]), _values(header),
+        _checked_color(header.get("most_color", 0.0)), None if decoding is None else np.array(decoding, np.float32),
+        mapped,
+    )  # fmt: skip
+
+
+def _checked_types(header: dict) -> dict:
+    """The types of the tables: those that kernels take."""
+    nx, ny, _ = header["shape_xyz"]
+    record = np.dtype(TYPES[header["record"]])
+    wanted = {
+        COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
+        "records": {(record.str[1:], math.prod(WORDS[header["record"]]), 0)},
+        "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
+        "light": {("u2", channels, 0) for channels in (1, 2, 3, 6)}, "normals": {("i2", 0, 3)},
+    }  # fmt: skip
+    for name, entry in header["dtypes"].items():
+        if tuple(entry) not in wanted[name.partition(".")[2]]:
+            raise ValueError
+    return {name: tuple(entry) for name, entry in header["dtypes"].items()}
+
+
+def _checked_color(brightest) -> float:
+    if not 0.0 <= float(brightest) <= 2.0 * BRIGHTEST:
+        raise ValueError
+    return float(brightest)
+
+
+def _values(header: dict) -> Values | None:
+    if header["classification"] == "pre":
+        return None
+    if header["stored_type"] not in STORED_TYPES:
+        raise ValueError
+    light = header["light"]
+    return Values(
+        np.dtype(header["stored_type"]), float(header["slope"]), float(header["intercept"]),
+        tuple(float(end) for end in header["ends"]), float(header["center"]),
+        None if light is None else tuple(float(number) for number in light),
+    )  # fmt: skip

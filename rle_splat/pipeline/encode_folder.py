@@ -1,0 +1,351 @@
+"""Encode a scene whose tables do not fit into memory: slab by slab, into a folder of tables (``encode.folder``).
+
+A slab of planes is classified, lit and encoded by the stages that encode a whole volume. Its voxels keep their place in
+the volume, so that positions, normals and light are the same to the bit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..classify.classification import unit_length
+from ..classify.placing import RecordPositions
+from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from ..classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
+from ..effects.analyze import analyzed
+from ..effects.mixing import is_mixed
+from ..effects.ray_values import shown_values
+from ..encode.encode import record_steps, reorder_steps, run_tables
+from ..encode.folder import ACROSS, COUNTS, ROWS, RUNS, FolderWriter, check_folder_output, counts_of, words_of_entry
+from ..encode.records import decoding_of, words_of
+from ..encode.scalars import OWN_TYPES, in_scanlines, scalars_of
+from ..encode.sizes import work_bytes
+from ..encode.tables import RunTables
+from ..runtime.memory import available_bytes, refuse_beyond
+from ..runtime.steps import Clock, Progress, drain, portion, timed
+from ..scene import Quality, RleSplatError, Scene
+from ..shade.normal_light import coded_normals, normal_light
+from ..shade.shading import DENSITY, normals
+from ..shade.voxel_light import voxel_light
+from ..volume.axes import AXES, AXIS_NAMES
+from ..volume.blocks import block_steps
+from ..volume.volume import key_steps
+from .encode_scene import describe_lighting
+from .lighting import follows_view, scene_lighting
+from .scalar_source import value_ends
+from .scan_source import LitVolume, scan_source
+from .shadows import shadow_count
+
+VOXEL_WORK = 96  # bytes that a visible voxel of a slab takes at most while it is encoded
+SHARE = 0.25  # of the free memory that a slab may take: the rest is for the fixed costs and the picture
+RECORDS, SCALARS, LIGHT, NORMALS = "records", "scalars", "light", "normals"  # tables of voxels
+
+
+@dataclass(frozen=True, eq=False)
+class _SlabTables:
+    """The tables of a slab by name, what the header is told of it, and its visible voxels."""
+
+    tables: dict
+    facts: dict
+    visible: int
+
+
+def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), source: str = ""):
+    """Generator of Progress: encode a scene into a folder of tables; return its report.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its volume may be mapped from a file.
+    quality : Quality
+        Its classification (pre or post), model, record, backend and threads count.
+    path : str or Path
+        The folder.
+    axes : sequence of int
+        Principal axes that pictures can be made along.
+    source : str
+        Name of the file that the volume was read from.
+
+    Raises
+    ------
+    RleSplatError
+        If the scene needs all voxels at once (shadows, labels, channels, a refined grid), one plane does not fit into
+        memory, or the folder cannot be written. Nothing is left behind then.
+    """
+    check_folder_output(path)
+    _check(scene, quality)
+    scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
+    looking = "Looking through the voxels"
+    vars(volume)["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
+    kind = _ClassifiedSlabs if quality.classification == "pre" else _ScalarSlabs
+    slabs = kind(scene, quality, axes)
+    with FolderWriter(path, _job(scene, quality, axes)) as writer:
+        resumed = writer.planes
+        yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+        nx, ny, nz = volume.shape_xyz
+        while (first := writer.planes) < nz:
+            last = min(first + _planes_at_once(nx * ny), nz)
+            yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
+            with clock.stage("encode"):
+                made = slabs.encoded(first, last)
+                writer.append(last, made.tables, {**made.facts, "visible": made.visible})
+        yield Progress(0.98, "Finishing the folder")
+        facts = [slab.facts for slab in writer.slabs]
+        header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
+        header["visible"] = sum(one["visible"] for one in facts)
+        with clock.stage("encode"):
+            size = writer.finish(header, slabs.joined)
+    return _report(scene, quality, facts, size, resumed, len(writer.slabs), clock)
+
+
+def _check(scene: Scene, quality: Quality) -> None:
+    """RleSplatError for scenes that a slab alone does not show."""
+    if quality.classification == "refined":
+        raise RleSplatError("A folder of tables holds the scan's own grid; choose the classification pre or post.")
+    if is_mixed(scene) or not scene.volume.holds_values:
+        raise RleSplatError("A folder of tables holds one volume without labels and channels; leave them out.")
+    if shadow_count(scene):
+        raise RleSplatError(
+            "Shadows and ambient occlusion need all voxels at once, which a folder of tables is made without; leave "
+            "them out."
+        )
+
+
+def _planes_at_once(plane_voxels: int) -> int:
+    """Planes of a slab, each voxel of which may be visible."""
+    each = plane_voxels * VOXEL_WORK
+    refuse_beyond(each, "A plane of the volume may need", "give a larger memory limit, or crop the volume")
+    return max(int(SHARE * available_bytes() / each), 1)
+
+
+def _job(scene: Scene, quality: Quality, axes) -> dict:
+    """All that the tables depend on."""
+    volume = scene.volume
+    described = {
+        "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
+        "matrix": scene.index_to_world.tolist(), "world": None if scene.world is None else list(scene.world),
+        "quality": [quality.classification, quality.model, quality.record, quality.backend], "axes": list(axes),
+    }  # fmt: skip
+    content = json.dumps(described, sort_keys=True, default=str)
+    return {"job": hashlib.blake2b(content.encode(), digest_size=16).hexdigest()}
+
+
+def _header(scene: Scene, quality: Quality, axes, source: str) -> dict:
+    volume = scene.volume
+    return {
+        "classification": quality.classification, "shape_xyz": list(volume.shape_xyz), "model": quality.model,
+        "record": quality.record, "axes": [AXIS_NAMES[axis] for axis in sorted(axes)],
+        "affine": volume.affine.tolist(), "unit": volume.unit, "space": volume.space, "source": source,
+        "unit_length": unit_length(volume, scene.index_to_world), "remarks": list(volume.remarks),
+        "transfer_function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
+    }  # fmt: skip
+
+
+def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, slabs: int, clock: Clock) -> dict:
+    visible = sum(one["visible"] for one in facts)
+    return {
+        "stages_ms": clock.report(),
+        "volume": {
+            "shape_xyz": list(scene.volume.shape_xyz), "visible_voxels": visible,
+            "visible_fraction": visible / math.prod(scene.volume.shape_xyz),
+        },
+        "classification": quality.classification, "model": quality.model, "record": quality.record,
+        "folder": {"bytes": size, "slabs": slabs, "resumed_at_plane": resumed},
+    }  # fmt: skip
+
+
+# --- slabs ------------------------------------------------------------------------------------------------------------
+
+
+class _Slabs:
+    """The stages of a slab; the base class of both classifications."""
+
+    joined = ()  # see FolderWriter.finish
+
+    def __init__(self, scene: Scene, quality: Quality, axes):
+        self.scene, self.volume = scene, scene.volume
+        self.quality, self.axes = quality, axes
+        self.machine = dict(backend=quality.backend, threads=quality.threads)
+        self.falling = scene_lighting(scene, scene.index_to_world)
+        self.dtypes: dict[str, list] = {}
+
+    def prepare_steps(self):
+        """Generator of fractions done: what all slabs depend on."""
+        yield from ()
+
+    def part(self, first: int, last: int):
+        """The volume's planes [first, last) alone."""
+        return replace(self.volume, voxels=self.volume.voxels[first:last])
+
+    def in_volume(self, local: VisibleVoxels, first: int) -> VisibleVoxels:
+        """Voxels of a slab from plane ``first`` on, as the only ones that are visible in the volume."""
+        nx, ny, nz = self.volume.shape_xyz
+        begin, end = first * ny, first * ny + len(local.row_pieces)
+        row_start, row_pieces = np.zeros(nz * ny + 1, np.int64), np.zeros(nz * ny, np.int32)
+        row_start[begin : end + 1], row_start[end + 1 :] = local.row_start, local.row_start[-1]
+        row_pieces[begin:end] = local.row_pieces
+        return VisibleVoxels((nx, ny, nz), row_start, row_pieces, local.column, local.stored, local.nan_voxels)
+
+    def named(self, order: str, tables: RunTables, **of_voxels) -> dict:
+        """The tables of an order by the names of their files."""
+        named = {f"{order}.{COUNTS}": counts_of(tables).reshape(-1, 2), f"{order}.{RUNS}": tables.runs}
+        named |= {f"{order}.{name}": array for name, array in of_voxels.items()}
+        self.dtypes |= {name: words_of_entry(array) for name, array in named.items()}
+        return named
+
+    def header(self, facts) -> dict:
+        """Entries of the header beside those of every folder; ``facts``: of each slab."""
+        if not self.dtypes:  # every slab was there already; a plane has all tables
+            self.encoded(0, 1)
+        return {"dtypes": self.dtypes}
+
+
+class _ClassifiedSlabs(_Slabs):
+    """Records of voxels that are classified first, as in the paper."""
+
+    def __init__(self, scene: Scene, quality: Quality, axes):
+        super().__init__(scene, quality, axes)
+        self.source = scan_source(scene, quality)
+        self.length = unit_length(scene.volume, scene.index_to_world)
+        self.decoding = None
+
+    def prepare_steps(self):
+        if self.quality.record == 16:
+            return
+        _, _, nz = self.volume.shape_xyz
+        most_density = most_color = 0.0
+        planes = _planes_at_once(self.volume.voxels[0].size)
+        for first in range(0, nz, planes):  # the scales of short records are those of the whole volume
+            yield first / nz
+            local, lit = self._lit(first, min(first + planes, nz))
+            bound = lit.color_bound
+            if bound is None:
+                raise RleSplatError(
+                    "Short voxel records of a folder need parallel lights; choose voxel records of 16 bytes, or leave "
+                    "the other lights out."
+                )
+            if len(local):
+                density = lit.classified.properties[:, DENSITY[self.quality.model]]
+                most_density = max(most_density, float(density.max(initial=0.0)))
+            most_color = max(most_color, bound)
+        self.decoding = decoding_of(self.quality.record, most_density, most_color)
+
+    def _lit(self, first: int, last: int):
+        """The visible voxels of a slab, and the same as a LitVolume."""
+        shown = Visibility(self.part(first, last), self.scene.transfer_function)
+        blocks = drain(block_steps(shown.volume, **self.machine))
+        counted = drain(count_steps(shown, blocks, **self.machine))
+        needed = int(counted[0].sum()) * VOXEL_WORK + work_bytes(int(counted[0].sum()), self.quality.record)
+        refuse_beyond(needed, "A slab of the volume needs", "give a larger memory limit")
+        local = drain(fill_steps(shown, blocks, counted, **self.machine))
+        voxels = self.in_volume(local, first)
+        found = self.source.classified(self.source.shown, voxels, self.length)
+        directions = None if self.falling is None else self.source.normals(voxels)
+        return local, LitVolume(found, directions, self.falling, (), (), None, self.source)
+
+    def encoded(self, first: int, last: int) -> _SlabTables:
+        """The tables of planes [first, last)."""
+        local, lit = self._lit(first, last)
+        model, record, write = self.quality.model, self.quality.record, lit.write_records(self.quality.model)
+
+        def write_slab(positions, records):
+            place = RecordPositions(
+                lit.classified.voxels, first + positions.first_plane, positions.across, positions.data_starts
+            )
+            return write(place, records)
+
+        tables = run_tables(local, 2, **self.machine)
+        rows = drain(record_steps(tables, local, write_slab, model, record, self.decoding, **self.machine))
+        named = self.named(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
+        if 0 in self.axes:
+            tables = run_tables(local, 0, **self.machine)
+            across = drain(reorder_steps(tables, local, rows, **self.machine))
+            named |= self.named(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
+        facts = {"most_color": rows.most_color, "nan": local.nan_voxels}
+        return _SlabTables(named, facts, len(local))
+
+    def header(self, facts) -> dict:
+        return {
+            **super().header(facts), "most_color": max(one["most_color"] for one in facts),
+            "nan_voxels": sum(one["nan"] for one in facts),
+            "decoding": None if self.decoding is None else self.decoding.tolist(),
+        }  # fmt: skip
+
+
+class _ScalarSlabs(_Slabs):
+    """Scalars of the voxels that post-classified sheets need, and the light on them.
+
+    Short gaps are not closed, so that the tables serve all depth rules.
+    """
+
+    def prepare_steps(self):
+        volume, scene = self.volume, self.scene
+        if scene.transfer_function.gradient_opacity is not None:
+            raise RleSplatError(
+                "A folder of post-classified tables has no gradient opacity; choose the classification pre, or leave "
+                "it out."
+            )
+        self.blocks = yield from block_steps(volume, **self.machine)
+        self.reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
+        self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
+        self.center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (self.ends[0] + self.ends[1])
+        lit = self.falling is not None and follows_view(scene, self.falling) and scene.world is None
+        self.by_normal = normal_light(self.falling, volume.shape_xyz) if lit else None
+        if self.by_normal is not None:
+            self.joined = tuple(f"{order}.{NORMALS}" for order in (ROWS, *([ACROSS] if 0 in self.axes else [])))
+        self.light = None
+
+    def _kept(self, first: int, last: int) -> VisibleVoxels:
+        """The voxels of a slab that its own cells and those that it shares with its neighbors need."""
+        _, ny, nz = self.volume.shape_xyz
+        begin, end = max(first - 1, 0), min(last + 1, nz)
+        around = self.part(begin, end)
+        blocks = drain(block_steps(around, **self.machine))
+        bits = drain(relevant_steps(around, self.reach, blocks, **self.machine))
+        bits = bits[(first - begin) * ny : (last - begin) * ny]
+        counted = kept_counts(bits, **self.machine)
+        refuse_beyond(int(counted[0].sum()) * VOXEL_WORK, "A slab of the volume needs", "give a larger memory limit")
+        return kept_voxels(self.part(first, last), bits, counted, blocks, **self.machine)
+
+    def encoded(self, first: int, last: int) -> _SlabTables:
+        """The tables of planes [first, last)."""
+        local = self._kept(first, last)
+        of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
+        of_voxels |= self._lights(self.in_volume(local, first))
+        named = self.named(ROWS, run_tables(local, 2, **self.machine), **of_voxels)
+        if 0 in self.axes:
+            tables = run_tables(local, 0, **self.machine)
+            placed = {
+                name: drain(in_scanlines(tables, local, array, **self.machine)) for name, array in of_voxels.items()
+            }
+            named |= self.named(ACROSS, tables, **placed)
+        return _SlabTables(named, {}, len(local))
+
+    def _lights(self, voxels: VisibleVoxels) -> dict:
+        """The light on voxels: coded normals where it follows the view, codes of light elsewhere."""
+        if self.falling is None:
+            return {}
+        directions = normals(voxels, self.volume, self.scene.index_to_world, **self.machine)
+        if self.by_normal is not None:
+            codes = coded_normals(directions, **self.machine).view(np.uint16)
+            return {f"{NORMALS}.{part}": codes[part] for part in range(len(codes))}
+        self.light = voxel_light(voxels, directions, self.falling, **self.machine)
+        return {LIGHT: self.light.codes}
+
+    def header(self, facts) -> dict:
+        found = super().header(facts)
+        for name in self.joined:
+            for part in range(3):
+                del self.dtypes[f"{name}.{part}"]
+            self.dtypes[name] = ["i2", 0, 3]
+        volume, light = self.volume, self.light
+        return {
+            **found, "stored_type": volume.voxels.dtype.name, "slope": volume.slope, "intercept": volume.intercept,
+            "ends": list(self.ends), "center": self.center, "nan_voxels": self.blocks.nan_voxels,
+            "light": None if light is None else [light.unit, light.most_light, light.most_highlight],
+        }  # fmt: skip

@@ -1,0 +1,99 @@
+"""Source of a folder of post-classified tables: scalars and the light on them, encoded already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..classify.classification import opacity_distance, unit_length
+from ..classify.lookup_table import lookup_table
+from ..classify.transfer_function import TransferFunction
+from ..encode.scalars import ScalarVolume
+from ..scene import Light, Quality, RleSplatError, Scene
+from ..shade.lighting import lighting
+from ..shade.normal_light import NormalLight, normal_light
+from ..shade.shading import refuse_too_bright
+from ..splat.scalar_splat import scalar_splat_steps
+from ..view.projection import world_to_camera
+from .file_source import FileSource
+from .lighting import eye_of
+from .quick_estimate import ScalarSheets
+from .source import Medium, Work
+
+VALUES_ALREADY = "A .rle folder holds the voxels that its transfer function needs, and their light: post."
+
+
+@dataclass(frozen=True)
+class StoredScalarSheets(ScalarSheets):
+    """As ScalarSheets, of voxels that single rays cannot be followed through."""
+
+    traces_rays: ClassVar[bool] = False
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarFileSource(FileSource):
+    """The tables of a folder, whose transfer function is what it is."""
+
+    sheets = StoredScalarSheets
+
+    @classmethod
+    def of(cls, scene: Scene, quality: Quality) -> ScalarFileSource:
+        if quality.classification != "post":
+            raise RleSplatError(
+                "This .rle folder holds values that are classified in the picture; render it with the classification "
+                "post, or encode the volume again."
+            )
+        return cls(scene, quality)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        return (*self.scene.volume.remarks, VALUES_ALREADY)
+
+    def medium_steps(self, work: Work):
+        scene, stored, values = self.scene, self.scene.volume, self.scene.volume.values
+        yield from ()
+        length = unit_length(stored, scene.index_to_world)
+        volume, function = stored.stand_in, scene.transfer_function
+        table = lookup_table(volume, function, values.ends, opacity_distance(volume, function, length))
+        light = self._normal_light()
+
+        def encode_steps(axis: int):
+            self.refuse_without(axis)
+            tables, of_voxels = yield from stored.tables_steps(axis)
+            return self._with_light(tables, of_voxels, light)
+
+        def splat(tables, plane, intervals):
+            return scalar_splat_steps(tables, table, plane, self.quality, intervals, mist=scene.mist)
+
+        shine = (1.0, 0.0) if values.light is None else values.light[1:]
+        if light is not None:
+            shine = light.most_light, light.most_highlight
+        brightest = refuse_too_bright(table.most_color * shine[0] + shine[1] if values.ends[0] < values.ends[1] else
+                                      table.most_color)  # fmt: skip
+        most_color = max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
+        counts = stored.visible_voxels, stored.nan_voxels
+        return Medium(stored.shape_xyz, encode_steps, splat, lambda tables: most_color, *counts)
+
+    def _with_light(self, tables, of_voxels: dict, light: NormalLight | None) -> ScalarVolume:
+        """The tables of a principal axis with their light, if there is any."""
+        values, scalars = self.scene.volume.values, of_voxels["scalars"]
+        if light is not None:
+            none = light.no_codes
+            lamps = light.lamps(of_voxels["normals"], tables.axis)
+            return ScalarVolume(tables, scalars, values.center, none, lamps=lamps)
+        if values.light is None:
+            return ScalarVolume(tables, scalars, values.center)
+        return ScalarVolume(tables, scalars, values.center, of_voxels["light"], values.light[0])
+
+    def _normal_light(self) -> NormalLight | None:
+        """The light of a folder that holds normals: its own lights, seen from this camera."""
+        scene, stored = self.scene, self.scene.volume
+        if not stored.holds_normals:
+            return None
+        described, shade = stored.lighting, TransferFunction.from_json(stored.transfer_function).shade
+        looking = None if described["headlight_direction"] is None else -world_to_camera(scene.camera)[2, :3]
+        lights = [Light(**entry) for entry in described["lights"]]
+        falling = lighting(
+            scene.index_to_world, shade, lights, headlight_direction=looking, eye=eye_of(scene.camera)
+        )
+        return normal_light(falling, stored.shape_xyz)

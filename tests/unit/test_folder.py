@@ -1,0 +1,265 @@
+"""Folders of tables: the same pictures as in memory, jobs that were killed go on, and damage is told."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.encode import folder as folder_form
+from rle_splat.encode.folder import FolderWriter, unfinished
+from rle_splat.encode.store import load
+from rle_splat.pipeline import encode_folder
+from rle_splat.pipeline.encode_folder import encode_folder_steps
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Light, Quality, RleSplatError, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+NX, NY, NZ = 22, 19, 17
+FUNCTION = {
+    "name": "Blobs", "unit": None, "opacity": [[60, 0.0], [120, 0.3], [200, 0.9]],
+    "color": [[60, 0.9, 0.4, 0.2], [200, 0.8, 0.9, 1.0]],
+    "shade": {"ambient": 0.2, "diffuse": 0.7, "specular": 0.3, "shininess": 20.0},
+}  # fmt: skip
+QUALITIES = {
+    "pre": Quality.preset("standard", classification="pre"),
+    "post": Quality(classification="post", depth_rule="preintegrated", rays=0.0, sheet_density=1.0),
+}
+VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
+
+
+def volume_of(dtype=np.uint8):
+    z, y, x = np.mgrid[:NZ, :NY, :NX].astype(np.float64)
+    values = 127.0 + 60.0 * np.sin(0.9 * x + 0.3 * y) * np.cos(0.7 * y - 0.2 * z) + 60.0 * np.sin(0.8 * z)
+    return Volume(np.rint(values).astype(dtype), np.diag((1.0, 1.1, 0.9, 1.0)), name="blobs")
+
+
+def scene_of(volume, axis=1, **changes):
+    azimuth, elevation = VIEWS[axis]
+    camera, matrix = turntable(volume, azimuth, elevation, width=40, height=32)
+    function = TransferFunction.from_json(FUNCTION)
+    given = {"headlight": True, "volume_matrix": matrix, **changes}
+    return Scene(volume=volume, transfer_function=function, camera=camera, width=40, height=32, **given)
+
+
+@pytest.fixture
+def few_planes(monkeypatch):
+    """Slabs of three planes."""
+    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda plane_voxels: 3)
+
+
+def encoded(path, scene, quality, **options):
+    return drain(encode_folder_steps(scene, quality, path, **options))
+
+
+def from_folder(path, scene, quality):
+    return render(replace(scene, volume=load(path), lights=(), headlight=False), quality)
+
+
+@pytest.mark.parametrize("classification", QUALITIES)
+@pytest.mark.parametrize("axis", VIEWS)
+def test_pictures_are_those_from_memory(tmp_path, few_planes, classification, axis):
+    scene, quality = scene_of(volume_of(), axis), QUALITIES[classification]
+    encoded(tmp_path / "a.rle", scene, quality)
+    there, here = from_folder(tmp_path / "a.rle", scene, quality), render(scene, quality)
+    assert here.rgba[..., 3].max() > 0.5 and here.report["plan"]["base_planes"][0]["principal_axis"][1] == "xyz"[axis]
+    np.testing.assert_array_equal(there.rgba, here.rgba)
+    np.testing.assert_array_equal(there.depth, here.depth)
+
+
+@pytest.mark.parametrize("record", [8, 6, 4])
+def test_short_records(tmp_path, few_planes, record):
+    quality = replace(QUALITIES["pre"], record=record)
+    scene = scene_of(volume_of(np.float32), 0)
+    encoded(tmp_path / "a.rle", scene, quality)
+    np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
+
+
+@pytest.mark.parametrize("classification", QUALITIES)
+def test_lights_are_baked(tmp_path, few_planes, classification):
+    """A lamp beside the volume."""
+    lamp = Light(type="POINT", energy=20000.0, matrix_world=np.array(
+        ((1, 0, 0, 40.0), (0, 1, 0, -20.0), (0, 0, 1, 30.0), (0, 0, 0, 1.0))))
+    scene = scene_of(volume_of(), 0, lights=(lamp,), headlight=False)
+    quality = QUALITIES[classification]
+    encoded(tmp_path / "a.rle", scene, quality)
+    np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
+
+
+def test_unshaded_and_one_axis(tmp_path, few_planes):
+    unshaded = TransferFunction.from_json({**FUNCTION, "shade": False})
+    for classification, quality in QUALITIES.items():
+        path = tmp_path / f"{classification}.rle"
+        scene = replace(scene_of(volume_of(np.int32), 2), transfer_function=unshaded)  # a type that is converted
+        encoded(path, scene, quality, axes=(1, 2))
+        assert not any("across" in file.name for file in path.iterdir())
+        np.testing.assert_array_equal(from_folder(path, scene, quality).rgba, render(scene, quality).rgba)
+        with pytest.raises(RleSplatError, match="needs principal axis x"):
+            from_folder(path, replace(scene_of(volume_of(), 0), transfer_function=unshaded), quality)
+
+
+def test_nothing_visible(tmp_path, few_planes):
+    dark = TransferFunction.from_json({**FUNCTION, "opacity": [[900, 0.0], [901, 1.0]]})
+    for classification, quality in QUALITIES.items():
+        path = tmp_path / f"{classification}.rle"
+        scene = replace(scene_of(volume_of(), 0), transfer_function=dark)
+        encoded(path, scene, quality)
+        assert not from_folder(path, scene, quality).rgba.any()
+
+
+# --- jobs that are killed, and jobs that fail -------------------------------------------------------------------------
+
+
+class Killed(BaseException):
+    """Stands for a signal: nothing is tidied up."""
+
+
+def killed_at(monkeypatch, path, scene, quality, writes):
+    """Encode, and end in the middle of the ``writes``-th write, with half of it in the file."""
+    append, count = FolderWriter._append, iter(range(10**6))
+
+    def failing(writer, name, content):
+        if next(count) == writes:
+            append(writer, name, content[: len(content) // 2])
+            raise Killed
+        append(writer, name, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FolderWriter, "_append", failing)
+        patch.setattr(FolderWriter, "__exit__", lambda *_: None)
+        try:
+            encoded(path, scene, quality)
+        except Killed:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("classification", QUALITIES)
+def test_a_killed_job_goes_on(tmp_path, few_planes, monkeypatch, classification):
+    scene, quality = scene_of(volume_of()), QUALITIES[classification]
+    encoded(tmp_path / "whole.rle", scene, quality)
+    wanted = {file.name: file.read_bytes() for file in (tmp_path / "whole.rle").iterdir()}
+    went_on = set()
+    for writes in range(0, 60, 7):
+        path = tmp_path / f"{writes}.rle"
+        assert killed_at(monkeypatch, path, scene, quality, writes) == (not path.exists())
+        report = encoded(path, scene, quality)
+        went_on.add(report["folder"]["resumed_at_plane"])
+        assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
+        assert not unfinished(path).exists()
+    assert len(went_on) > 2
+
+
+def test_another_job_begins_anew(tmp_path, few_planes, monkeypatch):
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    assert killed_at(monkeypatch, tmp_path / "a.rle", scene, quality, 20)
+    other = replace(quality, record=8)
+    assert encoded(tmp_path / "a.rle", scene, other)["folder"]["resumed_at_plane"] == 0
+    np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, other).rgba, render(scene, other).rgba)
+
+
+def test_a_failed_job_leaves_nothing(tmp_path, few_planes, monkeypatch):
+    """A full disk, and a job that is canceled; the folder that was there before stays."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    encoded(tmp_path / "a.rle", scene, quality)
+    before = sorted(file.name for file in tmp_path.rglob("*"))
+    append, count = FolderWriter._append, iter(range(100))
+
+    def full(writer, name, content):
+        if next(count) == 12:
+            raise OSError(28, "No space left on device")
+        append(writer, name, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(FolderWriter, "_append", full)
+        with pytest.raises(RleSplatError, match="No space left on device; choose another place, or make room"):
+            encoded(tmp_path / "a.rle", scene, replace(quality, record=8))
+    steps = encode_folder_steps(scene, quality, tmp_path / "a.rle")
+    for step in steps:
+        if "Encoding" in step.message:
+            break
+    steps.close()
+    assert sorted(file.name for file in tmp_path.rglob("*")) == before
+    assert load(tmp_path / "a.rle").record == 16
+
+
+def test_what_a_folder_cannot_hold(tmp_path):
+    scene = scene_of(volume_of())
+    with pytest.raises(RleSplatError, match="the scan's own grid"):
+        encoded(tmp_path / "a.rle", scene, Quality(classification="refined"))
+    shadowed = replace(scene, ambient_occlusion=1.0)
+    with pytest.raises(RleSplatError, match="need all voxels at once"):
+        encoded(tmp_path / "a.rle", shadowed, QUALITIES["pre"])
+    (tmp_path / "mine").mkdir()
+    for path, match in ((tmp_path / "mine", "something else has this name"), (tmp_path / "no" / "a", "does not exist")):
+        with pytest.raises(RleSplatError, match=match):
+            encoded(path, scene, QUALITIES["pre"])
+    assert [file.name for file in tmp_path.iterdir()] == ["mine"]
+
+
+# --- damage -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("classification", QUALITIES)
+def test_damage_is_told(tmp_path, few_planes, classification):
+    """Every file cut short, gone, or with one bit changed; no picture is made."""
+    scene, quality = scene_of(volume_of(), 0), QUALITIES[classification]
+    encoded(tmp_path / "a.rle", scene, quality)
+    for file in sorted(path.name for path in (tmp_path / "a.rle").iterdir()):
+        if file.startswith("rows"):  # not needed for this view
+            continue
+        content = (tmp_path / "a.rle" / file).read_bytes()
+        changed = bytearray(content)
+        changed[len(content) // 2] ^= 4
+        for damage in (content[:-1], content + b"x", bytes(changed), None):
+            shutil.copytree(tmp_path / "a.rle", tmp_path / "b.rle")
+            (tmp_path / "b.rle" / file).unlink()
+            if damage is not None:
+                (tmp_path / "b.rle" / file).write_bytes(damage)
+            with pytest.raises(RleSplatError, match=r"b\.rle.*(encode the volume again|check the path)"):
+                from_folder(tmp_path / "b.rle", scene, quality)
+            shutil.rmtree(tmp_path / "b.rle")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"shape_xyz": [NX, NY, NZ + 1]}, {"shape_xyz": [NX + 1, NY, NZ]}, {"record": 8}, {"model": "x"}, {"axes": []},
+        {"classification": "refined"}, {"affine": 3}, {"slabs": []}, {"dtypes": {}}, {"most_color": -1.0},
+        {"unit_length": float("nan")}, {"version": 9}, {"format": "x"}, {"remarks": 4},
+    ],
+    ids=str,
+)
+def test_headers_that_say_something_else(tmp_path, few_planes, monkeypatch, change):
+    """With a checksum that fits: kernels have no bounds checks."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    encoded(tmp_path / "a.rle", scene, quality)
+    header = tmp_path / "a.rle" / folder_form.HEADER
+    content = json.dumps({**json.loads(header.read_text()[8:]), **change})
+    header.write_text(f"{folder_form.zlib.crc32(content.encode()):08x}{content}")
+    with pytest.raises(RleSplatError):
+        from_folder(tmp_path / "a.rle", scene, quality)
+
+
+def test_tables_that_lie(tmp_path, few_planes):
+    """With checksums that fit: runs that leave the volume."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    encoded(tmp_path / "a.rle", scene, quality)
+    folder = tmp_path / "a.rle"
+    runs = np.fromfile(folder / "rows.runs", np.uint16)
+    runs[:] += 1
+    runs.tofile(folder / "rows.runs")
+    header = json.loads((folder / folder_form.HEADER).read_text()[8:])
+    at = 0
+    for _, tables in header["slabs"]:
+        size = tables["rows.runs"][0]
+        tables["rows.runs"][1] = folder_form.zlib.crc32(runs.view(np.uint8)[at : at + size].tobytes())
+        at += size
+    content = json.dumps(header)
+    (folder / folder_form.HEADER).write_text(f"{folder_form.zlib.crc32(content.encode()):08x}{content}")
+    with pytest.raises(RleSplatError, match="the runs of a scanline do not sum"):
+        from_folder(folder, scene, quality)
