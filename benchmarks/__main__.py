@@ -6,6 +6,7 @@ from rle_splat.scene import RleSplatError
 
 from . import (
     accuracy,
+    beyond_memory,
     calibrate,
     editing,
     effects,
@@ -29,7 +30,7 @@ BENCHMARKS = {
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
-    "reading": reading.main, "repeats": repeats.main,
+    "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
 }  # fmt: skip
 
 
@@ -38,7 +39,7 @@ def main(arguments) -> int:
     if name in ("-h", "--help"):
         print("usage: dev.py bench [NAME] [options], and dev.py bench NAME --help for its options; NAME is one of\n")
         for other, run in BENCHMARKS.items():
-            print(f"  {other:<10}{sys.modules[run.__module__].__doc__.splitlines()[0]}")
+            print(f"  {other:<15}{sys.modules[run.__module__].__doc__.splitlines()[0]}")
         return 0
     if name not in BENCHMARKS:
         print(f"There is no benchmark {name!r}; choose {', '.join(BENCHMARKS)}.", file=sys.stderr)
