@@ -110,14 +110,22 @@ class FolderWriter:
         with _writing(self.path):
             self.slabs = self._left_behind() or []
             if not self.slabs:
-                shutil.rmtree(self.folder, ignore_errors=True)
-                self.folder.mkdir()
-                self._append(JOURNAL, (self._job + "\n").encode())
+                self._begin()
         return self
 
-    def __exit__(self, kind, problem, _traceback):
+    def __exit__(self, kind, _problem, _traceback):
         if kind is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _begin(self) -> None:
+        """Make the folder anew; after an error there is none."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        try:
+            self.folder.mkdir()
+            self._append(JOURNAL, (self._job + "\n").encode())
+        except OSError:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
 
     @property
     def planes(self) -> int:

@@ -24,11 +24,10 @@ from ..encode.encode import record_steps, reorder_steps, run_tables
 from ..encode.folder import ACROSS, COUNTS, ROWS, RUNS, FolderWriter, check_folder_output, counts_of, words_of_entry
 from ..encode.records import decoding_of, words_of
 from ..encode.scalars import OWN_TYPES, in_scanlines, scalars_of
-from ..encode.sizes import work_bytes
 from ..encode.tables import RunTables
-from ..runtime.memory import available_bytes, refuse_beyond
+from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Clock, Progress, drain, portion, timed
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.normal_light import coded_normals, normal_light
 from ..shade.shading import DENSITY, normals
 from ..shade.voxel_light import voxel_light
@@ -42,6 +41,8 @@ from .scan_source import LitVolume, scan_source
 from .shadows import shadow_count
 
 VOXEL_WORK = 96  # bytes that a visible voxel of a slab takes at most while it is encoded
+DENSER = 1.5  # times as dense as a slab the next one may be
+LEAST_DENSITY = 1.0 / 32.0  # so that a slab of hidden planes does not become the whole volume
 SHARE = 0.25  # of the free memory that a slab may take: the rest is for the fixed costs and the picture
 RECORDS, SCALARS, LIGHT, NORMALS = "records", "scalars", "light", "normals"  # tables of voxels
 
@@ -88,12 +89,20 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
         resumed = writer.planes
         yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
         nx, ny, nz = volume.shape_xyz
+        density = 1.0  # visible voxels among all; of the first slab nothing is known
         while (first := writer.planes) < nz:
-            last = min(first + _planes_at_once(nx * ny), nz)
+            last = min(first + _planes_at_once(nx * ny, density), nz)
             yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
-            with clock.stage("encode"):
-                made = slabs.encoded(first, last)
-                writer.append(last, made.tables, {**made.facts, "visible": made.visible})
+            try:
+                with clock.stage("encode"):
+                    made = slabs.encoded(first, last)
+                    writer.append(last, made.tables, {**made.facts, "visible": made.visible})
+            except TooLargeError:
+                if last == first + 1:
+                    raise
+                density = 1.0
+                continue
+            density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
         yield Progress(0.98, "Finishing the folder")
         facts = [slab.facts for slab in writer.slabs]
         header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
@@ -116,11 +125,19 @@ def _check(scene: Scene, quality: Quality) -> None:
         )
 
 
-def _planes_at_once(plane_voxels: int) -> int:
-    """Planes of a slab, each voxel of which may be visible."""
-    each = plane_voxels * VOXEL_WORK
-    refuse_beyond(each, "A plane of the volume may need", "give a larger memory limit, or crop the volume")
-    return max(int(SHARE * available_bytes() / each), 1)
+def _planes_at_once(plane_voxels: int, density: float = 1.0) -> int:
+    """Planes of a slab of which a part, ``density``, is visible."""
+    return max(int(SHARE * available_bytes() / (density * plane_voxels * VOXEL_WORK)), 1)
+
+
+def _claim(counts: np.ndarray) -> None:
+    """TooLargeError if a slab with so many visible voxels in its rows needs more memory than is free."""
+    needed, free = int(counts.sum()) * VOXEL_WORK, available_bytes()
+    if needed > free:
+        raise TooLargeError(
+            f"A plane of the volume needs {bytes_text(needed)} of memory and {bytes_text(free)} are free; give a "
+            "larger memory limit, or crop the volume."
+        )
 
 
 def _job(scene: Scene, quality: Quality, axes) -> dict:
@@ -240,8 +257,7 @@ class _ClassifiedSlabs(_Slabs):
         shown = Visibility(self.part(first, last), self.scene.transfer_function)
         blocks = drain(block_steps(shown.volume, **self.machine))
         counted = drain(count_steps(shown, blocks, **self.machine))
-        needed = int(counted[0].sum()) * VOXEL_WORK + work_bytes(int(counted[0].sum()), self.quality.record)
-        refuse_beyond(needed, "A slab of the volume needs", "give a larger memory limit")
+        _claim(counted[0])
         local = drain(fill_steps(shown, blocks, counted, **self.machine))
         voxels = self.in_volume(local, first)
         found = self.source.classified(self.source.shown, voxels, self.length)
@@ -309,7 +325,7 @@ class _ScalarSlabs(_Slabs):
         bits = drain(relevant_steps(around, self.reach, blocks, **self.machine))
         bits = bits[(first - begin) * ny : (last - begin) * ny]
         counted = kept_counts(bits, **self.machine)
-        refuse_beyond(int(counted[0].sum()) * VOXEL_WORK, "A slab of the volume needs", "give a larger memory limit")
+        _claim(counted[0])
         return kept_voxels(self.part(first, last), bits, counted, blocks, **self.machine)
 
     def encoded(self, first: int, last: int) -> _SlabTables:

@@ -30,7 +30,7 @@ from .header import (
 )
 from .streaming import allocated, grid_text, plain_name, storable_steps
 
-SUFFIXES = (".zarr", ".ome.zarr")
+SUFFIXES = (".zarr", "zarr.json", ".zattrs")  # of a folder, and of the files in it that may be chosen instead
 METADATA = {"zarr.json": "0.5", ".zattrs": "0.4"}  # the file that describes an image -> version of OME-Zarr
 MOST_METADATA = 1 << 24  # bytes of such a file
 SPACE = ("z", "y", "x")

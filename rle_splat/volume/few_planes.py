@@ -8,7 +8,8 @@ import numpy as np
 
 from .volume import Volume
 
-MOST_BYTES = 1 << 27  # read at once from a disk, and held
+LARGE = 1 << 30  # bytes from which a volume is large: smaller ones are counted in about two seconds
+MOST_BYTES = 1 << 27  # of the planes, which are read at once from a disk, and held
 
 
 def few_planes(volume: Volume) -> Volume:
@@ -26,9 +27,9 @@ def few_planes(volume: Volume) -> Volume:
         in the same place: its spacing along z is larger.
     """
     count = len(volume.voxels)
-    step = -(-volume.voxels.nbytes // MOST_BYTES)
-    if step <= 1:
+    if volume.voxels.nbytes <= LARGE:
         return volume
+    step = -(-volume.voxels.nbytes // MOST_BYTES)
     chosen = np.ascontiguousarray(volume.voxels[min(step, count) // 2 :: step])
     matrix = np.diag((1.0, 1.0, float(step), 1.0))
     matrix[2, 3] = float(min(step, count) // 2)

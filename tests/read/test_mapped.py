@@ -89,6 +89,7 @@ def test_a_few_planes_lie_where_they_were():
     assert few_planes.few_planes(volume) is volume
     plane = volume.voxels[0].nbytes
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(few_planes, "LARGE", 4 * plane)
         patch.setattr(few_planes, "MOST_BYTES", 4 * plane)
         few = few_planes.few_planes(volume)
     assert len(few.voxels) == 4 and "4 of its 11 planes" in few.remarks[-1]
@@ -102,6 +103,7 @@ def test_info_of_a_large_volume_reads_a_few_planes(tmp_path, monkeypatch, capsys
     """Of planes that grow brighter, the outermost values are not seen."""
     planes = np.broadcast_to(np.arange(16, dtype=dtype)[:, None, None], (16, 8, 8)).copy()
     (tmp_path / "a.raw").write_bytes(planes.tobytes())
+    monkeypatch.setattr(few_planes, "LARGE", planes[:4].nbytes)
     monkeypatch.setattr(few_planes, "MOST_BYTES", planes[:4].nbytes)
     report = tmp_path / "report.json"
     options = ["--shape", "8", "8", "16", "--dtype", np.dtype(dtype).name, "--json", str(report)]

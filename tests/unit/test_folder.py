@@ -49,7 +49,7 @@ def scene_of(volume, axis=1, **changes):
 @pytest.fixture
 def few_planes(monkeypatch):
     """Slabs of three planes."""
-    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda plane_voxels: 3)
+    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
 
 
 def encoded(path, scene, quality, **options):
@@ -100,6 +100,20 @@ def test_unshaded_and_one_axis(tmp_path, few_planes):
         np.testing.assert_array_equal(from_folder(path, scene, quality).rgba, render(scene, quality).rgba)
         with pytest.raises(RleSplatError, match="needs principal axis x"):
             from_folder(path, replace(scene_of(volume_of(), 0), transfer_function=unshaded), quality)
+
+
+def test_slabs_follow_the_memory_that_is_left(tmp_path, monkeypatch):
+    """As many planes as fit, one where the next one is denser than was thought, and a sentence where none fits."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    plane = NX * NY * encode_folder.VOXEL_WORK
+    monkeypatch.setattr(encode_folder, "SHARE", 1.0)
+    monkeypatch.setattr(encode_folder, "available_bytes", lambda: plane)
+    assert NZ // 2 < encoded(tmp_path / "a.rle", scene, quality)["folder"]["slabs"] <= NZ
+    np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
+    monkeypatch.setattr(encode_folder, "available_bytes", lambda: plane // 100)
+    with pytest.raises(RleSplatError, match=r"A plane of the volume needs .* give a larger memory limit"):
+        encoded(tmp_path / "b.rle", scene, quality)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 
 
 def test_nothing_visible(tmp_path, few_planes):
