@@ -63,6 +63,7 @@ class PlainOptions:
     length_unit_given: str = "AUTO"
     orientation: str = ""
     flip: tuple = (False, False, False)
+    level: int = -1
 
 
 ARRAYS = ("shape", "spacing", "flip")
@@ -129,6 +130,12 @@ class SourceOptions:
     frame: IntProperty(
         name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
         "the first", default=0, min=0)
+    level: IntProperty(
+        name="Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest that fits into "
+        "memory when it is imported", default=-1, min=-1)
+    use_fitting_level: BoolProperty(
+        name="The Finest That Fits", description="Read the finest level whose voxels fit into memory",
+        **switch("level", -1, 0))
     use_first_frame: BoolProperty(
         name="The First", description="Read the first volume, and show others with the timeline",
         **switch("frame", 0, 1))
@@ -156,8 +163,9 @@ def read_options(source) -> dict:
         options["shape"] = tuple(source.shape)
     if any(source.spacing):
         options["spacing"] = typed_tuple(source.spacing)
-    if source.header_bytes >= 0:
-        options["header_bytes"] = source.header_bytes
+    for name in ("header_bytes", "level"):
+        if getattr(source, name) >= 0:
+            options[name] = getattr(source, name)
     if source.use_calibration:
         options["slope"], options["intercept"] = typed(source.slope), typed(source.intercept)
     for name in ("dtype", "byte_order", "modality"):
@@ -203,6 +211,12 @@ def copy(source, target) -> None:
     for name in NAMES:
         value = getattr(source, name)
         setattr(target, name, tuple(value) if name in ARRAYS else value)
+
+
+def keep_level(target, volume) -> None:
+    """Choose the level of a pyramid that was read, so that the same one is read again whatever memory is free then."""
+    if volume.shape_xyz in volume.levels:
+        target.level = volume.levels.index(volume.shape_xyz)
 
 
 def at_frame(source, frame: int):

@@ -26,6 +26,8 @@ DROPPED_SUFFIXES = tuple(dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
 CHOOSING = 0.95  # share of the time until the transfer function is chosen
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
+# Options that are numbers, and the switch that leaves each to the file.
+NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -134,6 +136,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if os.path.isfile(path) and format_of(path) is RAW:
             yield from self._completed_steps(path, options)
         found = yield from part(found_steps(path, options), 0.0, CHOOSING)
+        source_options.keep_level(options, found.volume)
         transfer_function, reason = yield from part(
             chosen_transfer_steps(self.preset, found.volume), CHOOSING, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own
@@ -245,7 +248,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         else:
             if "grid" in kind.options:
                 layout.prop(self, "grid")
-            for name, automatic in (("series", "use_only_series"), ("frame", "use_first_frame")):
+            for name, automatic in NUMBERS:
                 if name in kind.options:
                     draw_number(layout, self, name, automatic)
             if "spacing" in kind.options:

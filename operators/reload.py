@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..bridge import new_volume, source_options, volumes
+from ..bridge.automatic import draw_number
 from ..bridge.held import Held
 from ..bridge.reading import found_steps
 from ..bridge.source_paths import resolved_path
@@ -42,6 +43,8 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         layout.use_property_decorate = False
         source_options.draw_place(layout, self)
         owner = volumes.volume_object(context)
+        if owner is not None and owner.rle_splat.level >= 0:
+            draw_number(layout, self, "level", "use_fitting_level")
         if owner is not None and owner.rle_splat.frame_count > 1:
             layout.label(text="The frame that is shown is set in Time", icon="INFO")
         layout.separator()
@@ -67,6 +70,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
 
     def commit(self, context, found):
         owner = self._owner.get()
+        source_options.keep_level(self._options, found.volume)
         source_options.copy(self._options, owner.rle_splat)
         new_volume.fill_volume(context.scene, owner, found)
 

@@ -1,0 +1,61 @@
+"""OME-Zarr in Blender: refused in a sentence without the package zarr; with it, the level that was read is kept."""
+
+import json
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+
+def write(path, levels):
+    """A folder as OME-Zarr 0.5 has it, of chunks that are not packed."""
+    codec = {"name": "bytes", "configuration": {"endian": "little"}}
+    datasets = []
+    for number, values in enumerate(levels):
+        folder = path / str(number)
+        (folder / "c" / "0" / "0").mkdir(parents=True)
+        (folder / "c" / "0" / "0" / "0").write_bytes(values.astype("<u2").tobytes())
+        (folder / "zarr.json").write_text(json.dumps({
+            "zarr_format": 3, "node_type": "array", "shape": values.shape, "data_type": "uint16", "fill_value": 0,
+            "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": values.shape}},
+            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}}, "codecs": [codec],
+            "attributes": {},
+        }))  # fmt: skip
+        scale = [float(2**number)] * 3
+        datasets.append({"path": str(number), "coordinateTransformations": [{"type": "scale", "scale": scale}]})
+    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    image = {"version": "0.5", "multiscales": [{"axes": axes, "datasets": datasets}]}
+    group = {"zarr_format": 3, "node_type": "group", "attributes": {"ome": image}}
+    (path / "zarr.json").write_text(json.dumps(group))
+    return path
+
+
+@pytest.fixture
+def pyramid(tmp_path):
+    fine = np.arange(8 * 9 * 10, dtype=np.uint16).reshape(8, 9, 10)
+    return write(tmp_path / "a.zarr", (fine, fine[::2, ::2, ::2]))
+
+
+def test_without_the_package(pyramid, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    before = set(bpy.data.objects)
+    with pytest.raises(RuntimeError, match=r"needs the package zarr; install it into this Python"):
+        bpy.ops.rle_splat.import_folder(directory=str(pyramid))
+    assert set(bpy.data.objects) == before
+
+
+def test_the_level_is_kept(pyramid, bridge, core):
+    pytest.importorskip("zarr", reason="the zip has no zarr")
+    core("runtime.memory").limit_to(4 * 8 * 9 * 10)  # a quarter of it is less than the finest level
+    try:
+        bpy.ops.rle_splat.import_volume(filepath=str(pyramid / "zarr.json"))
+    finally:
+        core("runtime.memory").limit_to(None)
+    owner = bpy.context.view_layer.objects.active
+    assert owner.rle_splat.level == 1
+    bridge("volumes").forget_all()
+    assert bridge("volumes").load_volume(owner).shape_xyz == (5, 5, 4)
+    bpy.ops.rle_splat.reload(level=0)
+    assert bridge("volumes").load_volume(owner).shape_xyz == (10, 9, 8) and owner.rle_splat.level == 0
+    assert bridge("volumes").load_volume(owner).unit == "um"
