@@ -1,10 +1,10 @@
-"""Writing pictures: sRGB encoding and one writer for each file suffix.
+"""Writing pictures: one writer for each file suffix.
 
 Every writer takes
 
 - ``path``: the file;
 - ``rgba``: (height, width, 4) float32, premultiplied scene-linear, row 0 on top;
-- ``depth``: (height, width) float32, world units;
+- ``depth``: (height, width) float32, world units, or None for a picture without depth;
 - ``background``: three scene-linear numbers, or None.
 """
 
@@ -15,56 +15,7 @@ import zlib
 import numpy as np
 
 from ..scene import RleSplatError
-
-# The sRGB transfer curve (IEC 61966-2-1): linear below the threshold, then an offset power.
-LINEAR_LIMIT, LINEAR_SLOPE = 0.0031308, 12.92
-OFFSET, EXPONENT = 0.055, 1.0 / 2.4
-ROWS = 32  # encoded together
-
-
-def encode_srgb(linear) -> np.ndarray:
-    """sRGB-encode scene-linear values.
-
-    Parameters
-    ----------
-    linear : array_like
-        Scene-linear values; they are clamped to [0, 1].
-
-    Returns
-    -------
-    ndarray, float32
-        Encoded values in [0, 1], of the same shape.
-    """
-    clamped = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
-    power = (1.0 + OFFSET) * clamped**EXPONENT - OFFSET
-    return np.where(clamped <= LINEAR_LIMIT, LINEAR_SLOPE * clamped, power).astype(np.float32)
-
-
-def over_background(rgba, background) -> np.ndarray:
-    """(H, W, 3) float32 scene-linear: the premultiplied picture over one background color."""
-    return rgba[..., :3] + (1.0 - rgba[..., 3:4]) * np.asarray(background, dtype=np.float32)
-
-
-def straight_alpha(rgba) -> np.ndarray:
-    """(H, W, 4) float32: colors divided by alpha, as PNG wants them; black where alpha is zero."""
-    alpha = rgba[..., 3:4]
-    color = np.divide(rgba[..., :3], alpha, out=np.zeros_like(rgba[..., :3]), where=alpha > 0.0)
-    return np.concatenate((color, alpha), axis=-1)
-
-
-def to_bytes(rgba, background=None) -> np.ndarray:
-    """(H, W, 3) uint8 sRGB over ``background``, or without one (H, W, 4) with straight linear alpha."""
-    # In bands of rows, whose intermediate arrays fit into the processor's cache (measured: half the time).
-    return np.concatenate([_to_bytes(rgba[top : top + ROWS], background) for top in range(0, len(rgba), ROWS)])
-
-
-def _to_bytes(rgba, background):
-    if background is not None:
-        encoded = encode_srgb(over_background(rgba, background))
-    else:
-        straight = straight_alpha(rgba)
-        encoded = np.concatenate((encode_srgb(straight[..., :3]), np.clip(straight[..., 3:], 0.0, 1.0)), axis=-1)
-    return np.rint(encoded * 255.0).astype(np.uint8)
+from ..scene.display import to_bytes
 
 
 def write_png(path, rgba, depth, background=None) -> None:
@@ -78,14 +29,16 @@ def write_png(path, rgba, depth, background=None) -> None:
 
 
 def write_exr(path, rgba, depth, background=None) -> None:
-    """Write float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z``; the background is ignored."""
+    """Write float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z`` if there is a depth.
+
+    The background is ignored.
+    """
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {
-        "RGBA": np.ascontiguousarray(rgba, dtype=np.float32),
-        "Depth.Z": np.ascontiguousarray(depth, dtype=np.float32),
-    }
+    channels = {"RGBA": np.ascontiguousarray(rgba, dtype=np.float32)}
+    if depth is not None:
+        channels["Depth.Z"] = np.ascontiguousarray(depth, dtype=np.float32)
     with OpenEXR.File(header, channels) as picture:
         picture.write(str(path))
 

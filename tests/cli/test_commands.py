@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rle_splat
-from rle_splat.cli.images import to_bytes
 from rle_splat.scene import NO_DEPTH
+from rle_splat.scene.display import to_bytes
 
 SIZE = ("--size", "40", "30")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rle_splat.cli.images import encode_srgb, over_background, straight_alpha, to_bytes, writer_for
+from rle_splat.cli.images import writer_for
 from rle_splat.scene import NO_DEPTH, RleSplatError
+from rle_splat.scene.display import encode_srgb, over_background, straight_alpha, to_bytes
 
 
 @pytest.fixture

@@ -26,6 +26,7 @@ FLOORS = {
     "rle_splat.warp": 5.5,  # it takes the intermediate image
     "rle_splat.effects": 6,
     "rle_splat.pipeline": 7,
+    "rle_splat.figure": 7.5,
     "rle_splat.accuracy": 8,
     "rle_splat.accuracy.planner": 8.5,
     "rle_splat": 9,  # the facade exports the pipeline and the planner

@@ -1,0 +1,298 @@
+"""From a figure and its pictures to a page: where everything stands, in millimeters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..scene import RleSplatError, Scene
+from .color_bar import Lines, color_bar
+from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
+from .lettering import check_text, text_width, wrapped
+from .page import MM_PER_POINT, Fill, Page, Text, Tile
+from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
+from .scale import MM_PER_UNIT, SHARE, depth_of, length_per_pixel, length_text, round_length
+
+LABELS = "abcdefghijklmnopqrstuvwxyz"
+LEADING = 1.35  # from line to line, in font sizes
+BAR = 0.7  # mm: thickness of a scale bar
+WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
+CUBE = 3.2  # font sizes: an edge of the cube
+NO_SIDES = "The volume's file does not say where the patient's sides are"
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A scale bar: its length on the page in mm, and its label."""
+
+    length: float
+    label: str
+
+
+@dataclass(eq=False)
+class Draft:
+    """A page in the making: the figure, its measures in mm, the items so far, and sentences for the report."""
+
+    figure: Figure
+    items: list = field(default_factory=list)
+    remarks: list = field(default_factory=list)
+
+    def __post_init__(self):
+        style = self.figure.style
+        self.per_mm = style.pixels_per_mm
+        self.size = style.font_size * MM_PER_POINT
+        self.background = BACKGROUNDS[style.background]
+        self.ink = (1.0, 1.0, 1.0) if style.background == "black" else (0.0, 0.0, 0.0)
+        self.paper = self.background or (1.0, 1.0, 1.0)
+        first = self.figure.panels[0].scene
+        self.tile = first.width / self.per_mm, first.height / self.per_mm
+        functions = {panel.scene.transfer_function.key for panel in self.figure.panels}
+        self.several_functions = len(functions) > 1
+
+    def snapped(self, place: float) -> float:
+        """The nearest whole pixel, in mm."""
+        return round(place * self.per_mm) / self.per_mm
+
+    def remark(self, sentence: str) -> None:
+        """Note a sentence once."""
+        if sentence not in self.remarks:
+            self.remarks.append(sentence)
+
+
+def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
+    """Place the pictures of a figure on a page, with everything that explains them.
+
+    Parameters
+    ----------
+    figure : Figure
+    pictures : list of (H, W, 4) ndarray of float32
+        Of its panels; scene-linear, premultiplied.
+
+    Returns
+    -------
+    page : Page
+    remarks : list of str
+        Sentences on what the figure does not show.
+
+    Raises
+    ------
+    RleSplatError
+        If something that was asked for cannot be shown.
+    """
+    draft = Draft(figure)
+    check_labels(figure, draft)
+    bars = [scale_bar(panel.scene, draft) for panel in figure.panels]
+    y, columns = MARGIN, figure.columns
+    for first in range(0, len(figure.panels), columns):
+        row = range(first, min(first + columns, len(figure.panels)))
+        y = _row(draft, row, pictures, bars, y)
+    y = _shared_bar(draft, y)
+    y = _caption(draft, y)
+    height = math.ceil((y + MARGIN) * draft.per_mm)
+    page = Page(figure.style.width, height, figure.style.dpi, draft.background, tuple(draft.items))
+    return page, draft.remarks
+
+
+def check_labels(figure: Figure, draft: Draft | None = None) -> None:
+    """Refuse letters of a patient whose sides are unknown; ``draft`` notes it where they were not asked for."""
+    unknown = any(not knows_sides(panel.scene) for panel in figure.panels)
+    if not unknown or figure.style.orientation == OFF:
+        return
+    if figure.style.orientation != AUTO:
+        raise RleSplatError(f"{NO_SIDES}; read it with an orientation, or turn the letters of the figure off.")
+    if draft is not None:
+        draft.remark(f"{NO_SIDES}, so the figure has no letters.")
+
+
+def scale_bar(scene: Scene, draft: Draft) -> ScaleBar | None:
+    """The scale bar of a picture; None without one, which ``draft`` notes if it was left to the program."""
+    style = draft.figure.style
+    if style.scale_bar == OFF:
+        return None
+    try:
+        per_pixel = length_per_pixel(scene, style.scale_depth)
+    except RleSplatError as problem:
+        if style.scale_bar != AUTO:
+            raise
+        draft.remark(f"The figure has no scale bar. {problem}")
+        return None
+    seen = per_pixel * scene.width
+    length = round_length(SHARE * seen) if style.scale_bar == AUTO else float(style.scale_bar)
+    label = length_text(length, scene.volume.unit)
+    if length > seen:
+        raise RleSplatError(
+            f"A scale bar of {label} is longer than the picture, which shows {length_text(seen, scene.volume.unit)}; "
+            "give a shorter one."
+        )
+    if scene.camera.type == "PERSP":
+        away = depth_of(scene, style.scale_depth) / (scene.scene_scale / MM_PER_UNIT.get(scene.volume.unit, 1.0))
+        label += f" at a depth of {length_text(round(away, 1), scene.volume.unit)}"
+    return ScaleBar(length / per_pixel / draft.per_mm, label)
+
+
+# --- the rows of panels -----------------------------------------------------------------------------------------------
+
+
+def _row(draft: Draft, row: range, pictures: list, bars: list, y: float) -> float:
+    """Add one row of panels below ``y``; return where it ends."""
+    panels, size = draft.figure.panels, draft.size
+    wide, tall = draft.tile
+    titles = [_title_lines(draft, n) for n in row]
+    lines = max(map(len, titles))
+    top = draft.snapped(y + LEADING * size * lines + (0.35 * size if lines else 0.0))
+    strip = max(_strip_lines(draft, n, bars[n]) for n in row)
+    below = top + tall + LEADING * size * strip + (0.4 * size if strip else 0.0)
+    for place, n in enumerate(row):
+        x = draft.snapped(MARGIN + place * (wide + draft.snapped(GUTTER)))
+        for number, line in enumerate(titles[place]):
+            _title(draft, n, line, number, x, y + size + LEADING * size * number)
+        draft.items.append(Tile(x, top, pictures[n]))
+        _sides(draft, panels[n].scene, x, top)
+        _strip(draft, n, bars[n], x, top + tall, strip)
+        if draft.several_functions and draft.figure.style.color_bar:
+            _color_bar(draft, panels[n].scene, x, below + 0.3 * size, wide)
+    end = below
+    if draft.several_functions and draft.figure.style.color_bar:
+        end += Lines(0.9 * size).height + 0.5 * size
+    return end + (0.8 * GUTTER if row.stop < len(panels) else 0.0)
+
+
+def _title_lines(draft: Draft, n: int) -> list[str]:
+    """The lines of a panel's title, at least one where panels have letters."""
+    indent = _indent(draft)
+    lines = wrapped(draft.figure.panels[n].title, draft.size, draft.tile[0] - indent)
+    return lines or ([""] if indent else [])
+
+
+def _indent(draft: Draft) -> float:
+    """Where a title begins, beside the panel's letter; 0 for a figure of one panel."""
+    return 1.7 * draft.size if 1 < len(draft.figure.panels) <= len(LABELS) else 0.0
+
+
+def _title(draft: Draft, n: int, line: str, number: int, x: float, y: float) -> None:
+    if _indent(draft) and number == 0:
+        draft.items.append(Text(x, y, LABELS[n], 1.15 * draft.size, draft.ink, bold=True))
+    if line:
+        draft.items.append(Text(x + _indent(draft), y, line, draft.size, draft.ink))
+
+
+def _sides(draft: Draft, scene: Scene, x: float, y: float) -> None:
+    """The patient's sides in a picture."""
+    style, (wide, tall) = draft.figure.style, draft.tile
+    if style.orientation == OFF or not knows_sides(scene):
+        return
+    if style.orientation == "cube":
+        side = CUBE * draft.size
+        draft.items += cube(scene, x + wide - 0.9 * side, y + tall - 0.9 * side, side, draft.size)
+        return
+    halo = None if draft.background is None else draft.paper
+    draft.items += letter_texts(edge_letters(scene), x, y, wide, tall, draft.size, draft.ink, halo)
+
+
+def _window_text(draft: Draft, n: int) -> str:
+    """Window and level of a panel, where panels differ in them."""
+    if not draft.several_functions:
+        return ""
+    scene = draft.figure.panels[n].scene
+    window, level, unit = window_of(scene)
+    return f"W {window} L {level} {unit}".rstrip()
+
+
+def window_of(scene: Scene) -> tuple[str, str, str]:
+    """Window, level and unit of the values of a scene's transfer function, as texts."""
+    low, high = scene.transfer_function.span
+    texts = (f"{value:.5g}".replace("-", "−") for value in (high - low, 0.5 * (low + high)))
+    return *texts, scene.volume.value_unit or ""
+
+
+def _strip_lines(draft: Draft, n: int, bar: ScaleBar | None) -> int:
+    """Lines that scale bar and window need below a picture."""
+    window = _window_text(draft, n)
+    if bar is None or not window:
+        return int(bar is not None or bool(window))
+    width = bar.length + 2.0 * draft.size + sum(text_width(text, draft.size) for text in (bar.label, window))
+    return 1 if width <= draft.tile[0] else 2
+
+
+def _strip(draft: Draft, n: int, bar: ScaleBar | None, x: float, y: float, lines: int) -> None:
+    """Scale bar, and window and level, below a picture that ends at ``y``."""
+    size, window = draft.size, _window_text(draft, n)
+    if bar is not None:
+        middle = y + 0.95 * size
+        corners = ((x, middle - 0.5 * BAR), (x + bar.length, middle - 0.5 * BAR),
+                   (x + bar.length, middle + 0.5 * BAR), (x, middle + 0.5 * BAR))  # fmt: skip
+        draft.items.append(Fill(corners, draft.ink))
+        draft.items.append(Text(x + bar.length + 0.6 * size, middle + 0.36 * size, bar.label, size, draft.ink))
+    if window:
+        baseline = y + 1.31 * size + (lines - 1) * LEADING * size
+        draft.items.append(Text(x + draft.tile[0], baseline, window, size, draft.ink, anchor="end"))
+
+
+# --- color bars and caption -------------------------------------------------------------------------------------------
+
+
+def _color_bar(draft: Draft, scene: Scene, x: float, y: float, width: float) -> None:
+    function, volume = scene.transfer_function, scene.volume
+    distance = function.opacity_unit_distance or float(volume.spacing.min())
+    text = f"{distance:.3g} {volume.unit}"
+    unit = volume.value_unit
+    if unit:
+        check_text(unit, "The unit of the values")
+    draft.items += color_bar(function, text, unit, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink)
+    if scene.labels is not None or scene.channels:
+        draft.remark("The color bar is that of the volume; labels and channels have further colors.")
+
+
+def _shared_bar(draft: Draft, y: float) -> float:
+    """Add one color bar for a figure with one transfer function; return where it ends."""
+    if draft.several_functions or not draft.figure.style.color_bar:
+        return y
+    width = min(draft.figure.style.width / draft.per_mm - 2.0 * MARGIN, WIDEST_BAR)
+    _color_bar(draft, draft.figure.panels[0].scene, MARGIN, y + 0.6 * draft.size, width)
+    return y + 0.8 * draft.size + Lines(0.9 * draft.size).height
+
+
+def _caption(draft: Draft, y: float) -> float:
+    """Add the caption; return where it ends."""
+    caption = draft.figure.style.caption
+    text = automatic_caption(draft) if caption is None else caption
+    width = draft.figure.style.width / draft.per_mm - 2.0 * MARGIN
+    lines = wrapped(text, draft.size, width)
+    y += 0.7 * draft.size if lines else 0.0
+    for number, line in enumerate(lines):
+        draft.items.append(Text(MARGIN, y + draft.size * (1.0 + LEADING * number), line, draft.size, draft.ink))
+    return y + LEADING * draft.size * len(lines)
+
+
+def automatic_caption(draft: Draft) -> str:
+    """What is seen: transfer function, window and level, voxels, projection, and the letters of the patient's sides."""
+    scenes = [panel.scene for panel in draft.figure.panels]
+    first = scenes[0]
+    sentences = []
+    if draft.several_functions:
+        sentences.append("W window, L level.")
+    else:
+        window, level, unit = window_of(first)
+        name = f"{first.transfer_function.name}: window" if first.transfer_function.name else "Window"
+        sentences.append(f"{name} {window} {unit}".rstrip() + f", level {level} {unit}".rstrip() + ".")
+    counts = " × ".join(map(str, first.volume.shape_xyz))
+    sides = " × ".join(f"{side:.3g}" for side in np.round(first.volume.spacing, 6))
+    sentences.append(f"{counts} voxels of {sides} {first.volume.unit}.")
+    kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
+    found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
+    sentences.append(f"{' and '.join(found)} projection.".capitalize())
+    letters = _letters_used(draft, scenes)
+    if letters:
+        sentences.append(", ".join(f"{letter} {WORDS[letter]}" for letter in WORDS if letter in letters) + ".")
+    text = " ".join(sentences)
+    return check_text(text, "The figure's caption")
+
+
+def _letters_used(draft: Draft, scenes: list) -> set:
+    if draft.figure.style.orientation == OFF or not all(map(knows_sides, scenes)):
+        return set()
+    if draft.figure.style.orientation == "cube":
+        return set(WORDS)
+    return {letter for scene in scenes for letter in "".join(edge_letters(scene).values())}

@@ -1,0 +1,62 @@
+"""PNG files without any package: 8 bits per channel, sRGB, with the size at which they are printed."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+import numpy as np
+
+from ..scene.display import to_bytes
+from .page import MM_PER_INCH
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+COLOR_TYPES = {3: 2, 4: 6}  # channels -> the format's number for truecolor, and for truecolor with alpha
+PERCEPTUAL = b"\x00"  # rendering intent
+LEVEL = 6  # of the compression
+MM_PER_METER = 1000.0
+
+
+def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
+    """A picture as the content of a PNG file.
+
+    Parameters
+    ----------
+    rgba : (H, W, 4) ndarray of float32
+        Scene-linear, premultiplied, row 0 at the top.
+    dpi : float
+        Pixels per inch.
+    background : (3,) sequence of float, optional
+        Scene-linear RGB below the picture; without it, the file has straight alpha.
+
+    Returns
+    -------
+    bytes
+        Without times or names, so that equal pictures have equal files.
+
+    Notes
+    -----
+    Chunks as in the PNG specification (W3C, third edition). Rows are compressed as they are (filter type 0 or 2,
+    "None" for the first row and "Up" below it).
+    """
+    pixels = to_bytes(rgba, background)
+    height, width, channels = pixels.shape
+    rows = np.empty((height, 1 + width * channels), np.uint8)
+    rows[:, 0] = 2
+    rows[0, 0] = 0
+    flat = pixels.reshape(height, -1)
+    rows[0, 1:] = flat[0]
+    rows[1:, 1:] = flat[1:] - flat[:-1]  # modulo 256
+    per_meter = round(dpi / MM_PER_INCH * MM_PER_METER)
+    return b"".join((
+        SIGNATURE,
+        _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)),
+        _chunk(b"sRGB", PERCEPTUAL),
+        _chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
+        _chunk(b"IDAT", zlib.compress(rows.tobytes(), LEVEL)),
+        _chunk(b"IEND", b""),
+    ))
+
+
+def _chunk(name: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))

@@ -1,0 +1,147 @@
+"""A page as pixels, scene-linear, with anti-aliasing."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from ..scene import RleSplatError
+from .lettering import stroke_width, strokes_of
+from .page import Fill, Page, Stroke, Text, Tile
+
+ANCHOR_SHARES = {"start": 0.0, "middle": 0.5, "end": 1.0}
+HALO = 0.16  # width of a halo on each side, in font sizes
+REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
+
+
+def draw(page: Page) -> np.ndarray:
+    """Draw a page.
+
+    Parameters
+    ----------
+    page : Page
+
+    Returns
+    -------
+    (height, width, 4) ndarray of float32
+        Scene-linear, premultiplied, row 0 at the top.
+
+    Raises
+    ------
+    RleSplatError
+        If a tile reaches beyond the page.
+    """
+    canvas = np.zeros((page.height, page.width, 4), dtype=np.float32)
+    if page.background is not None:
+        canvas[...] = (*page.background, 1.0)
+    for item in page.items:
+        if isinstance(item, Tile):
+            _put(canvas, item, page)
+        elif isinstance(item, Text):
+            _write(canvas, item, page)
+        elif isinstance(item, Stroke):
+            _ink(canvas, _line_cover(canvas.shape, [_pixels(item.points, page)], item.width, page), item.color)
+        elif isinstance(item, Fill):
+            _ink(canvas, _polygon_cover(canvas.shape, _pixels(item.points, page)), item.color)
+    return canvas
+
+
+def _pixels(points, page: Page) -> np.ndarray:
+    """(n, 2) float64: points in mm as columns and rows; pixel (c, r) covers [c, c + 1) x [r, r + 1)."""
+    return np.asarray(points, dtype=np.float64) * page.pixels_per_mm
+
+
+def _put(canvas: np.ndarray, tile: Tile, page: Page) -> None:
+    """Lay a premultiplied picture over the canvas."""
+    left, top = (round(place * page.pixels_per_mm) for place in (tile.x, tile.y))
+    height, width = tile.rgba.shape[:2]
+    if left < 0 or top < 0 or left + width > page.width or top + height > page.height:
+        raise RleSplatError("A picture reaches beyond the page; make the figure wider, or its text smaller.")
+    part = canvas[top : top + height, left : left + width]
+    part *= 1.0 - tile.rgba[..., 3:]
+    part += tile.rgba
+
+
+def _write(canvas: np.ndarray, text: Text, page: Page) -> None:
+    strokes, width = strokes_of(text.text, text.size)
+    left = text.x - ANCHOR_SHARES[text.anchor] * width
+    lines = [_pixels(stroke * (1.0, -1.0) + (left, text.y), page) for stroke in strokes]
+    thick = stroke_width(text.size, text.bold)
+    if text.halo is not None:
+        _ink(canvas, _line_cover(canvas.shape, lines, thick + 2.0 * HALO * text.size, page), text.halo)
+    _ink(canvas, _line_cover(canvas.shape, lines, thick, page), text.color)
+
+
+def _ink(canvas: np.ndarray, covered, color) -> None:
+    """Paint a color where it covers pixels: ``covered`` is (rows, columns, cover), or None for nothing."""
+    if covered is None:
+        return
+    rows, columns, cover = covered
+    part = canvas[rows, columns]
+    part *= 1.0 - cover[..., None]
+    part += cover[..., None] * np.array((*color, 1.0), np.float32)
+
+
+def _bounds(shape, points: np.ndarray, reach: float):
+    """Slices of rows and of columns around points, within a canvas; None where that is empty."""
+    low = np.maximum(np.floor(points.min(axis=0) - reach).astype(int), 0)
+    high = np.minimum(np.ceil(points.max(axis=0) + reach).astype(int), (shape[1], shape[0]))
+    return (slice(low[1], high[1]), slice(low[0], high[0])) if (low < high).all() else None
+
+
+def _middles(rows: slice, columns: slice):
+    """Columns (1, n) and rows (m, 1) of the middles of the pixels of two slices."""
+    across = np.arange(columns.start, columns.stop)[None, :] + 0.5
+    return across, np.arange(rows.start, rows.stop)[:, None] + 0.5
+
+
+def _line_cover(shape, lines: list, width_mm: float, page: Page):
+    """How much of each pixel lines cover that are ``width_mm`` wide and have round ends; lines are (n, 2) pixels."""
+    if not lines:
+        return None
+    half = 0.5 * width_mm * page.pixels_per_mm
+    thin = min(2.0 * half, 1.0)  # a line thinner than a pixel is drawn one pixel wide and fainter
+    half = max(half, 0.5)
+    window = _bounds(shape, np.concatenate(lines), half + REACH)
+    if window is None:
+        return None
+    rows, columns = window
+    cover = np.zeros((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
+    for line in lines:
+        for begin, end in pairwise(line):
+            inner = _bounds(shape, np.stack((begin, end)), half + REACH)
+            if inner is None:
+                continue
+            place = tuple(slice(i.start - w.start, i.stop - w.start) for i, w in zip(inner, window))
+            found = np.clip(half + 0.5 - _distance(*_middles(*inner), begin, end), 0.0, 1.0)
+            np.maximum(cover[place], thin * found, out=cover[place], casting="same_kind")
+    return rows, columns, cover
+
+
+def _distance(across, down, begin, end) -> np.ndarray:
+    """Distance of pixels from a segment, in pixels."""
+    along = end - begin
+    length = float(along @ along)
+    x, y = across - begin[0], down - begin[1]
+    share = np.clip((x * along[0] + y * along[1]) / length, 0.0, 1.0) if length > 0.0 else 0.0
+    return np.hypot(x - share * along[0], y - share * along[1])
+
+
+def _polygon_cover(shape, points: np.ndarray):
+    """How much of each pixel a convex polygon covers, from the distances to its sides; exact along the axes."""
+    window = _bounds(shape, points, REACH)
+    if window is None:
+        return None
+    across, down = _middles(*window)
+    following = np.roll(points, -1, axis=0)
+    turn = np.sign(np.sum(points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]))
+    inside = []
+    for begin, end in zip(points, following):
+        along = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-12)
+        distance = turn * (along[0] * (down - begin[1]) - along[1] * (across - begin[0]))
+        inside.append(np.clip(distance + 0.5, 0.0, 1.0))
+    cover = np.ones(np.broadcast_shapes(*(one.shape for one in inside)))
+    for one in inside:
+        cover = np.minimum(cover, one)
+    return (*window, cover.astype(np.float32))
