@@ -7,7 +7,8 @@ from dataclasses import replace
 from ..scene import RleSplatError, Scene
 
 
-def add_light_effect_options(parser) -> None:
+def add_light_effect_options(parser, with_pass: bool = True) -> None:
+    """Add these options; ``with_pass``: the one of the shadow pass too."""
     group = parser.add_argument_group("shadows and ambient light")
     group.add_argument(
         "--shadows", action="store_true",
@@ -21,10 +22,11 @@ def add_light_effect_options(parser) -> None:
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
         help="darken places where the volume blocks the light from all directions, 0 (off, the default) to 1",
     )
-    group.add_argument(
-        "--shadow-pass", metavar="FILE",
-        help="also write a picture of the share of each pixel's light that shadows and ambient occlusion remove",
-    )
+    if with_pass:
+        group.add_argument(
+            "--shadow-pass", metavar="FILE",
+            help="also write a picture of the share of each pixel's light that shadows and ambient occlusion remove",
+        )
 
 
 def check_light_effects(args) -> None:
@@ -35,9 +37,10 @@ def check_light_effects(args) -> None:
     name = next((name for name, given in wanted.items() if given), None)
     if name is not None and args.no_shading:
         raise RleSplatError(f"--no-shading and --{name} contradict each other; give one of the two.")
-    if args.shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
+    shadow_pass = getattr(args, "shadow_pass", None)
+    if shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
         raise RleSplatError("--shadow-pass needs shadows; add --shadows or --ambient-occlusion.")
-    if args.shadow_pass is not None and args.tolerance is not None:
+    if shadow_pass is not None and args.tolerance is not None:
         raise RleSplatError("--tolerance renders without shadows; remove --shadow-pass, or use --quality instead.")
     if args.shadows and args.lights is None:
         raise RleSplatError("--shadows needs lights; give some with --lights, because a headlight casts none.")

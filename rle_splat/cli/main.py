@@ -22,6 +22,7 @@ DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COMMANDS = {
     "render": "render a volume to a picture (.png, .exr, .npy)",
     "info": "describe a volume: shape, type, spacing, range, histogram, unusual data",
+    "figure": "make a figure for print, with scale bar, color bar and sidecar (.svg, .png, .exr, .pdf)",
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "write a volume in another format",
     "accuracy": "measure error and time of several quality settings on a volume and view: table, JSON, plot",

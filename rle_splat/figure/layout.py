@@ -98,9 +98,9 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
 def check_labels(figure: Figure, draft: Draft | None = None) -> None:
     """Refuse letters of a patient whose sides are unknown; ``draft`` notes it where they were not asked for."""
     unknown = any(not knows_sides(panel.scene) for panel in figure.panels)
-    if not unknown or figure.style.orientation == OFF:
+    if not unknown or figure.style.sides == OFF:
         return
-    if figure.style.orientation != AUTO:
+    if figure.style.sides != AUTO:
         raise RleSplatError(f"{NO_SIDES}; read it with an orientation, or turn the letters of the figure off.")
     if draft is not None:
         draft.remark(f"{NO_SIDES}, so the figure has no letters.")
@@ -181,9 +181,9 @@ def _title(draft: Draft, n: int, line: str, number: int, x: float, y: float) -> 
 def _sides(draft: Draft, scene: Scene, x: float, y: float) -> None:
     """The patient's sides in a picture."""
     style, (wide, tall) = draft.figure.style, draft.tile
-    if style.orientation == OFF or not knows_sides(scene):
+    if style.sides == OFF or not knows_sides(scene):
         return
-    if style.orientation == "cube":
+    if style.sides == "cube":
         side = CUBE * draft.size
         draft.items += cube(scene, x + wide - 0.9 * side, y + tall - 0.9 * side, side, draft.size)
         return
@@ -291,8 +291,8 @@ def automatic_caption(draft: Draft) -> str:
 
 
 def _letters_used(draft: Draft, scenes: list) -> set:
-    if draft.figure.style.orientation == OFF or not all(map(knows_sides, scenes)):
+    if draft.figure.style.sides == OFF or not all(map(knows_sides, scenes)):
         return set()
-    if draft.figure.style.orientation == "cube":
+    if draft.figure.style.sides == "cube":
         return set(WORDS)
     return {letter for scene in scenes for letter in "".join(edge_letters(scene).values())}

@@ -13,7 +13,7 @@ from .page import MM_PER_INCH
 
 # Name -> scene-linear RGB; None is transparent.
 BACKGROUNDS = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "transparent": None}
-ORIENTATIONS = ("auto", "letters", "cube", "off")
+SIDES = ("auto", "letters", "cube", "off")
 AUTO, OFF, CENTER = "auto", "off", "center"
 CM_TO_MM = 10.0
 MARGIN, GUTTER = 1.0, 4.0  # mm around the page, and between panels
@@ -47,7 +47,7 @@ class FigureStyle:
     scale_depth : float, "center" or None
         At which distance along the camera's axis, in world units, the scale bar of a perspective view holds; "center"
         is the middle of the volume.
-    orientation : {"auto", "letters", "cube", "off"}
+    sides : {"auto", "letters", "cube", "off"}
         The patient's sides: letters at the edges, or a cube. "auto" is letters where the file knows the sides.
     color_bar : bool
 
@@ -66,7 +66,7 @@ class FigureStyle:
     caption: str | None = None
     scale_bar: float | str = AUTO
     scale_depth: float | str | None = None
-    orientation: str = AUTO
+    sides: str = AUTO
     color_bar: bool = True
 
     def __post_init__(self):
@@ -79,7 +79,7 @@ class FigureStyle:
             raise RleSplatError(
                 f"The figure's columns must be a whole number from 0 to 100, not {short(self.columns)}."
             )
-        for name, choices in (("background", BACKGROUNDS), ("orientation", ORIENTATIONS)):
+        for name, choices in (("background", BACKGROUNDS), ("sides", SIDES)):
             if getattr(self, name) not in choices:
                 raise RleSplatError(
                     f"The figure's {name} must be {', '.join(choices)}, not {short(getattr(self, name))}.")

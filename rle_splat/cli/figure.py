@@ -1,0 +1,200 @@
+"""``rle-splat figure``: make a figure for print, or make one again from its sidecar."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+
+from ..figure.files import CONTENTS, SIDECAR_SUFFIX, Canvas, sidecar_path
+from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
+from ..scene import RleSplatError
+from ..volume.checks import check_values
+from .appearance import read_transfer_function
+from .figure_files import FURTHER, check_figure_file, write_figure
+from .figure_options import add_figure_options, panels_of, style_from, wanted_panels
+from .light_options import add_light_effect_options, check_light_effects, with_light_effects
+from .options import (
+    add_clip_option,
+    add_mist_option,
+    add_mode_option,
+    add_quality_options,
+    add_report_options,
+    add_scene_options,
+    add_volume_argument,
+    quality_from,
+    quality_remarks,
+    read_input,
+    scene_inputs,
+    volume_options,
+)
+from .output import check_outputs, whole_files
+from .progress import ProgressLine
+from .report import write_report
+from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+
+# Options that count when a figure is made again; its sidecar holds all others.
+OF_A_REMAKE = ("volume", "output", "data", "json", "progress", "threads", "debug", "command", "run", "prog", "defaults")
+
+
+def add_arguments(parser) -> None:
+    add_volume_argument(parser, also=(SIDECAR_SUFFIX,))
+    suffixes = ",".join(suffix[1:] for suffix in (*CONTENTS, *FURTHER))
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, metavar=f"FIG.{{{suffixes}}}",
+        help=f"the figure to write; may be given several times. FIG{SIDECAR_SUFFIX} is written beside the first one; "
+        "given in place of VOLUME, it makes the same figure again",
+    )
+    parser.add_argument("--data", metavar="FILE", help="where the data of a sidecar is now")
+    add_figure_options(parser)
+    add_mode_option(parser)
+    add_mist_option(parser)
+    add_report_options(parser)
+    add_scene_options(parser)
+    add_clip_option(parser)
+    add_light_effect_options(parser, with_pass=False)
+    add_quality_options(parser)
+    parser.set_defaults(defaults=parser.get_default)
+
+
+def run(args) -> None:
+    start = perf_counter()
+    for path in args.output:
+        check_figure_file(path)
+    again = Path(args.volume).suffix.lower() == ".json"
+    with ProgressLine(args.progress) as line:
+        made, remarks, sidecar = _made_again(args, line) if again else _made(args, line)
+        line.show(1.0, "writing")
+        written = _write(args, made, remarks, sidecar)
+    print("\n".join(remarks), end="\n" if remarks else "")
+    page = made.page
+    wide, tall = (side / page.dpi * MM_PER_INCH / CM_TO_MM for side in (page.width, page.height))
+    print(
+        f"Wrote {', '.join(written)} ({page.width} x {page.height} pixels, {wide:.1f} x {tall:.1f} cm) in "
+        f"{perf_counter() - start:.2f} s."
+    )
+
+
+def _check_outputs(args, inputs, further=()) -> None:
+    check_outputs([*args.output, *further, *([args.json] if args.json else [])], inputs=inputs)
+
+
+def _write(args, made, remarks, sidecar: dict | None) -> list[str]:
+    """Write all files of a figure, with its ``sidecar`` if one is given; return their names."""
+    targets = [*args.output, *([str(sidecar_path(args.output[0]))] if sidecar is not None else [])]
+    canvas = Canvas(made.page)
+    with whole_files([*targets, *([args.json] if args.json else [])]) as parts:
+        for path, part in zip(args.output, parts):
+            write_figure(part, Path(path).suffix.lower(), made.page, canvas)
+        if sidecar is not None:
+            write_report(parts[len(args.output)], sidecar)
+        if args.json:
+            write_report(parts[-1], _report(args, made, remarks, targets))
+    return targets
+
+
+def _report(args, made, remarks, written) -> dict:
+    return {
+        "command": "figure",
+        "input": {"path": str(args.volume)},
+        "page": {"width": made.page.width, "height": made.page.height, "dpi": made.page.dpi},
+        "panels": [
+            {"title": panel.title, **rendering.report}
+            for panel, rendering in zip(made.figure.panels, made.renderings)
+        ],
+        "remarks": list(remarks),
+        "outputs": list(written),
+    }
+
+
+# --- a new figure -----------------------------------------------------------------------------------------------------
+
+
+def _made(args, line):
+    """Make a figure of a volume; return (MadeFigure, remarks, sidecar)."""
+    from ..figure.sidecar import DataSource, sidecar_of
+
+    if args.data is not None:
+        raise RleSplatError("--data tells where the data of a sidecar is; give the volume itself in place of VOLUME.")
+    wanted = wanted_panels(args, read_transfer_function)
+    compared = [one.transfer_function for one in wanted.functions]
+    _check_outputs(args, (*scene_inputs(args), args.mist, *compared), [sidecar_path(args.output[0])])
+    style = style_from(args)
+    args.size = tile_size(style, wanted.count)
+    for view in wanted.views:
+        view.size = args.size
+    check_scene_options(args)
+    args.tolerance = None
+    check_light_effects(args)
+    quality = quality_from(args)
+    camera, matrix = read_placement(args)
+    lights = read_lights(args)
+    line.show(0.0, f"reading {Path(args.volume).name}")
+    volume = read_input(args, line)
+    check_values(volume)
+
+    def scene_of(view, function):
+        scene = make_scene(view, volume, function, *place(view, volume, camera, matrix), *lights)
+        return with_light_effects(args, scene)
+
+    figure = Figure(tuple(panels_of(args, volume, wanted, scene_of)), style)
+    made = _rendered(figure, [quality] * wanted.count, line)
+    remarks = (*made.remarks, *quality_remarks(args, quality))
+    return made, remarks, sidecar_of(made, DataSource(str(args.volume), volume_options(args)))
+
+
+def _rendered(figure: Figure, qualities, line):
+    from ..figure.make import figure_steps
+
+    with line.compiling():
+        return line.follow(figure_steps(figure, qualities), start=0.1)
+
+
+# --- the same figure again --------------------------------------------------------------------------------------------
+
+
+def _made_again(args, line):
+    """Make the figure of a sidecar again; return (MadeFigure, remarks, None)."""
+    from ..figure.sidecar import check_data, figure_of, read_sidecar, same_bits, version_remarks
+
+    given = [name for name in vars(args) if name not in OF_A_REMAKE and getattr(args, name) != args.defaults(name)]
+    if given:
+        raise RleSplatError(
+            f"A figure's sidecar holds all settings, so --{given[0].replace('_', '-')} cannot be given with it; remove "
+            "it, or make a new figure of the volume."
+        )
+    sidecar = read_sidecar(args.volume)
+    path = _place_of_data(args, sidecar.source.file)
+    _check_outputs(args, (args.volume, path))
+    volume = _read(path, sidecar.source.options, line)
+    check_data(sidecar, volume, path)
+    made = _rendered(*figure_of(sidecar, volume, args.threads), line)
+    remarks = [*version_remarks(sidecar), *made.remarks]
+    if same_bits(sidecar, made.renderings):
+        remarks.append("Its pictures have the bits that the sidecar tells.")
+    else:
+        remarks.append(
+            "Its pictures do not have the bits that the sidecar tells; another version or processor made it."
+        )
+    return made, remarks, None
+
+
+def _place_of_data(args, file: str) -> Path:
+    """Where the data of a sidecar is: by --data, as it was given, or beside the sidecar."""
+    if args.data is not None:
+        return Path(args.data)
+    places = (Path(file), Path(args.volume).parent / file, Path(args.volume).parent / Path(file).name)
+    found = next((place for place in places if place.exists()), None)
+    if found is None:
+        raise RleSplatError(
+            f"The data of the figure, {file}, is neither there nor beside the sidecar; say where with --data FILE."
+        )
+    return found
+
+
+def _read(path: Path, options: dict, line):
+    from ..read.formats import read_steps
+
+    line.show(0.0, f"reading {path.name}")
+    volume = line.follow(read_steps(str(path), **options))
+    check_values(volume)
+    return volume

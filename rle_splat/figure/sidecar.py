@@ -1,0 +1,273 @@
+"""The sidecar of a figure: everything from which it is made again, bit for bit, as JSON.
+
+It holds the file's name as the user gave it and a hash of the data, and nothing that a file says about a patient.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import platform
+from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from ..classify.transfer_function import TransferFunction
+from ..runtime.cache_folder import RELEASE
+from ..scene import Camera, Clip, Light, Mist, Pose, Quality, RleSplatError, Scene, from_mapping, read_json
+from .make import MadeFigure
+from .plan import Figure, FigureStyle, Panel
+
+FORMAT, VERSION = "rle-splat figure", 1
+AS_MADE = "figure"  # name of a quality whose knobs are those of a sidecar
+PACKAGES = ("numpy", "numba")
+OF_THE_MACHINE = ("threads",)  # knobs that no bit depends on
+NOT_HELD = ("volume", "background", "reasons_off")  # fields of a scene that are elsewhere, or without effect
+# Field of a scene -> from JSON to its value.
+HELD = {
+    "transfer_function": TransferFunction.from_json,
+    "camera": lambda given: from_mapping(Camera, given, "The sidecar's camera"),
+    "width": int, "height": int, "volume_matrix": np.array, "scene_scale": float,
+    "lights": lambda given: tuple(from_mapping(Light, one, "A light of the sidecar") for one in given),
+    "headlight": bool, "effects": dict,
+    "motion": lambda given: tuple(from_mapping(Pose, one, "A pose of the sidecar") for one in given),
+    "clips": lambda given: tuple(from_mapping(Clip, one, "A clip object of the sidecar") for one in given),
+    "mode": str, "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
+    "world": tuple, "ambient_occlusion": float,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class DataSource:
+    """Where a figure's data is: the file as the user gave it, and the options of ``read_volume``."""
+
+    file: str
+    options: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Sidecar:
+    """A sidecar that was read.
+
+    Attributes
+    ----------
+    source : DataSource
+    data_hash : str
+        ``Volume.key`` of the data.
+    content : dict
+        The whole file.
+    """
+
+    source: DataSource
+    data_hash: str
+    content: dict
+
+
+# --- writing ----------------------------------------------------------------------------------------------------------
+
+
+def sidecar_of(made: MadeFigure, source: DataSource) -> dict:
+    """The sidecar of a figure, JSON-ready.
+
+    Parameters
+    ----------
+    made : MadeFigure
+    source : DataSource
+
+    Returns
+    -------
+    dict
+        ``missing`` names what of the scene it does not hold; a figure with any of it cannot be made again from it.
+    """
+    volume = made.figure.panels[0].scene.volume
+    scenes = [panel.scene for panel in made.figure.panels]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "versions": versions(),
+        "data": {
+            "file": source.file, "options": _plain(source.options), "hash": volume.key,
+            "shape_xyz": _plain(volume.shape_xyz), "affine": volume.affine.tolist(), "unit": volume.unit,
+            "value_unit": volume.value_unit,
+        },
+        "style": asdict(made.figure.style),
+        "panels": [
+            _panel(panel, rendering) for panel, rendering in zip(made.figure.panels, made.renderings, strict=True)
+        ],
+        "missing": sorted({name for scene in scenes for name in missing_of(scene)}),
+    }  # fmt: skip
+
+
+def _panel(panel: Panel, rendering) -> dict:
+    plan = rendering.report["plan"]
+    known = {entry.name for entry in fields(Quality)} - set(OF_THE_MACHINE)
+    return {
+        "title": panel.title,
+        "scene": {name: _field(panel.scene, name) for name in HELD},
+        "quality": {**{name: plan[name] for name in plan if name in known}, "name": AS_MADE},
+        "plan": _plain({name: plan[name] for name in ("quality", "why", "aim", "expected", "base_planes")}),
+        "error": _plain(rendering.report["error"]),
+        "pixels": pixel_hash(rendering.rgba),
+    }
+
+
+def _field(scene: Scene, name: str):
+    value = getattr(scene, name)
+    return value.to_json() if isinstance(value, TransferFunction) else _plain(value)
+
+
+def _plain(value):
+    """Dataclasses, arrays and tuples as JSON types; numbers keep all their bits."""
+    if is_dataclass(value):
+        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def missing_of(scene: Scene) -> list[str]:
+    """Names of the fields of a scene that a sidecar does not hold, and that are not at their defaults."""
+    others = (entry for entry in fields(Scene) if entry.name not in HELD and entry.name not in NOT_HELD)
+    return [entry.name for entry in others if not _is_default(getattr(scene, entry.name), entry)]
+
+
+def _is_default(value, entry) -> bool:
+    usual = entry.default if entry.default_factory is MISSING else entry.default_factory()
+    return value is usual or (type(value) is type(usual) and not isinstance(value, np.ndarray) and value == usual)
+
+
+def pixel_hash(rgba: np.ndarray) -> str:
+    """Hash of a picture's bits."""
+    digest = hashlib.blake2b(repr(rgba.shape).encode(), digest_size=16)
+    digest.update(np.ascontiguousarray(rgba, np.float32))
+    return digest.hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of what a picture's bits may depend on."""
+    found = {"rle-splat": RELEASE}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return {**found, "python": platform.python_version(), "machine": platform.machine()}
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+def read_sidecar(path) -> Sidecar:
+    """Read a sidecar.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Sidecar
+
+    Raises
+    ------
+    RleSplatError
+        For a file that is no sidecar, one of a later version, or one that does not hold the whole scene.
+    """
+    content = read_json(path, "the sidecar")
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise RleSplatError(f"{path} is not the sidecar of a figure; give a file that the figure command has written.")
+    if content.get("version") != VERSION:
+        raise RleSplatError(
+            f"The sidecar {path} has version {content.get('version')!r}, and this program reads version {VERSION}; use "
+            "the program that made it."
+        )
+    missing = _part(content, "missing", list, path)
+    if missing:
+        names = ", ".join(str(name).replace("_", " ") for name in missing)
+        raise RleSplatError(
+            f"The figure of {path} shows more than its sidecar can hold ({names}); make it again where it was made."
+        )
+    data = _part(content, "data", dict, path)
+    options = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in _part(data, "options", dict, path).items()
+    }
+    source = DataSource(_part(data, "file", str, path), options)
+    for panel in _part(content, "panels", list, path):
+        if not isinstance(panel, dict):
+            raise RleSplatError(f"A panel of the sidecar {path} is not an object; use the file as it was written.")
+        for name, kind in (("title", str), ("scene", dict), ("quality", dict), ("pixels", str)):
+            _part(panel, name, kind, path)
+    _part(content, "style", dict, path)
+    return Sidecar(source, _part(data, "hash", str, path), content)
+
+
+def _part(mapping: dict, name: str, kind: type, path):
+    if not isinstance(mapping.get(name), kind):
+        raise RleSplatError(f"The sidecar {path} has no valid {name!r}; use the file as it was written.")
+    return mapping[name]
+
+
+def check_data(sidecar: Sidecar, volume, path) -> None:
+    """Refuse data, read from ``path``, that is not what a figure was made of."""
+    if volume.key != sidecar.data_hash:
+        raise RleSplatError(
+            f"The data of {path} is not what the figure was made of (its hash is {volume.key}, not "
+            f"{sidecar.data_hash}); give the original file."
+        )
+
+
+def figure_of(sidecar: Sidecar, volume, threads: int = 0) -> tuple[Figure, list[Quality]]:
+    """The figure of a sidecar, and the qualities of its panels.
+
+    Parameters
+    ----------
+    sidecar : Sidecar
+    volume : Volume
+        Its data; see ``check_data``.
+    threads : int
+        As of Quality.
+
+    Raises
+    ------
+    RleSplatError
+        For values that are out of range.
+    """
+    panels, qualities = [], []
+    for entry in sidecar.content["panels"]:
+        panels.append(Panel(_scene(entry["scene"], volume), entry["title"]))
+        qualities.append(from_mapping(Quality, {**entry["quality"], "threads": threads}, "The sidecar's quality"))
+    style = from_mapping(FigureStyle, sidecar.content["style"], "The sidecar's style")
+    return Figure(tuple(panels), style), qualities
+
+
+def _scene(given: dict, volume) -> Scene:
+    unknown = sorted(set(given) ^ set(HELD))
+    if unknown:
+        raise RleSplatError(f"The scene of the sidecar has an unknown or no {unknown[0]!r}; use the file as written.")
+    try:
+        values = {name: None if value is None else HELD[name](value) for name, value in given.items()}
+    except (TypeError, ValueError) as problem:
+        raise RleSplatError(f"The scene of the sidecar has a value of the wrong type: {problem}.") from None
+    return Scene(volume=volume, **values)
+
+
+def version_remarks(sidecar: Sidecar) -> list[str]:
+    """Sentences on versions that differ from those with which a figure was made."""
+    now, given = versions(), sidecar.content.get("versions")
+    made = given if isinstance(given, dict) else {}
+    return [
+        f"The figure was made with {name} {made[name]}, and this is {name} {now[name]}; its bits may differ."
+        for name in now if name in made and made[name] != now[name]
+    ]  # fmt: skip
+
+
+def same_bits(sidecar: Sidecar, renderings) -> bool:
+    """Whether the pictures of a figure that was made again have the bits that the sidecar tells."""
+    told = [entry["pixels"] for entry in sidecar.content["panels"]]
+    return told == [pixel_hash(rendering.rgba) for rendering in renderings]
