@@ -13,8 +13,7 @@ from ..scene import RleSplatError
 from ..scene.display import encode_srgb, to_bytes
 from .images import write_exr, writer_for
 
-POINTS_PER_INCH = 72.0
-FONTS = ("Arial", "Helvetica", "Liberation Sans", "DejaVu Sans")  # the last one comes with matplotlib
+PDF_FONT, PDF_FONT_SCALE = "DejaVu Sans", 0.88  # comes with matplotlib; it is wider than the lettering of the layout
 ALIGNMENTS = {"start": "left", "middle": "center", "end": "right"}
 PDF_NEEDS = "Writing .pdf needs matplotlib; install it with pip install rle-splat[plots], or choose .svg."
 
@@ -86,9 +85,9 @@ def _pdf_text(axes, text: Text, page: Page, order: int) -> None:
         effects = [withStroke(linewidth=wide, foreground=_color(text.halo)), Normal()]
     drawn = text.text.replace("$", r"\$")  # not mathematics
     axes.text(
-        text.x, text.y, drawn, fontsize=text.size / MM_PER_POINT, color=_color(text.color), family=list(FONTS[-1:]),
-        ha=ALIGNMENTS[text.anchor], va="baseline", weight="bold" if text.bold else "normal", zorder=order,
-        path_effects=effects,
+        text.x, text.y, drawn, fontsize=PDF_FONT_SCALE * text.size / MM_PER_POINT, family=PDF_FONT,
+        color=_color(text.color), ha=ALIGNMENTS[text.anchor], va="baseline", weight="bold" if text.bold else "normal",
+        zorder=order, path_effects=effects,
     )  # fmt: skip
 
 

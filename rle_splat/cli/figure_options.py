@@ -175,4 +175,4 @@ def _title(panel: Panel, wanted: Wanted, n: int) -> str:
 def _angles(view) -> str:
     angles = {name: TURNTABLE_DEFAULTS[name] if getattr(view, name) is None else getattr(view, name)
               for name in ("azimuth", "elevation")}  # fmt: skip
-    return ", ".join(f"{name} {angle:g}°".replace("-", "−") for name, angle in angles.items())
+    return ", ".join(f"{name} {angle:g}°".replace("-", "−") for name, angle in angles.items()).capitalize()

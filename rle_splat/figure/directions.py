@@ -19,6 +19,7 @@ VIEWS = {
 WORDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
 SHADES = (0.9, 0.78, 0.66)  # scene-linear gray of the cube's faces of each axis of the patient
 LINE = 0.15  # mm
+EDGE_ON = 0.02  # of a face's own area: a face that is not seen
 LEAST_FACE = 0.35  # of a face's own area: a face that is seen so foreshortened has no letter
 
 
@@ -92,6 +93,8 @@ def cube(scene: Scene, x: float, y: float, side: float, size: float) -> list:
     ways = ways / np.linalg.norm(ways, axis=0)  # columns: the patient's axes, to the right, up and to the viewer
     items = []
     for axis in range(3):
+        if abs(ways[2, axis]) < EDGE_ON:
+            continue
         sign = 1.0 if ways[2, axis] > 0.0 else -1.0
         one, other = (ways[:, n] for n in range(3) if n != axis)
         face = sign * ways[:, axis]

@@ -19,7 +19,7 @@ LABELS = "abcdefghijklmnopqrstuvwxyz"
 LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
-CUBE = 3.2  # font sizes: an edge of the cube
+CUBE = 2.8  # font sizes: an edge of the cube
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
 
@@ -185,7 +185,7 @@ def _sides(draft: Draft, scene: Scene, x: float, y: float) -> None:
         return
     if style.sides == "cube":
         side = CUBE * draft.size
-        draft.items += cube(scene, x + wide - 0.9 * side, y + tall - 0.9 * side, side, draft.size)
+        draft.items += cube(scene, x + wide - 0.9 * side, y + 0.9 * side, side, draft.size)
         return
     halo = None if draft.background is None else draft.paper
     draft.items += letter_texts(edge_letters(scene), x, y, wide, tall, draft.size, draft.ink, halo)

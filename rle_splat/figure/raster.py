@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ..scene import RleSplatError
@@ -12,6 +10,7 @@ from .page import Fill, Page, Stroke, Text, Tile
 
 ANCHOR_SHARES = {"start": 0.0, "middle": 0.5, "end": 1.0}
 HALO = 0.16  # width of a halo on each side, in font sizes
+TINY = 1e-24  # square of a length in pixels that counts as none
 REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
 
 
@@ -109,23 +108,23 @@ def _line_cover(shape, lines: list, width_mm: float, page: Page):
     rows, columns = window
     cover = np.zeros((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
     for line in lines:
-        for begin, end in pairwise(line):
-            inner = _bounds(shape, np.stack((begin, end)), half + REACH)
-            if inner is None:
-                continue
-            place = tuple(slice(i.start - w.start, i.stop - w.start) for i, w in zip(inner, window))
-            found = np.clip(half + 0.5 - _distance(*_middles(*inner), begin, end), 0.0, 1.0)
-            np.maximum(cover[place], thin * found, out=cover[place], casting="same_kind")
+        inner = _bounds(shape, line, half + REACH)
+        if inner is None:
+            continue
+        place = tuple(slice(i.start - w.start, i.stop - w.start) for i, w in zip(inner, window))
+        found = np.clip(half + 0.5 - _distance(*_middles(*inner), line), 0.0, 1.0)
+        np.maximum(cover[place], thin * found, out=cover[place], casting="same_kind")
     return rows, columns, cover
 
 
-def _distance(across, down, begin, end) -> np.ndarray:
-    """Distance of pixels from a segment, in pixels."""
-    along = end - begin
-    length = float(along @ along)
-    x, y = across - begin[0], down - begin[1]
-    share = np.clip((x * along[0] + y * along[1]) / length, 0.0, 1.0) if length > 0.0 else 0.0
-    return np.hypot(x - share * along[0], y - share * along[1])
+def _distance(across, down, line: np.ndarray) -> np.ndarray:
+    """Distance of pixels from a line of segments, in pixels."""
+    begin, along = line[:-1, :, None, None], np.diff(line, axis=0)[..., None, None]
+    length = np.maximum(np.sum(along * along, axis=1), TINY)
+    x, y = across - begin[:, 0], down - begin[:, 1]
+    share = np.clip((x * along[:, 0] + y * along[:, 1]) / length, 0.0, 1.0)
+    x, y = x - share * along[:, 0], y - share * along[:, 1]
+    return np.sqrt((x * x + y * y).min(axis=0))
 
 
 def _polygon_cover(shape, points: np.ndarray):

@@ -67,6 +67,7 @@ def commands(scan: Path, out: Path):
     """Command lines that read a scan, some of which are refused."""
     yield ["info", scan, "--json", out / "info.json"]
     yield ["render", scan, "-o", out / "a.npy", "-o", out / "a.png", "--size", "32", "--json", out / "render.json"]
+    yield ["figure", scan, "-o", out / "a.svg", "--width-cm", "2", "--dpi", "50", "--json", out / "figure.json"]
     yield ["encode", scan, "-o", out / "a.rle", "--axes", "z", "--json", out / "encode.json"]
     yield ["convert", scan, out / "a.nii", "--json", out / "convert.json"]
     yield ["convert", scan, out / "a.nrrd"]
@@ -81,7 +82,7 @@ def test_outputs_of_the_command_line(scan: Path, tmp_path: Path, capfd):
     words = secrets(scan)
     assert len(words) > len(WORDS) + 9
     codes = [main([str(word) for word in command]) for command in commands(scan, out)]
-    assert codes[:6] == [0] * 6 and codes[6:] == [2, 2]
+    assert codes[:7] == [0] * 7 and codes[7:] == [2, 2]
     phantoms.write_classic(scan / "b", phantoms.geometries()["coronal"])
     assert main(["info", str(scan), "--json", str(out / "series.json")]) == 0  # lists two series
     assert main(["render", str(scan), "-o", str(out / "b.png")]) == 2

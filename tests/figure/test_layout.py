@@ -1,0 +1,245 @@
+"""Color bars against the transfer function, letters against the affine, and pages against their files."""
+
+import base64
+import io
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.figure.color_bar import bar_range, color_bar
+from rle_splat.figure.directions import cube, edge_letters, view_name
+from rle_splat.figure.glyphs import GLYPHS
+from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrapped
+from rle_splat.figure.page import Fill, Page, Stroke, Text, Tile
+from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
+from rle_splat.figure.png import png_bytes
+from rle_splat.figure.raster import draw
+from rle_splat.figure.svg import svg_text
+from rle_splat.scene import RleSplatError
+from rle_splat.scene.display import to_bytes
+from rle_splat.view.projection import world_to_pixel
+
+BLACK = (0.0, 0.0, 0.0)
+STEPS = TransferFunction(
+    name="Steps", unit="HU", opacity=((-100.0, 0.0), (0.0, 0.2), (0.0, 0.8), (300.0, 0.4)),
+    color=((-100.0, 0.1, 0.2, 0.9), (100.0, 0.9, 0.5, 0.1), (300.0, 1.0, 1.0, 1.0)),
+)  # fmt: skip
+
+
+# --- color bars -------------------------------------------------------------------------------------------------------
+
+
+def test_a_color_bar_has_the_colors_and_opacities_of_the_function():
+    items = color_bar(STEPS, "1 mm", "HU", (0.0, 0.0, 40.0), 2.0, 10.0, BLACK)
+    curve, strip = (item.rgba for item in items if isinstance(item, Tile))
+    columns = strip.shape[1]
+    values = -100.0 + 400.0 * (np.arange(columns) + 0.5) / columns
+    assert (strip[..., 3] == 1.0).all()
+    assert np.abs(strip[..., :3] - STEPS.color_at(values)).max() < 1e-6
+    assert curve[..., 3].sum(axis=0) / len(curve) == pytest.approx(STEPS.alpha_at(values), abs=1e-6)
+    inside = curve[..., 3] == 1.0
+    assert np.array_equal(curve[inside], np.broadcast_to(strip[0], curve.shape)[inside])
+
+
+def test_a_color_bar_has_its_ticks_where_the_values_are():
+    items = color_bar(STEPS, "1 mm", "HU", (3.0, 0.0, 40.0), 2.0, 10.0, BLACK)
+    strip = [item for item in items if isinstance(item, Tile)][1]
+    labels = {item.text: item.x for item in items if isinstance(item, Text) and item.anchor == "middle"}
+    assert {"−100", "0", "100", "200", "300"} <= set(labels)
+    for text, x in labels.items():
+        share = (x - strip.x) * 10.0 / strip.rgba.shape[1]
+        assert share == pytest.approx((float(text.replace("−", "-")) + 100.0) / 400.0)
+    assert {"Opacity per 1 mm", "Values in HU"} <= {item.text for item in items if isinstance(item, Text)}
+
+
+def test_a_function_of_one_point_has_a_bar_too():
+    low, high = bar_range(replace(STEPS, opacity=((40.0, 1.0),), color=((40.0, 1.0, 0.0, 0.0),)))
+    assert low < 40.0 < high
+
+
+def test_functions_that_differ_have_a_bar_each(drawing):
+    style = replace(drawing.style, width_cm=6.0)
+    functions = STEPS, replace(STEPS, shade=None)
+    scenes = [drawing.scene(style=style, count=2, function=function) for function in functions]
+    texts = [item.text for item in drawing.made(*scenes, style=style).page.items if isinstance(item, Text)]
+    assert texts.count("Opacity per 1 mm") == 2 and texts.count("W 400 L 100") == 2
+    assert [text for text in texts if text in ("a", "b")] == ["a", "b"]
+
+
+# --- letters of the patient's sides -----------------------------------------------------------------------------------
+
+LPS_TO_LETTERS = {(1, 0, 0): "L", (-1, 0, 0): "R", (0, 1, 0): "P", (0, -1, 0): "A", (0, 0, 1): "S", (0, 0, -1): "I"}
+AFFINES = {
+    "LPS": np.diag((1.0, 1.0, 1.0, 1.0)),
+    "RAS": np.diag((-1.0, -1.0, 1.0, 1.0)),
+    "SRA": np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]),
+}
+
+
+@pytest.mark.parametrize("name", AFFINES)
+@pytest.mark.parametrize("view", [(0.0, 0.0), (90.0, 0.0), (180.0, 0.0), (0.0, 90.0), (35.0, 20.0)])
+def test_letters_are_where_the_sides_are(drawing, balls, name, view):
+    scene = drawing.scene(
+        balls(affine=AFFINES[name], space="patient"), view={"azimuth": view[0], "elevation": view[1]},
+        volume_matrix=np.eye(4),
+    )  # fmt: skip
+    letters = edge_letters(scene)
+    project = world_to_pixel(scene.camera, scene.width, scene.height)[:2, :3]
+    # On the screen, to the right and down: how far a step toward each side of the patient goes.
+    steps = {letter: project @ np.array(way, float) for way, letter in LPS_TO_LETTERS.items()}
+    for edge, axis, sign in (("left", 0, -1), ("right", 0, 1), ("top", 1, -1), ("bottom", 1, 1)):
+        first = letters[edge][0]
+        assert sign * steps[first][axis] == pytest.approx(max(sign * step[axis] for step in steps.values()))
+        assert len(letters[edge]) == 1 or sign * steps[letters[edge][1]][axis] > 0.0
+
+
+def test_the_front_shows_the_right_on_the_left(drawing, balls):
+    scene = drawing.scene(balls(space="patient"))
+    assert edge_letters(scene) == {"left": "R", "right": "L", "top": "S", "bottom": "I"}
+    assert view_name(scene) == "Anterior view"
+    assert view_name(drawing.scene(balls(space="patient"), view={"azimuth": 30.0})) == ""
+
+
+def test_a_cube_shows_the_three_sides_that_face_the_viewer(drawing, balls):
+    items = cube(drawing.scene(balls(space="patient"), view={"azimuth": 40.0, "elevation": 30.0}), 0.0, 0.0, 5.0, 2.0)
+    assert {item.text for item in items if isinstance(item, Text)} == {"L", "A", "S"}
+    assert sum(isinstance(item, Fill) for item in items) == 3
+    front = cube(drawing.scene(balls(space="patient")), 0.0, 0.0, 5.0, 2.0)
+    assert [item.text for item in front if isinstance(item, Text)] == ["A"]
+
+
+def test_sides_that_are_unknown_are_not_invented(drawing):
+    made = drawing.made(drawing.scene())
+    assert any("does not say where the patient's sides are" in remark for remark in made.remarks)
+    with pytest.raises(RleSplatError, match="does not say where the patient's sides are"):
+        drawing.made(drawing.scene(), style=replace(drawing.style, sides="letters"))
+
+
+# --- the page and its files -------------------------------------------------------------------------------------------
+
+
+WORDS = '5 µm < 7 & "ü"'
+
+
+def some_page(background=(1.0, 1.0, 1.0)) -> Page:
+    tile = np.zeros((20, 30, 4), np.float32)
+    tile[5:15, 5:25] = 0.5, 0.1, 0.0, 0.5
+    items = (
+        Tile(1.0, 1.0, tile), Fill(((5.0, 5.05), (8.0, 5.05), (8.0, 5.5), (5.0, 5.5)), (0.2, 0.4, 0.6)),
+        Stroke(((1.0, 7.0), (9.0, 7.0)), 0.4, BLACK),
+        Text(5.0, 9.0, WORDS, 2.0, BLACK, "middle", halo=(1.0,) * 3),
+    )  # fmt: skip
+    return Page(100, 100, 254.0, background, items)
+
+
+def test_pixels_are_covered_by_their_share():
+    drawn = draw(some_page(None))
+    assert drawn.shape == (100, 100, 4)
+    assert np.array_equal(drawn[15:25, 15:35], np.broadcast_to(np.float32((0.5, 0.1, 0.0, 0.5)), (10, 20, 4)))
+    bar = drawn[50:56, 50:80]
+    assert bar[0, 5] == pytest.approx(0.5 * np.array((0.2, 0.4, 0.6, 1.0)), abs=1e-6)  # half of a row of pixels
+    assert bar[..., 3].sum() == pytest.approx(30 * 4.5, rel=1e-3)
+    line = drawn[66:74, 12:40, 3]  # beside the text
+    assert line.sum(axis=0) == pytest.approx(np.full(28, 4.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("background", [None, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)])
+def test_a_png_is_read_back_by_another_program(background):
+    Image = pytest.importorskip("PIL.Image")
+    drawn = draw(some_page(background))
+    image = Image.open(io.BytesIO(png_bytes(drawn, 254.0, background)))
+    assert np.array_equal(np.asarray(image), to_bytes(drawn, background))
+    assert image.info["dpi"] == pytest.approx((254.0, 254.0), abs=0.01) and image.info["srgb"] == 0
+
+
+def test_an_svg_holds_texts_lines_and_pictures():
+    Image = pytest.importorskip("PIL.Image")
+    page = some_page()
+    root = ElementTree.fromstring(svg_text(page).encode())
+    space = "{http://www.w3.org/2000/svg}"
+    assert root.get("width") == "10mm" and root.get("viewBox") == "0 0 10 10"
+    assert [text.text for text in root.iter(f"{space}text")] == [WORDS]
+    assert root.find(f"{space}polygon").get("points") == "5,5.05 8,5.05 8,5.5 5,5.5"
+    assert root.find(f"{space}polyline").get("points") == "1,7 9,7"
+    picture = root.find(f"{space}image")
+    assert (picture.get("width"), picture.get("height")) == ("3", "2")
+    kind, _, content = picture.get("{http://www.w3.org/1999/xlink}href").partition(",")
+    assert kind == "data:image/png;base64"
+    pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(content))))
+    assert np.array_equal(pixels, to_bytes(page.items[0].rgba, page.background))
+
+
+def test_a_figure_of_text_and_pictures_stays_within_its_page(drawing, balls):
+    style = replace(drawing.style, width_cm=7.0, caption=None, columns=2)
+    views = ({"azimuth": 0.0}, {"azimuth": 90.0}, {"azimuth": 50.0})
+    scenes = [drawing.scene(balls(space="patient", value_unit="HU"), style, 3, view=view) for view in views]
+    titles = ["Front", "Left", "A title that takes more than one line, for sure"]
+    page = drawing.made(*scenes, style=style, titles=titles).page
+    wide, tall = page.size_mm
+    for item in page.items:
+        if isinstance(item, Text):
+            width = text_width(item.text, item.size)
+            left = item.x - {"start": 0.0, "middle": 0.5, "end": 1.0}[item.anchor] * width
+            assert left >= 0.0 and left + width <= wide and item.size <= item.y <= tall, item
+    caption = " ".join(item.text for item in page.items if isinstance(item, Text) and item.x == 1.0)
+    assert "window 100 HU, level 50 HU" in caption and "20 × 12 × 14 voxels of 1 × 1 × 1 mm" in caption
+
+
+# --- lettering --------------------------------------------------------------------------------------------------------
+
+
+def test_every_character_has_strokes_within_its_width():
+    for character, (width, _) in GLYPHS.items():
+        strokes, advance = strokes_of(character, 9.8)
+        assert (len(strokes) > 0) == (character != " ")
+        assert advance == pytest.approx(width + 0.84)
+        for stroke in strokes:
+            assert stroke[:, 0].min() > -0.6 and stroke[:, 0].max() < advance + 0.6, character
+            assert stroke[:, 1].min() > -2.6 and stroke[:, 1].max() < 8.0, character
+
+
+def test_accents_are_drawn_and_unknown_characters_refused():
+    plain, marked = strokes_of("A", 1.0)[0], strokes_of("Ä", 1.0)[0]
+    assert len(marked) == len(plain) + 2 and marked[-1][:, 1].min() > plain[0][:, 1].max()
+    assert check_text("Größe: 5 µm – «x»".replace("«x»", "x"), "A text")
+    with pytest.raises(RleSplatError, match="A text has the character '漢'"):
+        check_text("a漢b", "A text")
+
+
+def test_lines_are_broken_at_spaces():
+    lines = wrapped("one two  three extraordinarily four", 2.0, 12.0)
+    assert " ".join(lines) == "one two three extraordinarily four" and len(lines) >= 3
+    assert all(text_width(line, 2.0) <= 12.0 or " " not in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "wrong, sentence",
+    [
+        ({"width_cm": 0.1}, "width cm must be from 1 to 200"),
+        ({"dpi": float("nan")}, "dpi must be from 20 to 2400"),
+        ({"columns": -1}, "columns must be a whole number"),
+        ({"background": "pink"}, "background must be white, black, transparent"),
+        ({"sides": "yes"}, "sides must be auto, letters, cube, off"),
+        ({"scale_bar": 0.0}, "scale bar must be a length above zero"),
+        ({"scale_depth": "near"}, "scale depth must be a length above zero, or 'center'"),
+        ({"caption": "a\u6f22"}, "caption has the character"),
+    ],
+)
+def test_a_wrong_style_is_refused(wrong, sentence):
+    with pytest.raises(RleSplatError, match=sentence):
+        FigureStyle(**wrong)
+
+
+def test_a_figure_needs_panels_of_one_size_and_room(drawing):
+    with pytest.raises(RleSplatError, match="at least one panel"):
+        Figure(())
+    sizes = [Panel(drawing.scene(style=FigureStyle(width_cm=width, dpi=50.0))) for width in (3.0, 4.0)]
+    with pytest.raises(RleSplatError, match="all have the same size"):
+        Figure(tuple(sizes))
+    with pytest.raises(RleSplatError, match="use fewer columns"):
+        tile_size(FigureStyle(width_cm=2.0, dpi=50.0, columns=9), 9)
+    with pytest.raises(RleSplatError, match="lower its dpi"):
+        tile_size(FigureStyle(width_cm=100.0, dpi=2400.0), 1)
