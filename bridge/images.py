@@ -131,11 +131,38 @@ def clear(image) -> None:
     _write(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
-def write_file(image, path: str) -> None:
-    """Write an image to a 32-bit EXR file and make it the image's source.
+def save_exr(pixels: np.ndarray, path: str) -> None:
+    """Write pixels to a 32-bit EXR file, through an image that exists for this alone.
 
-    Blender converts saved colors to the color space of the file, which changes them.  So a copy marked as plain numbers
-    is saved, which is not converted: the file holds the same bits.
+    Blender converts saved colors to the color space of the file, which changes them.  So the image is marked as plain
+    numbers, which are not converted: the file holds the same bits.
+
+    Parameters
+    ----------
+    pixels : ndarray, shape (height, width, 4), float32
+        Row 0 on top.
+    path : str
+        Absolute path of the file.
+
+    Raises
+    ------
+    RuntimeError, OSError
+        If Blender or the system cannot write the file.
+    """
+    height, width = pixels.shape[:2]
+    numbers = bpy.data.images.new("RLE Splat", width, height, alpha=True, float_buffer=True, is_data=True)
+    try:
+        numbers.alpha_mode = "CHANNEL_PACKED"
+        _write(numbers, pixels)
+        numbers.filepath_raw = path
+        numbers.file_format = "OPEN_EXR"
+        numbers.save()
+    finally:
+        bpy.data.images.remove(numbers)
+
+
+def write_file(image, path: str) -> None:
+    """Write an image to a 32-bit EXR file, with the same bits, and make it the image's source.
 
     Parameters
     ----------
@@ -149,16 +176,7 @@ def write_file(image, path: str) -> None:
     RuntimeError, OSError
         If Blender or the system cannot write the file.
     """
-    width, height = image.size
-    numbers = bpy.data.images.new(image.name, width, height, alpha=True, float_buffer=True, is_data=True)
-    try:
-        numbers.alpha_mode = "CHANNEL_PACKED"
-        _write(numbers, read(image))
-        numbers.filepath_raw = path
-        numbers.file_format = "OPEN_EXR"
-        numbers.save()
-    finally:
-        bpy.data.images.remove(numbers)
+    save_exr(read(image), path)
     if image.packed_file is not None:
         image.unpack(method="REMOVE")
     image.filepath_raw = path

@@ -29,6 +29,7 @@ from . import (
     reload,
     relocate,
     render_image,
+    save_figure,
     set_backdrop,
     shadow_pass,
     solo_label,
@@ -43,7 +44,7 @@ MODULES = (
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label,
-    turntable, extract_surface,
+    turntable, extract_surface, save_figure,
 )
 
 

@@ -14,8 +14,8 @@ OPERATORS = {
     "delete_own_preset", "drag_window", "error_map", "extract_surface", "frame_volume", "import_folder",
     "import_presets", "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer",
     "measure_accuracy", "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop",
-    "remove_channel", "remove_composite", "render_image", "save_own_preset", "save_transfer", "set_backdrop",
-    "shadow_pass", "solo_label", "turntable", "use_window_tool", "window_level",
+    "remove_channel", "remove_composite", "render_image", "save_figure", "save_own_preset", "save_transfer",
+    "set_backdrop", "shadow_pass", "solo_label", "turntable", "use_window_tool", "window_level",
 }  # fmt: skip
 PANELS = {
     "about", "accuracy", "advanced", "channels", "clip_objects", "data_display", "data_scan", "data_transfer",

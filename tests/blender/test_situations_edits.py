@@ -131,7 +131,7 @@ EDITS = {
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 # Of which nothing is undone.
-READERS = ("list_effects", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
+READERS = ("list_effects", "save_figure", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
 VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of views and the selection alone
 FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
 CHOICES = ("choose_transfer",)  # dialogs, which call one of the others

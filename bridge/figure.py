@@ -1,0 +1,140 @@
+"""Figures in Blender: the view of a viewport, where the data is, and the files."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..rle_splat.classify.presets import fit_preset
+from ..rle_splat.cli.output import check_outputs, whole_files
+from ..rle_splat.cli.report import write_report
+from ..rle_splat.figure.files import CONTENTS, Canvas, checked_suffix, sidecar_path
+from ..rle_splat.figure.make import MadeFigure
+from ..rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
+from ..rle_splat.figure.sidecar import DataSource, sidecar_of
+from ..rle_splat.scene import Camera, RleSplatError, Scene
+from . import box, images, volumes
+from .live.surface import clip_of
+from .live.view import Matrices, view_of
+from .playback import shown_frame
+
+EXR = ".exr"
+NO_VIEWPORT = "There is no 3D viewport to take the view from; choose the scene's camera."
+
+
+def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
+    """The view of the 3D viewport in use, else of the largest one, as a camera.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    volume_object : bpy.types.Object
+        Which is to be seen; an orthographic viewport also shows what is behind its origin.
+
+    Returns
+    -------
+    camera : Camera
+    width, height : int
+        Pixels of the viewport.
+
+    Raises
+    ------
+    RleSplatError
+        Without a 3D viewport, or for one that shows nothing.
+    """
+    screen = context.window.screen if context.window is not None else None
+    areas = [area for area in (screen.areas if screen is not None else ()) if area.type == "VIEW_3D"]
+    if not areas:
+        raise RleSplatError(NO_VIEWPORT)
+    area = context.area if context.area in areas else max(areas, key=lambda one: one.width * one.height)
+    space = area.spaces.active
+    view = space.region_3d
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    matrices = Matrices(
+        tuple(value for row in view.view_matrix for value in row),
+        tuple(value for row in view.window_matrix for value in row),
+        region.width, region.height, clip_of(context, space, view),
+    )
+    corners = np.column_stack((box.world_corners(volume_object), np.ones(8)))
+    nearest = float((-(corners @ np.array(view.view_matrix, np.float64).T)[:, 2]).min())
+    found = view_of(matrices, nearest)
+    return replace(found.camera, pixel_aspect=(1.0, 1.0)), region.width, region.height
+
+
+def figure_of(plain: Scene, style: FigureStyle, presets: tuple, title: str) -> Figure:
+    """A figure of a scene.
+
+    Parameters
+    ----------
+    plain : Scene
+        Its width and height give the aspect of the pictures.
+    style : FigureStyle
+    presets : tuple of str
+        Each in a panel of its own; none for the scene's transfer function.
+    title : str
+        Of a figure without presets.
+    """
+    style = replace(style, aspect=plain.width / plain.height)
+    width, height = tile_size(style, max(len(presets), 1))
+    sized = replace(plain, width=width, height=height)
+    if not presets:
+        return Figure((Panel(sized, title),), style)
+    functions = [fit_preset(name, plain.volume)[0] for name in presets]
+    panels = tuple(Panel(replace(sized, transfer_function=one), one.name) for one in functions)
+    return Figure(panels, style)
+
+
+def check_files(path: str) -> None:
+    """Refuse a path that no figure can be written to."""
+    checked_suffix(path, (EXR,))
+    check_outputs([path, sidecar_path(path)])
+
+
+def source_of(volume_object, depsgraph, path: str) -> DataSource:
+    """Where the data of a volume object is, as seen from a figure's file: its name relative to the figure's folder."""
+    source = volumes.source_of(volume_object, shown_frame(volume_object, depsgraph))
+    folder = os.path.dirname(os.path.abspath(path))
+    try:
+        name = os.path.relpath(source.path, folder)
+    except ValueError:  # on Windows there is no relative path to another drive
+        name = os.path.basename(source.path)
+    return DataSource(name.replace(os.sep, "/"), source.options)
+
+
+def write(path: str, made: MadeFigure, source: DataSource) -> dict:
+    """Write a figure and its sidecar.
+
+    Parameters
+    ----------
+    path : str
+        Absolute path with the suffix .svg, .png or .exr.
+    made : MadeFigure
+    source : DataSource
+
+    Returns
+    -------
+    dict
+        The sidecar's content.
+
+    Raises
+    ------
+    RleSplatError, OSError
+        If a file cannot be written; both are whole then, or as they were.
+    """
+    suffix, canvas = checked_suffix(path, (EXR,)), Canvas(made.page)
+    sidecar = sidecar_of(made, source)
+    with whole_files([path, sidecar_path(path)]) as parts:
+        if suffix == EXR:
+            images.save_exr(canvas(), str(parts[0]))
+        else:
+            parts[0].write_bytes(CONTENTS[suffix](made.page, canvas))
+        write_report(parts[1], sidecar)
+    return sidecar
+
+
+def absolute(path: str) -> str:
+    """A path of Blender's, such as one relative to the .blend, as an absolute path."""
+    return os.path.abspath(bpy.path.abspath(path))

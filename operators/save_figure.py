@@ -1,0 +1,151 @@
+"""Save Figure: the volume as a figure for print, with scale bar, color bar and letters, and its sidecar."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+
+from ..bridge import figure, render_scene, volumes
+from ..bridge.decimals import typed
+from ..bridge.jobs import StepwiseOperator
+from ..bridge.settings import quality_of, tolerance_of
+from ..rle_splat.figure.make import figure_steps
+from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle
+from ..rle_splat.scene import RleSplatError
+from .refusal import has_volume
+from .through_camera import evaluated
+
+DEFAULT_NAME = "figure.svg"
+
+
+class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
+    bl_idname = "rle_splat.save_figure"
+    bl_label = "Save Figure"
+    bl_description = (
+        "Save the volume as a figure for print with scale bar, color bar, letters and caption (.svg, .png or .exr), "
+        "and a file beside it from which the same figure can be made again")
+
+    filepath: StringProperty(
+        name="File", description="The figure, which ends in .svg, .png or .exr", subtype="FILE_PATH",
+        options={"SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.svg;*.png;*.exr", options={"HIDDEN"})
+    view: EnumProperty(
+        name="View", description="From where the volume is seen",
+        items=[("CAMERA", "Camera", "The scene's camera"),
+               ("VIEWPORT", "Viewport", "The 3D viewport in use, or the largest one")])
+    width_cm: FloatProperty(name="Width", description="Width of the figure in centimeters", default=17.0, min=1.0,
+                            max=200.0)
+    dpi: FloatProperty(name="Resolution", description="Pixels per inch", default=300.0, min=20.0, max=2400.0)
+    font_size: FloatProperty(name="Font Size", description="Size of the lettering in points", default=8.0, min=3.0,
+                             max=72.0)
+    background: EnumProperty(
+        name="Background", description="Color of the page",
+        items=[("white", "White", "White page, black lettering"), ("black", "Black", "Black page, white lettering"),
+               ("transparent", "Transparent", "No background, black lettering")])
+    title: StringProperty(name="Title", description="Text above the picture")
+    use_caption: BoolProperty(name="Caption", description="Write below the pictures what is seen", default=True)
+    caption: StringProperty(
+        name="Caption Text", description="Text of the caption. Empty describes the transfer function and the view")
+    scale_bar: BoolProperty(name="Scale Bar", description="Show a length", default=True)
+    scale_length: FloatProperty(
+        name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0)
+    scale_depth: EnumProperty(
+        name="Scale at", description="Where the scale bar of a perspective view holds; its label says so",
+        items=[("NONE", "Nowhere", "No scale bar in perspective"),
+               ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])
+    color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
+    sides: EnumProperty(
+        name="Sides", description="How the patient's sides are shown",
+        items=[("auto", "Automatic", "Letters, where the file says where the sides are"),
+               ("letters", "Letters", "Letters at the edges of the picture"), ("cube", "Cube", "A cube with letters"),
+               ("off", "Off", "Nothing")])
+    compare: StringProperty(
+        name="Compare", description="Names of presets, separated by commas, each in a picture of its own. Empty uses "
+        "the volume's transfer function")
+
+    is_confirmed = False  # whether the file browser was shown, whose button calls ``execute``
+    is_new = False  # only files are written
+
+    @classmethod
+    def poll(cls, context):
+        return has_volume(cls, context)
+
+    def invoke(self, context, _event):
+        self.is_confirmed = True
+        if not self.filepath:
+            self.filepath = DEFAULT_NAME
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        if self.is_confirmed:
+            self.is_confirmed = False
+            return self.begin(context)
+        return super().execute(context)
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("view", "width_cm", "dpi", "font_size", "background", "sides"):
+            layout.prop(self, name)
+        layout.prop(self, "scale_bar")
+        if self.scale_bar:
+            layout.prop(self, "scale_length")
+            layout.prop(self, "scale_depth")
+        layout.prop(self, "color_bar")
+        layout.prop(self, "use_caption")
+        if self.use_caption:
+            layout.prop(self, "caption", text="Text")
+        layout.prop(self, "compare")
+        if not self.compare:
+            layout.prop(self, "title")
+
+    def prepare(self, context):
+        if tolerance_of(context.scene) is not None:
+            raise RleSplatError("A figure is made with a quality; set Maximum Error to 0 in Advanced to save one.")
+        if not self.filepath:
+            raise RleSplatError("The figure has no file; give a path that ends in .svg, .png or .exr.")
+        self._path = figure.absolute(self.filepath)
+        figure.check_files(self._path)
+        owner = volumes.volume_object(context)
+        depsgraph = evaluated(context, owner)
+        plain = self._read_scene(context, owner, depsgraph)
+        self._source = figure.source_of(owner, depsgraph, self._path)
+        presets = tuple(name.strip() for name in self.compare.split(",") if name.strip())
+        wanted = figure.figure_of(plain, self._style(), presets, self.title)
+        return figure_steps(wanted, [quality_of(context.scene)] * len(wanted.panels), render_scene.KEPT)
+
+    def _read_scene(self, context, owner, depsgraph):
+        """The scene as the figure sees it: the volume alone, without meshes."""
+        def warn(sentence):
+            self.report({"WARNING"}, sentence)
+
+        if self.view == "CAMERA":
+            return render_scene.read_scene(owner, depsgraph, with_meshes=False, warn=warn)[0]
+        render_scene.check_kept_up(owner, depsgraph)
+        return render_scene.seen_by(owner, depsgraph, figure.viewport_camera(context, owner), warn=warn)
+
+    def _style(self) -> FigureStyle:
+        length = typed(self.scale_length) or AUTO
+        return FigureStyle(
+            width_cm=typed(self.width_cm), dpi=typed(self.dpi), font_size=typed(self.font_size),
+            background=self.background, sides=self.sides, color_bar=self.color_bar,
+            caption=(self.caption or None) if self.use_caption else "", scale_bar=length if self.scale_bar else OFF,
+            scale_depth=CENTER if self.scale_depth == "CENTER" else None,
+        )  # fmt: skip
+
+    def commit(self, _context, made):
+        try:
+            sidecar = figure.write(self._path, made, self._source)
+        except OSError as problem:
+            raise RleSplatError(
+                f"Cannot write {self._path}: {problem.strerror or problem}; choose another place.") from None
+        for remark in made.remarks:
+            self.report({"WARNING"}, remark)
+        if sidecar["missing"]:
+            names = ", ".join(sidecar["missing"]).replace("_", " ")
+            self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
+        page = made.page
+        self.report({"INFO"}, f"Saved {self._path} ({page.width} x {page.height} pixels) and its sidecar.")
+
+
+CLASSES = (RLE_SPLAT_OT_save_figure,)

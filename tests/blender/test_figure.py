@@ -1,0 +1,97 @@
+"""Save Figure: files, sidecar and view, and the same bits from the command line without Blender."""
+
+import json
+from xml.etree import ElementTree
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+SIZE = 24
+BALL = np.clip(
+    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
+).astype(np.uint8)
+SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
+
+
+@pytest.fixture
+def ball(addon, tmp_path):
+    """A ball of 11 mm seen from the patient's head by an orthographic camera that shows 20 mm."""
+    found = scenes.import_raw(tmp_path, BALL)
+    scenes.add_camera(location=(0.0, 0.0, 40.0), type="ORTHO", ortho_scale=20.0)
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    scene.rle_splat.quality = "draft"
+    return found
+
+
+def texts_of(path) -> list[str]:
+    root = ElementTree.fromstring(path.read_bytes())
+    return [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
+
+
+def save(path, **options):
+    assert bpy.ops.rle_splat.save_figure(filepath=str(path), **{**SMALL, **options}) == {"FINISHED"}
+
+
+def test_a_figure_is_made_again_without_blender_bit_for_bit(ball, core, tmp_path):
+    """By the command line, in this process: the same kernels."""
+    path = tmp_path / "fig.svg"
+    save(path, title="Ball")
+    texts = texts_of(path)
+    assert {"Ball", "5 mm", "Values without unit"} <= set(texts)
+    sidecar = json.loads((tmp_path / "fig.figure.json").read_text())
+    assert sidecar["data"]["file"] == "cube.raw" and sidecar["missing"] == []
+    assert tmp_path.as_posix() not in json.dumps(sidecar)
+    again = tmp_path / "again.svg"
+    assert core("cli.main").main(["figure", str(tmp_path / "fig.figure.json"), "-o", str(again)]) == 0
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_pictures_and_linear_files(ball, core, tmp_path):
+    save(tmp_path / "fig.png", background="transparent")
+    save(tmp_path / "fig.exr", background="transparent")
+    image = bpy.data.images.load(str(tmp_path / "fig.exr"))
+    width, height = image.size
+    image.colorspace_settings.is_data = True
+    pixels = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    linear = pixels.reshape(height, width, 4)[::-1]
+    assert (tmp_path / "fig.png").read_bytes() == core("figure.png").png_bytes(linear, 60.0)
+    bpy.data.images.remove(image)
+
+
+def test_presets_are_compared(ball, tmp_path):
+    save(tmp_path / "fig.svg", compare="ct-bone, x-ray", width_cm=4.0)
+    texts = texts_of(tmp_path / "fig.svg")
+    assert {"a", "b", "CT bone", "X-ray"} <= set(texts)
+
+
+def test_what_a_sidecar_cannot_hold_is_remarked(ball, core, tmp_path, capfd):
+    labels = tmp_path / "labels.raw"
+    labels.write_bytes((BALL > 100).astype(np.uint8).tobytes())
+    ball.rle_splat.label_file = str(labels)
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    save(tmp_path / "fig.png")
+    assert json.loads((tmp_path / "fig.figure.json").read_text())["missing"] == ["labels"]
+    assert core("cli.main").main(["figure", str(tmp_path / "fig.figure.json"), "-o", str(tmp_path / "b.png")]) == 2
+    assert "shows more than its sidecar can hold (labels)" in capfd.readouterr().err
+
+
+def test_bad_input_is_refused(ball, refused, tmp_path):
+    save_figure, path = bpy.ops.rle_splat.save_figure, str(tmp_path / "fig.png")
+    refused(save_figure, "The figure has no file", filepath="")
+    refused(save_figure, "has no suffix of a format of figures", filepath=str(tmp_path / "fig.tif"))
+    refused(save_figure, "does not exist", filepath=str(tmp_path / "nowhere" / "fig.png"))
+    refused(save_figure, "There is no preset 'bones'", filepath=path, compare="bones")
+    refused(save_figure, "does not say where the patient's sides are", filepath=path, sides="letters")
+    refused(save_figure, "has the character", filepath=path, title="頭")
+    bpy.context.scene.camera.data.type = "PERSP"
+    refused(save_figure, "at one depth only", filepath=path, scale_length=5.0)
+    bpy.context.scene.camera.data.type = "ORTHO"
+    bpy.context.scene.rle_splat.max_error = 2.0
+    refused(save_figure, "set Maximum Error to 0", filepath=path)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["cube.raw"]
