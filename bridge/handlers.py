@@ -19,6 +19,8 @@ from . import (
     thumbnails,
     volumes,
     watch,
+    world_nodes,
+    world_render,
 )
 
 
@@ -34,9 +36,16 @@ def _on_load_pre(*_arguments):
     freshness.forget()
     render_scene.forget_stages()
     volumes.forget_all()
+    _forget_worlds()
+
+
+def _forget_worlds() -> None:
+    world_nodes.forget()
+    world_render.forget()
 
 
 HANDLERS = (
+    *world_render.HANDLERS,  # before over_render.HANDLERS, because it renders
     *over_render.HANDLERS,
     *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
     *watch.HANDLERS,
@@ -62,3 +71,4 @@ def unregister():
     read_ahead.stop()
     freshness.forget()
     render_scene.forget_stages()
+    _forget_worlds()

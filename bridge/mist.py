@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from ..rle_splat.scene import LEAST_LENGTH, Mist
 from .decimals import typed
-from .world import read_world
+from .world_nodes import plain_color
 
 
 def read_mist(depsgraph) -> Mist | None:
@@ -25,5 +25,5 @@ def read_mist(depsgraph) -> Mist | None:
     if world is None or not depsgraph.scene_eval.rle_splat.use_mist:
         return None
     settings = world.mist_settings
-    color = read_world(depsgraph.scene_eval) or (0.0, 0.0, 0.0)
+    color = plain_color(world) or (0.0, 0.0, 0.0)
     return Mist(typed(settings.start), max(typed(settings.depth), LEAST_LENGTH), settings.falloff, color)

@@ -318,7 +318,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         "Not used with a Maximum Error")
     use_world: LiveBool(
         name="World Light", default=True,
-        description="Light the volume from all sides with the world's color, in addition to the lights")
+        description="Light the volume from all sides with the world: its color, its environment image or any nodes")
+    world_light: StringProperty(
+        name="Rendered World Light", description="Light of the world as it was last rendered", options={"HIDDEN"})
     use_mist: LiveBool(
         name="Mist", default=False,
         description="Fade the volume toward the world's color with distance, by the Mist settings of the world. The "

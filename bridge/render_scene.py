@@ -138,7 +138,7 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
     volume = volumes.load_volume(volume_object, warn, depsgraph)
     transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
     lighting = scene.rle_splat.lighting
-    lights = read_lights(depsgraph) if lighting == "SCENE" else ()
+    lights, world = _read_light(depsgraph, warn) if lighting == "SCENE" else ((), None)
     return Scene(
         volume=volume,
         transfer_function=transfer_function,
@@ -148,7 +148,7 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
         volume_matrix=np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64),
         scene_scale=settings.scene_scale_of(scene, volume.unit),
         lights=lights,
-        headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not lights),
+        headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not (lights or world)),
         clips=read_clips(depsgraph, volume_object),
         channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
@@ -156,11 +156,23 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
         mist=read_mist(depsgraph),
         effects=overrides_of(scene),
         volume_shadows=with_shadows and bool(lights) and scene.rle_splat.use_shadows,
-        # In a scene without lights the headlight replaces the world light too.
-        world=read_world(scene, warn) if lights and scene.rle_splat.use_world else None,
+        world=None if world is None else world.radiance,
+        environment=None if world is None else world.environment,
         ambient_occlusion=scene.rle_splat.ambient_occlusion if with_shadows else 0.0,
         **of_view,
     )
+
+
+def _read_light(depsgraph, warn) -> tuple:
+    """The light objects and the WorldLight of a scene.
+
+    In a scene without light objects a headlight replaces a world of one color, which shows no shape.
+    """
+    scene = depsgraph.scene_eval
+    lights = read_lights(depsgraph)
+    world = read_world(scene, warn) if scene.rle_splat.use_world else None
+    has_shape = lights or (world is not None and world.environment is not None)
+    return lights, world if has_shape else None
 
 
 def is_rendered(volume_object, depsgraph) -> bool:

@@ -1,56 +1,93 @@
-"""The world's light as plain data: one radiance from all directions."""
+"""The world's light as plain data.
+
+A Background of one color is read from its node, and an environment texture from its image.  Any other world was
+rendered before, see ``world_render.py``.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from . import versions
+from ..rle_splat.scene import Environment
+from . import world_nodes, world_render
 
-TOO_MUCH = (
-    "The world has more than one color, so its light is left out; give its Background a plain color and strength, or "
-    "turn World Light off."
-)
+ONE_COLOR, FROM_IMAGE, RENDERED = "one color", "its image, by direction", "rendered, by direction"
 
 
-def read_world(scene, warn=None) -> tuple | None:
-    """The radiance of a scene's world.
+class WorldLight(NamedTuple):
+    """What arrives from all directions.
 
-    With nodes, the world's output must be a Background with a plain color and strength.
+    Attributes
+    ----------
+    radiance : tuple of float
+        Scene-linear red, green and blue; the mean over all directions.
+    environment : Environment or None
+        How it differs by direction; None for one color.
+    origin : str
+        How it was found, for people.
+    """
+
+    radiance: tuple
+    environment: Environment | None
+    origin: str
+
+
+def read_world(scene, warn=None) -> WorldLight | None:
+    """The light of a scene's world.
 
     Parameters
     ----------
     scene : bpy.types.Scene
         The evaluated scene.
     warn : callable, optional
-        Called with one sentence if the nodes are anything else.
+        Called with one sentence if the light is not that of the world as it is now.
 
     Returns
     -------
-    tuple of float or None
-        Scene-linear red, green and blue; None without a world, for black, and after a warning.
+    WorldLight or None
+        None without a world, for black, and after a warning.
     """
-    world = scene.world
+    if scene.world is None:
+        return None
+    color = world_nodes.plain_color(scene.world)
+    if color is not None:
+        return WorldLight(color, None, ONE_COLOR) if any(color) else None
+    read = world_nodes.light_of(scene.world)
+    origin = FROM_IMAGE
+    if read is None:
+        read, problem = world_render.light_of(scene)
+        origin = RENDERED
+        if problem and warn is not None:
+            warn(problem)
+    return None if read is None or not any(read[0]) else WorldLight(*read, origin)
+
+
+def state(scene) -> str:
+    """Which light of the world is used, and why not if not; for a panel, so nothing is changed.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    str
+        A few words.
+    """
+    settings, world = scene.rle_splat, scene.world
+    if settings.lighting != "SCENE":
+        return "World not used: see Lighting"
+    if not settings.use_world:
+        return "World not used: turned off"
     if world is None:
-        return None
-    if not versions.world_is_nodes(world):
-        radiance = np.array(world.color, np.float64)
-    else:
-        radiance = _background(world.node_tree)
-        if radiance is None:
-            if warn is not None:
-                warn(TOO_MUCH)
-            return None
-    return tuple(radiance.tolist()) if radiance.any() else None
-
-
-def _background(tree) -> np.ndarray | None:
-    """(3,) radiance of the plain Background at the active output; zeros for an unlinked output; else None."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
-    links = output.inputs["Surface"].links if output is not None else ()
-    if not links:
-        return np.zeros(3)
-    node = links[0].from_node
-    if node.type != "BACKGROUND" or node.inputs["Color"].is_linked or node.inputs["Strength"].is_linked:
-        return None
-    color = np.array(node.inputs["Color"].default_value[:3], np.float64)
-    return np.maximum(color * node.inputs["Strength"].default_value, 0.0)
+        return "World not used: the scene has none"
+    said: list[str] = []
+    found = read_world(scene, said.append)
+    if said:
+        return said[0]
+    if found is None:
+        return "World not used: it is black"
+    if found.environment is None and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
+        return "World not used: one color and no lights"
+    return f"World: {found.origin}"

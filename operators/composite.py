@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import compositor, images, pictures, preferences, versions, volumes
+from ..bridge import compositor, images, pictures, preferences, versions, volumes, world_render
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
@@ -26,6 +26,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         volume_object = volumes.volume_object(context)
         try:
             depsgraph = context.evaluated_depsgraph_get()
+            world_render.make_ready(scene, depsgraph)
             _camera, width, height = read_camera(depsgraph)
             volumes.load_volume(volume_object, lambda sentence: self.report({"WARNING"}, sentence))
             read_transfer(volume_object, depsgraph)

@@ -2,7 +2,7 @@
 
 from bpy.props import BoolProperty
 
-from ..bridge import render_scene, transfer, volumes
+from ..bridge import render_scene, transfer, volumes, world_render
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from .refusal import has_volume
@@ -44,6 +44,7 @@ def has_volume_and_camera(cls, context) -> bool:
 def evaluated(context, volume_object):
     """The evaluated depsgraph, including edits of the transfer function that a script made."""
     transfer.evaluate_anew(volume_object)
+    world_render.make_ready(context.scene, context.evaluated_depsgraph_get())
     return context.evaluated_depsgraph_get()
 
 

@@ -68,7 +68,7 @@ class VoxelLight:
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
     lights; 1 and 0 where there is no normal.  For Phong's highlight, |n.h| is replaced by the cosine between the eye
     and the direction of the light mirrored at the surface.  With one-sided shading a light counts where the surface
-    faces it; the scalar falls towards the outside of a surface.
+    faces it; the scalar falls towards the outside of a surface.  The world counts on that side alone.
     """
 
     def __init__(self, scene: Scene):
@@ -109,8 +109,7 @@ class VoxelLight:
         normal = unit_normals(scene.volume, row_start, x, self._matrix, backend="numpy").astype(np.float64)
         at = np.stack((x, y, z), axis=1) @ self._matrix[:3, :3].T + self._matrix[:3, 3]
         to_eye = self._towards_camera if self._eye is None else _unit(self._eye - at)
-        world = np.zeros(3) if self._scene.world is None else np.array(self._scene.world)
-        light, highlight = np.full((len(x), 3), shade.ambient) + shade.diffuse * world, np.zeros((len(x), 3))
+        light, highlight = shade.ambient + shade.diffuse * self._world(-normal), np.zeros((len(x), 3))
         for towards, strength in self._lights(at):
             outward = -(normal * towards).sum(axis=1, keepdims=True)
             if not shade.two_sided:
@@ -125,6 +124,42 @@ class VoxelLight:
         flat = ~normal.any(axis=1)
         light[flat], highlight[flat] = 1.0, 0.0
         return light, highlight
+
+    def _world(self, outward):
+        """(N, 3) radiance of a white Lambert surface under the world, not below 0, for (N, 3) unit normals.
+
+        Of an environment from the harmonics as such, to which those of order 0, 1, 2 of its light are pi, 2 pi / 3 and
+        pi / 4 times those of its radiance (Ramamoorthi and Hanrahan 2001, equation 8), over pi.
+        """
+        mean = np.zeros(3) if self._scene.world is None else np.array(self._scene.world)
+        if self._scene.environment is None:
+            return np.broadcast_to(mean, outward.shape)
+        first, second = self._scene.environment.first, self._scene.environment.second
+        x, y, z = outward.T
+        c1, c2, c3, c4 = np.sqrt(np.array((3.0, 15.0, 5.0, 15.0)) / np.pi) / (2.0, 2.0, 4.0, 4.0)
+        # Harmonics of a direction, and coefficients of the radiance: 4 pi times the mean of radiance times harmonic.
+        harmonics = np.stack(
+            (c1 * y, c1 * z, c1 * x, c2 * x * y, c2 * y * z, c3 * (3 * z * z - 1), c2 * x * z, c4 * (x * x - y * y))
+        )
+        squares = second[0, 0], second[1, 1], second[2, 2]
+        coefficients = (
+            4.0
+            * np.pi
+            * np.stack(
+                (
+                    c1 * first[1],
+                    c1 * first[2],
+                    c1 * first[0],
+                    c2 * second[0, 1],
+                    c2 * second[1, 2],
+                    c3 * 3.0 * squares[2],
+                    c2 * second[0, 2],
+                    c4 * (squares[0] - squares[1]),
+                )
+            )
+        )
+        weights = np.array([2.0 / 3.0] * 3 + [0.25] * 5)
+        return np.maximum(mean + harmonics.T @ (weights[:, None] * coefficients), 0.0)
 
     def _lights(self, at):
         """For each light: unit vectors towards it and its strength I, both (N, 3) or broadcasting to it."""

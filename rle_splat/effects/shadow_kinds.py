@@ -31,7 +31,9 @@ def _world(scene: Scene, _: Quality) -> tuple[bool, str]:
     if scene.world is None or not any(scene.world):
         return False, "the scene has no world light" if scene.world is None else "the world is black"
     reason = idle_because(scene)
-    return reason is None, reason or f"radiance {', '.join(f'{part:g}' for part in scene.world)} from all directions"
+    radiance = ", ".join(f"{part:.4g}" for part in scene.world)
+    around = "from all directions" if scene.environment is None else "on average, by spherical harmonics of order 2"
+    return reason is None, reason or f"radiance {radiance} {around}"
 
 
 def _ambient_occlusion(scene: Scene, quality: Quality) -> tuple[bool, str]:
@@ -55,7 +57,8 @@ SHADOWS = Kind(
     with_default=lambda scene: changed(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "adds the world's color as light from all directions", _world, lambda scene: changed(scene, world=None),
+    "adds the world's light from all directions", _world,
+    lambda scene: changed(scene, world=None, environment=None),
     within="shading",
 )
 AMBIENT_OCCLUSION = Kind(

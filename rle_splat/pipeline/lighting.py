@@ -26,7 +26,10 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
     """
     headlight = -world_to_camera(scene.camera)[2, :3] if scene.headlight else None
     shade, eye = scene.transfer_function.shade, eye_of(scene.camera)
-    return lighting(matrix, shade, scene.lights, headlight_direction=headlight, eye=eye, world=scene.world)
+    return lighting(
+        matrix, shade, scene.lights, headlight_direction=headlight, eye=eye, world=scene.world,
+        environment=scene.environment,
+    )  # fmt: skip
 
 
 def eye_of(camera) -> np.ndarray:
@@ -39,14 +42,14 @@ def eye_of(camera) -> np.ndarray:
 
 def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
     """All that the light on a voxel depends on beside its normal; the eye only where there are highlights."""
-    seen_from = array_key(falling.eye) if falling.material[2] > 0.0 else None
+    seen_from = array_key(falling.eye) if falling.has_highlights else None
     shade = tuple(vars(scene.transfer_function.shade).values())
     return (array_key(matrix), shade, array_key(falling.rows, falling.material), seen_from)
 
 
 def follows_view(scene: Scene, falling: Lighting) -> bool:
     """Whether the light on a voxel changes when the camera moves: under a headlight, and with highlights."""
-    return scene.headlight or falling.material[2] > 0.0
+    return scene.headlight or falling.has_highlights
 
 
 def shadowed_steps(scene: Scene, falling: Lighting | None, work: Work, occluders: Occluders):

@@ -7,6 +7,7 @@ Matrices are (4, 4) float64 for column vectors: ``matrix @ (x, y, z, 1)``.
 from .camera import SENSOR_FITS, Camera
 from .checks import LARGEST_LENGTH, LEAST_LENGTH, as_float, as_matrix, from_mapping, read_json
 from .clip import CLIP_KINDS, Clip
+from .environment import Environment
 from .errors import Cancelled, RleSplatError, TooLargeError
 from .further_volumes import Channel, Labels
 from .light import LIGHT_TYPES, Light
@@ -77,6 +78,7 @@ __all__ = [
     "Cancelled",
     "Channel",
     "Clip",
+    "Environment",
     "Labels",
     "Light",
     "Mist",

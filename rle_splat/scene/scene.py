@@ -11,6 +11,7 @@ import numpy as np
 from .camera import Camera
 from .checks import as_color, as_matrix, identity, is_finite_number, positive
 from .clip import Clip
+from .environment import Environment
 from .errors import RleSplatError
 from .further_volumes import Labels, is_same_grid
 from .mist import Mist
@@ -98,7 +99,9 @@ class Scene:
     volume_shadows : bool
         Whether lights that cast shadows cast them in the volume: shadows of the volume itself and of the meshes.
     world : (3,) tuple of float or None
-        Scene-linear RGB radiance that arrives from all directions.
+        Scene-linear RGB radiance that arrives from all directions; its mean where it differs by direction.
+    environment : Environment or None
+        How the world's radiance differs by direction; None for the same from all directions.
     ambient_occlusion : float
         Share, 0 to 1, of the light from all directions (the transfer function's ambient light included) that is
         removed where the volume or a mesh hides the sky.
@@ -135,6 +138,7 @@ class Scene:
     mist: Mist | None = None
     volume_shadows: bool = False
     world: tuple | None = None
+    environment: Environment | None = None
     ambient_occlusion: float = 0.0
     labels: Labels | None = None
     channels: tuple = ()
@@ -164,6 +168,8 @@ class Scene:
             raise RleSplatError("The scene's clips must be a tuple of Clip objects (planes and boxes).")
         if self.world is not None:
             object.__setattr__(self, "world", as_color(self.world, "The world's light"))
+        elif self.environment is not None:
+            raise RleSplatError("A scene with an environment needs its mean radiance; give it as the scene's world.")
         if not (is_finite_number(self.ambient_occlusion) and 0.0 <= self.ambient_occlusion <= 1.0):
             raise RleSplatError(f"Ambient occlusion must be a number from 0 to 1, not {short(self.ambient_occlusion)}.")
         if self.labels is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import kernel
+from .environment import SKY, TERMS, light_by_normal
 from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
@@ -26,16 +27,33 @@ _FAINT = np.float32(1e-18)  # the product of two such numbers is not denormal
 
 
 @kernel(inline="always")
-def clear_light(material, s):
+def clear_light(material, normals, count, s):
     """Set the sums of a chunk to the light from all directions, and the highlights to zero."""
     for channel in range(3):
         everywhere = np.float32(material[4 + channel])
         for i in range(LANES):
             s[DR + channel * LANES + i] = everywhere
+    if material.size > SKY:
+        _add_sky(material, normals, count, s)
     for i in range(LANES):
         s[SHARE + i] = _ONE
     for i in range(3 * LANES):
         s[SR + i] = _ZERO
+
+
+@kernel(inner=True)
+def _add_sky(material, normals, count, s):
+    """Add what the world's light changes by with the normal, see ``environment.py``; the sum is at least ambient."""
+    least = np.float32(material[0])
+    for channel in range(3):
+        at = SKY + channel * TERMS
+        x1, y1, z1 = np.float32(material[at]), np.float32(material[at + 1]), np.float32(material[at + 2])
+        xx, yy, zz = np.float32(material[at + 3]), np.float32(material[at + 4]), np.float32(material[at + 5])
+        xy, yz, zx = np.float32(material[at + 6]), np.float32(material[at + 7]), np.float32(material[at + 8])
+        for i in range(count):
+            x, y, z = normals[0, i], normals[1, i], normals[2, i]
+            change = x * (x1 + xx * x + xy * y) + y * (y1 + yy * y + yz * z) + z * (z1 + zz * z + zx * x)
+            s[DR + channel * LANES + i] = max(s[DR + channel * LANES + i] + change, least)
 
 
 @kernel(inline="always")
@@ -275,7 +293,8 @@ def lit_numpy(falling, voxels, part, n, colors):
     points = index @ matrix[:3, :3].T + matrix[:3, 3]
     view = unit_vectors(falling.eye[:3] - falling.eye[3] * points)
     everywhere, sky = falling.material[4:7], shadows.share(-1, part)
-    matt = np.full((len(points), 3), everywhere) * np.reshape(sky, (-1, 1))
+    around = np.maximum(everywhere + light_by_normal(n, falling.sky), falling.material[0])
+    matt = around * np.reshape(sky, (-1, 1))
     gloss = np.zeros((len(points), 3))
     arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
     for number, light in enumerate(falling.rows):

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..classify.limits import STRONGEST_LIGHT
 from ..runtime.jit import read_only
+from .environment import SKY, most_by_normal, terms_of
 from .lights import AXIS, KIND, NEAREST, RGB, SUN, light_rows
 
 BACK, PHONG = 7, 8  # entries of Lighting.material
@@ -44,9 +45,11 @@ class Lighting:
     ----------
     matrix : (4, 4) ndarray of float64
         Voxel index to world.
-    material : (9,) ndarray of float64
-        Ambient, diffuse, specular, shininess; RGB of the light from all directions (ambient and the world's); 1 for
-        two-sided surfaces, else 0; 1 for Phong highlights, 0 for Blinn-Phong.
+    material : (9,) or (36,) ndarray of float64
+        Ambient, diffuse, specular, shininess; RGB of the light from all directions (ambient and the world's mean); 1
+        for two-sided surfaces, else 0; 1 for Phong highlights, 0 for Blinn-Phong. Where the world differs by
+        direction, from SKY on what each channel's light changes by with the normal: diffuse times
+        ``environment.terms_of``.
     rows : (n, COLUMNS) ndarray of float64
         The lights; see ``lights.light_rows``.
     eye : (4,) ndarray of float64
@@ -60,6 +63,21 @@ class Lighting:
     rows: np.ndarray
     eye: np.ndarray
     shadows: Shadows | None = None
+
+    @property
+    def sky(self) -> np.ndarray:
+        """(3, TERMS) float64 of ``environment.terms_of``, times diffuse; (3, 0) without an environment."""
+        return self.material[SKY:].reshape(3, -1)
+
+    @property
+    def has_highlights(self) -> bool:
+        """Whether any light makes highlights; the light from all directions makes none."""
+        return bool(self.material[2] > 0.0 and len(self.rows))
+
+    @property
+    def most_everywhere(self) -> np.ndarray:
+        """(3,) float64 upper bounds of the light from all directions on any normal."""
+        return self.material[4:7] + most_by_normal(self.sky)
 
     @property
     def is_far(self) -> bool:
@@ -92,7 +110,9 @@ def is_shaded(shading, lights, headlight_direction=None, world=None) -> bool:
     return bool(shading) and (len(lights) > 0 or headlight_direction is not None or world is not None)
 
 
-def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, world=None) -> Lighting | None:
+def lighting(
+    index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, world=None, environment=None
+) -> Lighting | None:
     """Make the Lighting of a scene.
 
     Parameters
@@ -106,7 +126,9 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
         Homogeneous eye in the world, needed for highlights only. Its last component is 0 for parallel rays; the rest
         then points from the scene to the eye.
     world : (3,) array_like or None
-        Scene-linear RGB radiance that arrives from all directions.
+        Scene-linear RGB radiance that arrives from all directions, or its mean.
+    environment : Environment or None
+        How it differs by direction.
 
     Returns
     -------
@@ -119,12 +141,15 @@ def lighting(index_to_world, shading, lights=(), *, headlight_direction=None, ey
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     shininess = min(shading.shininess, SHARPEST)
     # A diffuse surface under a sky of uniform radiance W has the radiance W times its color, whatever its normal.
-    everywhere = np.full(3, shading.ambient, np.float64)
+    everywhere, sky = np.full(3, shading.ambient, np.float64), np.empty((3, 0))
     if world is not None:
-        everywhere += shading.diffuse * np.minimum(np.asarray(world, np.float64), STRONGEST_LIGHT)
+        mean = np.asarray(world, np.float64)
+        everywhere += shading.diffuse * np.minimum(mean, STRONGEST_LIGHT)
+        held = np.divide(STRONGEST_LIGHT, mean, out=np.ones(3), where=mean > STRONGEST_LIGHT)
+        sky = shading.diffuse * held[:, None] * terms_of(environment)
     kinds = float(shading.two_sided), float(shading.highlight == "phong" and shading.specular > 0.0)
     numbers = shading.ambient, shading.diffuse, shading.specular, shininess
-    material = np.array([*numbers, *everywhere, *kinds], np.float64)
+    material = np.array([*numbers, *everywhere, *kinds, *sky.ravel()], np.float64)
     rows = light_rows(lights, headlight_direction, matrix)
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 

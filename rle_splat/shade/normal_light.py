@@ -131,7 +131,7 @@ def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
     """
     material = falling.material
     is_parallel = falling.shadows is None and (falling.rows[:, KIND] == SUN).all()
-    if not is_parallel or (material[2] > 0.0 and (material[PHONG] > 0.0 or material[3] > SHARPEST)):
+    if falling.sky.size or not is_parallel or (material[2] > 0.0 and (material[PHONG] > 0.0 or material[3] > SHARPEST)):
         return None
     bounds = light_bounds(falling, shape_xyz)
     return NormalLight(falling, bounds.channels, bounds.most_light, bounds.most_highlight)

@@ -124,7 +124,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
     if (falling.rows[:, KIND] != SUN).any():
         return None
     diffuse, specular = falling.material[1:3]
-    ambient = falling.material[4:7].max()
+    ambient = falling.most_everywhere.max()
     strongest = float(falling.rows[:, RGB:NEAREST].sum(axis=0).max())
     return min(max(most, most * (ambient + diffuse * strongest) + specular * strongest), BRIGHTEST)
 
@@ -230,7 +230,7 @@ def _write_planes(
             begun = row
             row = find_targets(across, first_row, row, row_start, column, at, stop - at, cursors, targets)
             if normals is not None:
-                clear_light(material, s)
+                clear_light(material, normals[:, at:stop], stop - at, s)
             if rays is not None:
                 add_rays(rays, normals[:, at:stop], material, stop - at, s)
             if near is not None:

@@ -123,14 +123,14 @@ class LightBounds(NamedTuple):
 def light_bounds(falling: Lighting, shape_xyz) -> LightBounds:
     """Bounds of a Lighting on the voxels of a volume; RleSplatError if the light is above BRIGHTEST."""
     strengths = falling.rows[:, RGB:NEAREST]
-    everywhere = falling.material[4:7]
-    white = bool((strengths == strengths[:, :1]).all() and (everywhere == everywhere[0]).all())
+    everywhere, sky = falling.most_everywhere, falling.sky
+    white = all((of == of[0]).all() for of in (strengths.T, falling.material[4:7], sky))
     each = 1 if white else 3
     ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
     strongest = float((strengths / _nearest(falling, shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
     most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
     refuse_too_bright(max(most_light, most_highlight))
-    return LightBounds(each, each * (2 if specular > 0.0 else 1), most_light, most_highlight)
+    return LightBounds(each, each * (2 if falling.has_highlights else 1), most_light, most_highlight)
 
 
 def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
@@ -172,7 +172,7 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
             count = min(LANES, last - at)
             while row_start[row + 1] <= at:
                 row += 1
-            clear_light(material, s)
+            clear_light(material, normals[:, at : at + count], count, s)
             if rays is not None:
                 add_rays(rays, normals[:, at : at + count], material, count, s)
             if near is not None:

@@ -1,0 +1,195 @@
+"""The light of any world: from its image, rendered, and on a ball as Cycles has it on a white sphere."""
+
+import bpy
+import numpy as np
+import pytest
+
+from tests.blender import scenes
+
+WIDTH, HEIGHT = 64, 32
+BALL = np.clip(250.0 - 25.0 * np.sqrt(sum((axis - 7.0) ** 2 for axis in np.mgrid[:15, :15, :15])), 0.0, 255.0).astype(
+    np.uint8
+)
+
+
+@pytest.fixture
+def ball(addon, tmp_path):
+    """A white ball in the middle of the world, seen from the front, without light objects."""
+    found = scenes.import_raw(tmp_path, BALL)
+    found.location = (-7.0, -7.0, -7.0)
+    scenes.add_camera(location=(0.0, -40.0, 0.0), rotation=(np.pi / 2.0, 0.0, 0.0), type="ORTHO", ortho_scale=16.0)
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = 32
+    scene.render.resolution_percentage = 100
+    return found
+
+
+def panorama():
+    """A sky, a ground, a warm patch to the left and a blue one behind, (HEIGHT, WIDTH, 4), lowest row first."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    pixels = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    pixels[..., :3] = np.where((v >= HEIGHT // 2)[..., None], (0.3, 0.5, 0.9), (0.2, 0.12, 0.08))
+    for color, row, column, width in (((5.0, 3.5, 1.5), 20, 6, 9.0), ((0.0, 1.0, 4.0), 12, 40, 8.0)):
+        away = ((u - column) ** 2 + (v - row) ** 2) / width**2
+        pixels[..., :3] += np.exp(-away)[..., None] * np.array(color, np.float32)
+    return pixels
+
+
+def new_world():
+    world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    bpy.context.scene.world = world
+    return world.node_tree, next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+
+
+def image_world(rotation=(0.0, 0.0, 0.0), strength=1.0):
+    image = bpy.data.images.new("sky", WIDTH, HEIGHT, float_buffer=True)
+    image.pixels.foreach_set(panorama().ravel())
+    image.update()
+    tree, background = new_world()
+    texture, mapping, source = (
+        tree.nodes.new(f"ShaderNode{name}") for name in ("TexEnvironment", "Mapping", "TexCoord")
+    )
+    texture.image = image
+    mapping.inputs["Rotation"].default_value = rotation
+    background.inputs["Strength"].default_value = strength
+    tree.links.new(source.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    return tree, background
+
+
+def sky_world():
+    tree, background = new_world()
+    gradient, ramp = tree.nodes.new("ShaderNodeTexGradient"), tree.nodes.new("ShaderNodeValToRGB")
+    tree.links.new(gradient.outputs["Fac"], ramp.inputs["Fac"])
+    tree.links.new(ramp.outputs["Color"], background.inputs["Color"])
+    return ramp
+
+
+def read(bridge, volume, **how):
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    return bridge("render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
+
+
+def picture():
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+
+
+def held():
+    kinds = "scenes", "worlds", "cameras", "objects", "meshes", "materials"
+    images = [one.name for one in bpy.data.images if one.name != "Render Result"]
+    return [len(getattr(bpy.data, kind)) for kind in kinds], images
+
+
+@pytest.mark.parametrize("kind", ("POINT", "TEXTURE"))
+def test_the_image_and_cycles_say_the_same_of_a_turned_world(addon, bridge, kind):
+    tree, _ = image_world((0.4, -0.3, 1.1), 1.5)
+    next(node for node in tree.nodes if node.type == "MAPPING").vector_type = kind
+    scene = bpy.context.scene
+    mean, environment = bridge("world_nodes").light_of(scene.world)
+    before = held()
+    rendered_mean, rendered = bridge("world_render").render_light(scene, "key")
+    assert before == held()
+    np.testing.assert_allclose(rendered_mean, mean, rtol=0.02)
+    np.testing.assert_allclose(rendered.first, environment.first, atol=0.02 * max(mean))
+    np.testing.assert_allclose(rendered.second, environment.second, atol=0.02 * max(mean))
+    assert np.abs(environment.first).max() > 0.1 * max(mean)
+
+
+def test_a_ball_is_lit_as_cycles_lights_a_sphere(ball, bridge, core, tmp_path):
+    """Pixel by pixel where the ball fills them: within 8 % of the brightest, 2 % in the mean."""
+    image_world((0.0, 0.0, 0.7))
+    functions = core("classify.transfer_function")
+    shade = functions.Shade(0.0, 1.0, 0.0, 1.0)
+    bridge("transfer").write_transfer(
+        ball,
+        functions.TransferFunction(
+            name="white",
+            unit=None,
+            opacity=((0.0, 0.0), (120.0, 0.0), (121.0, 1.0), (255.0, 1.0)),
+            color=((0.0, 1.0, 1.0, 1.0), (255.0, 1.0, 1.0, 1.0)),
+            shade=shade,
+        ),
+    )
+    plain = read(bridge, ball)
+    assert plain.environment is not None and not plain.headlight
+    bpy.context.scene.rle_splat.classification = "pre"
+    ours = picture()
+    scenes.use_cycles((32, 32), samples=64)
+    bpy.context.scene.cycles.max_bounces = 1
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=5.2, segments=64, ring_count=32)
+    bpy.ops.object.shade_smooth()
+    material = bpy.data.materials.new("white")
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    white = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    white.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    tree.links.new(white.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+    bpy.context.object.data.materials.append(material)
+    theirs = scenes.rendered(tmp_path / "sphere.exr")[..., :3]
+    row, column = np.mgrid[:32, :32] - 15.5
+    inside = np.hypot(row, column) < 9.0  # of 10.4 pixels
+    assert ours[inside, 3].min() > 0.99 and np.ptp(theirs[inside], axis=0).max() > 0.5
+    away = np.abs(ours[..., :3] - theirs)[inside]
+    assert away.max() < 0.08 * theirs[inside].max() and away.mean() < 0.02 * theirs[inside].max()
+
+
+def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
+    ramp = sky_world()
+    said = []
+    plain = read(bridge, ball, warn=said.append)
+    assert plain.world is None and plain.headlight and "not rendered yet" in said[0]
+    assert bridge("world").state(bpy.context.scene) == said[0]
+    first = picture()
+    plain = read(bridge, ball, warn=said.append)
+    assert plain.environment is not None and not plain.headlight and len(said) == 1
+    assert bridge("world").state(bpy.context.scene) == "World: rendered, by direction"
+    # A gradient along +X: brighter from the right.
+    assert first[12:20, 20:24, 0].mean() > 1.2 * first[12:20, 8:12, 0].mean()
+    ramp.color_ramp.elements[1].color = (0.3, 0.3, 0.3, 1.0)
+    assert read(bridge, ball, warn=said.append).environment is plain.environment and "has changed" in said[1]
+    again = picture()
+    assert again[..., 0].max() < 0.5 * first[..., 0].max()
+
+
+def test_in_background_a_render_begins_with_the_worlds_light(ball, bridge):
+    scenes.use_cycles((8, 8))
+    bpy.context.scene.render.use_compositing = False
+    bpy.context.scene.rle_splat.use_composite = True
+    sky_world()
+    bpy.ops.render.render()
+    said = []
+    assert read(bridge, ball, warn=said.append).environment is not None and not said
+
+
+def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
+    sky_world()
+    picture()
+    kept = read(bridge, ball).environment
+    name = ball.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sky.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "sky.blend"))
+    again = read(bridge, bpy.data.objects[name]).environment
+    np.testing.assert_array_equal(again.first, kept.first)
+    np.testing.assert_array_equal(again.second, kept.second)
+
+
+def test_what_the_panel_says_of_the_world(ball, bridge):
+    state, scene = bridge("world").state, bpy.context.scene
+    scene.world = None
+    assert "has none" in state(scene)
+    _, background = new_world()
+    assert "no lights" in state(scene)
+    background.inputs["Strength"].default_value = 0.0
+    assert "black" in state(scene)
+    image_world()
+    assert state(scene) == "World: its image, by direction"
+    scene.rle_splat.use_world = False
+    assert "turned off" in state(scene)
+    scene.rle_splat.lighting = "HEADLIGHT"
+    assert "see Lighting" in state(scene)
