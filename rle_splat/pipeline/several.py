@@ -1,0 +1,176 @@
+"""Several volumes in one picture.
+
+Volumes whose boxes do not overlap are rendered one by one and laid over one another.  Of boxes that overlap, each
+volume is rendered in slabs of planar depth, between the same clip planes.  Within a slab the volumes are mixed as if
+each were homogeneous along its rays: optical depths add up, and colors are averaged by optical depth.  That is exact
+for homogeneous volumes, has no order of its own, and converges as slabs become thin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..runtime.steps import part
+from ..scene import MODES, NO_DEPTH, Rendering, Scene
+from ..scene.changed import changed
+from ..view.box_order import box_of, near_to_far
+from ..view.projection import depth_row
+
+MOST_SLABS = 32  # in which overlapping volumes are mixed
+VOXELS = 2.0  # depth of a slab, in sides of the smallest voxel
+OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
+LAID = "Volumes that overlap are laid over one another, the nearest first, because"
+
+
+def several_steps(scenes: list[Scene], make: Callable[[Scene], Generator], most_slabs: int = MOST_SLABS):
+    """Generator of Progress: one picture of several volumes.
+
+    Parameters
+    ----------
+    scenes : list of Scene
+        Of the same camera, size and crop, one for each volume.
+    make : callable
+        ``make(scene)`` is a generator that returns the Rendering of one volume, transparent where it shows nothing.
+    most_slabs : int
+        In which overlapping volumes are mixed; 1 lays them over one another.
+
+    Returns
+    -------
+    Rendering
+        Its report is that of the first scene, with the remarks of all and, as ``volumes``, how many there are, in how
+        many pictures they were rendered and whether any were mixed. The depth of a pixel whose transmittance falls
+        below one half in a mixture is exact where the mixture is homogeneous.
+    """
+    camera = scenes[0].camera
+    groups = near_to_far([_box(scene) for scene in scenes], camera)
+    reason = _unmixed_because(scenes) if most_slabs > 1 else "the maximum error allows no others"
+    overlap = any(len(group) > 1 for group in groups)
+    parts: list[tuple] = []  # from near to far: (numbers of scenes, depths or None)
+    for group in groups:
+        if len(group) > 1 and not reason:
+            parts += slabs([scenes[n] for n in group], group, most_slabs)
+        else:
+            parts += [([n], None) for n in sorted(group, key=lambda n: float(_depths(scenes[n]).mean()))]
+    total, done, picture, reports = sum(len(numbers) for numbers, _ in parts), 0, None, {}
+    for numbers, span in parts:
+        made = []
+        for n in numbers:
+            scene = scenes[n] if span is None else replace(scenes[n], camera=_between(camera, span))
+            rendering = yield from part(make(scene), done / total, (done + 1) / total)
+            reports.setdefault(n, rendering.report)
+            made.append((rendering.rgba, rendering.depth))
+            done += 1
+        found = made[0] if len(made) == 1 else _mixed(made, span)
+        picture = found if picture is None else _laid_over(picture, found, span if len(numbers) > 1 else None)
+    remarks = [remark for n in sorted(reports) for remark in reports[n]["remarks"]]
+    if overlap and reason:
+        remarks.append(f"{LAID} {reason}.")
+    about = {"count": len(scenes), "pictures": total, "mixed": overlap and not reason}
+    return Rendering(*picture, {**reports[0], "remarks": list(dict.fromkeys(remarks)), "volumes": about})
+
+
+def slabs(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]:
+    """Planar depths between which overlapping volumes are rendered, from near to far.
+
+    Parameters
+    ----------
+    scenes : list of Scene
+    numbers : list of int
+        Of the scenes.
+    most : int
+        Slabs in which several volumes are mixed.
+
+    Returns
+    -------
+    list of (list of int, (float, float))
+        The numbers of the scenes that reach into a slab, and its depths in world units. The first begins and the last
+        ends at the camera's own clip distances.
+    """
+    camera = scenes[0].camera
+    ranges = [np.clip(_depths(scene)[[0, -1]], camera.clip_start, camera.clip_end) for scene in scenes]
+    cuts = sorted({float(depth) for ends in ranges for depth in ends})
+    found = []
+    for span in pairwise(cuts):
+        inside = [n for n, (near, far) in zip(numbers, ranges) if near <= span[0] and far >= span[1]]
+        if inside and found and found[-1][0] == inside:
+            found[-1] = inside, (found[-1][1][0], span[1])
+        elif inside:
+            found.append((inside, span))
+    if not found:  # all is outside of the clip distances
+        return [([n], None) for n in numbers]
+    shared = sum(end - begin for inside, (begin, end) in found if len(inside) > 1)
+    least = min(np.linalg.norm(scene.index_to_world[:3, axis]) for scene in scenes for axis in range(3))
+    thickness = max(VOXELS * float(least), shared / most)
+    parts = []
+    for inside, (begin, end) in found:
+        count = max(int(np.ceil((end - begin) / thickness * (1.0 - 1e-9))), 1) if len(inside) > 1 else 1
+        edges = np.linspace(begin, end, count + 1).tolist()
+        parts += [(inside, span) for span in pairwise(edges)]
+    parts[0] = parts[0][0], (camera.clip_start, parts[0][1][1])
+    parts[-1] = parts[-1][0], (parts[-1][1][0], camera.clip_end)
+    return parts
+
+
+def _unmixed_because(scenes: list[Scene]) -> str:
+    """Why overlapping volumes cannot be mixed; "" where they can."""
+    first = scenes[0]
+    if any(scene.motion for scene in scenes):
+        return "motion blur is on"
+    if first.camera.aperture_radius > 0.0 and first.effects.get("depth of field") is not False:
+        return "depth of field is on"
+    if any(scene.mode != MODES[0] for scene in scenes):
+        return "the mode shows values along whole rays"
+    return "clipping is turned off by hand" if first.effects.get("clipping") is False else ""
+
+
+def _box(scene: Scene) -> np.ndarray:
+    return box_of(scene.index_to_world, scene.volume.shape_xyz)
+
+
+def _depths(scene: Scene) -> np.ndarray:
+    """(8,) float64 planar depths of the corners of a volume's box, ascending."""
+    row = depth_row(scene.camera)
+    return np.sort(_box(scene) @ row[:3] + row[3])
+
+
+def _between(camera, span):
+    """The camera with other clip distances."""
+    return changed(camera, clip_start=float(span[0]), clip_end=float(span[1]))
+
+
+def _mixed(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
+    """The picture and the depth of a slab from those of its volumes."""
+    pictures = np.stack([rgba for rgba, _ in made]).astype(np.float64)
+    opacity = pictures[..., 3:]
+    depths = -np.log1p(-np.clip(opacity, 0.0, OPAQUE))
+    colors = np.divide(pictures[..., :3], opacity, out=np.zeros_like(pictures[..., :3]), where=opacity > 0.0)
+    whole = depths.sum(axis=0)
+    mean = np.divide((depths * colors).sum(axis=0), whole, out=np.zeros_like(colors[0]), where=whole > 0.0)
+    alpha = 1.0 - np.prod(1.0 - opacity, axis=0)
+    rgba = np.concatenate((alpha * mean, alpha), axis=-1).astype(np.float32)
+    return rgba, _half_depth(np.zeros(whole.shape[:2]), whole[..., 0], span)
+
+
+def _laid_over(front: tuple, back: tuple, span) -> tuple[np.ndarray, np.ndarray]:
+    """A picture over another one, and the depth of both; ``span``: depths of the back one if it is of a mixture."""
+    (near, near_depth), (far, far_depth) = front, back
+    rgba = near + (1.0 - near[..., 3:]) * far
+    if span is not None:
+        before, within = (-np.log1p(-np.clip(one[..., 3].astype(np.float64), 0.0, OPAQUE)) for one in (near, far))
+        far_depth = _half_depth(before, within, span)
+    return rgba, np.where(near_depth < np.float32(NO_DEPTH), near_depth, far_depth)
+
+
+def _half_depth(before: np.ndarray, within: np.ndarray, span) -> np.ndarray:
+    """(H, W) float32 planar depth at which the transmittance falls below one half in a homogeneous slab.
+
+    ``before``, ``within``: (H, W) optical depths in front of the slab and in it.
+    """
+    half = np.log(2.0)
+    share = np.divide(half - before, within, out=np.zeros_like(within), where=within > 0.0)
+    found = span[0] + np.clip(share, 0.0, 1.0) * (span[1] - span[0])
+    return np.where(before + within >= half, found, NO_DEPTH).astype(np.float32)
