@@ -49,7 +49,7 @@ def cuts(one, owner) -> bool:
     return not one.rle_splat.clip_only_parent or not is_attached(one, one.parent) or is_attached(one, owner)
 
 
-def read_clips(depsgraph, owner) -> tuple[Clip, ...]:
+def read_clips(depsgraph, owner, moved=None) -> tuple[Clip, ...]:
     """The clip objects that cut a volume, as plain data at the depsgraph's time.
 
     Parameters
@@ -58,6 +58,8 @@ def read_clips(depsgraph, owner) -> tuple[Clip, ...]:
         The evaluated scene.
     owner : bpy.types.Object
         The volume object.
+    moved : (4, 4) ndarray of float64, optional
+        The world matrix from the volume object to an instance of it.  Its children move along, other clip objects stay.
 
     Returns
     -------
@@ -76,6 +78,8 @@ def read_clips(depsgraph, owner) -> tuple[Clip, ...]:
         evaluated = one.evaluated_get(depsgraph)
         kind, own = _shape(one, evaluated)
         matrix = world_matrix(one, depsgraph) @ own
+        if moved is not None and is_attached(one, owner):
+            matrix = moved @ matrix
         try:
             found.append(Clip(kind, matrix, one.rle_splat.clip_keep.lower()))
         except RleSplatError as problem:

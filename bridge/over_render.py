@@ -16,9 +16,10 @@ from bpy.app.handlers import persistent
 
 from ..rle_splat.pipeline.preset_plan import held
 from ..rle_splat.pipeline.report import EMPTY_REMARKS
+from ..rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
-from . import compositor, following, images, messages, pictures, presence, render_scene
+from . import compositor, following, images, messages, pictures, placements, presence, render_scene
 from .camera import frame_crop, image_size
 from .placeholder import placeholder
 from .render_log import RenderLog
@@ -165,20 +166,13 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
                 f"The volume {name!r} was deleted; select another one and press Include in Renders, or press Remove "
                 "from Renders."
             )
-        hidden = _why_hidden(volume_object, depsgraph)
-        if hidden is not None:
+        placed = placements.shown(depsgraph)
+        if not placed:
             images.clear(image)
-            log.hidden.append(hidden)
+            why = placements.why_hidden(placements.Placement(volume_object), depsgraph)
+            log.hidden.append(why or "it is no volume")
             return
-        plain, quality = render_scene.read_scene(
-            volume_object, depsgraph, with_meshes=settings.meshes_occlude and layer.use_solid, in_region=True)
-        tolerance = tolerance_of(depsgraph.scene_eval)
-        drawn_as = volume_object.name, quality, tolerance
-        planned, earlier = log.plans.get(drawn_as, (quality, None))
-        rendering = drain(render_scene.steps(
-            plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False))
-        plan = rendering.report["plan"]
-        log.plans[drawn_as] = held(quality, plan) if planned is quality else planned, plan
+        rendering = drain(_picture_steps(placed, depsgraph, settings.meshes_occlude and layer.use_solid, log))
         pictures.show(image, rendering)
         log.report = {**rendering.report, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():
@@ -191,26 +185,27 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
     log.drawn.append(image)
 
 
+def _picture_steps(placed: list, depsgraph, with_meshes: bool, log: RenderLog):
+    """Generator of Progress: one picture of all volumes that a view layer shows."""
+    scenes, quality = render_scene.read_scenes(placed, depsgraph, with_meshes=with_meshes)
+    tolerance = tolerance_of(depsgraph.scene_eval)
+
+    def make(plain, n):
+        """The picture of volume number ``n``, or of a slab of it, by the plan of its first picture."""
+        drawn_as = placed[n].owner.name, n, quality, tolerance
+        planned, earlier = log.plans.get(drawn_as, (quality, None))
+        rendering = yield from render_scene.steps(
+            plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False)
+        plan = rendering.report["plan"]
+        log.plans[drawn_as] = held(quality, plan) if planned is quality else planned, plan
+        return rendering
+
+    if len(scenes) == 1:
+        return make(scenes[0], 0)
+    return several_steps(scenes, make, 1 if tolerance is not None else MOST_SLABS)
+
+
 def _show_placeholder(image, render) -> None:
     left, top, right, bottom = frame_crop(render) or (0, 0, *image_size(render))
     width, height = max(1, right - left), max(1, bottom - top)
     images.write_color(images.ensure_image(image, image.name, width, height), placeholder(width, height))
-
-
-def _why_hidden(volume_object, depsgraph) -> str | None:
-    """Why a view layer does not show a volume, by the rules of Cycles; None if it shows it."""
-    layer, scene = depsgraph.view_layer, depsgraph.scene
-    where = f"view layer {layer.name!r}"
-    if scene not in volume_object.users_scene:
-        return f"it is not itself in the scene {scene.name!r}, and instances of a volume are not rendered"
-    if not any(one == volume_object for one in layer.objects):
-        return f"it is excluded from {where}"
-    if not render_scene.is_rendered(volume_object, depsgraph):
-        return f"it is hidden from renders in {where}"
-    if volume_object.indirect_only_get(view_layer=layer) or not volume_object.visible_camera:
-        return f"it is hidden from the camera in {where}"
-    if volume_object.holdout_get(view_layer=layer) or volume_object.is_holdout:
-        return f"it is a holdout in {where}, which RLE Splat does not support"
-    if not layer.use_volumes:
-        return f"{where} has volumes switched off (Filter > Volumes)"
-    return None

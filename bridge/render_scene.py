@@ -71,23 +71,58 @@ def read_scene(
     RleSplatError
         For everything that the user can correct.
     """
-    scene = depsgraph.scene_eval
     check_kept_up(volume_object, depsgraph)
-    view, width, height = read_camera(depsgraph, camera)
-    has_truth = settings.tolerance_of(scene) is not None
+    view = read_camera(depsgraph, camera)
+    triangles = read_occluders(depsgraph) if with_meshes else None
+    plain = _in_picture(
+        volume_object, depsgraph, view, in_region, moving, camera, triangles=triangles, with_shadows=with_shadows,
+        warn=warn)
+    return plain, settings.quality_of(depsgraph.scene_eval)
+
+
+def read_scenes(placed, depsgraph, *, with_meshes: bool):
+    """Read everything that a rendered picture of several volumes depends on, as ``read_scene`` does.
+
+    Parameters
+    ----------
+    placed : sequence of Placement
+        The volumes.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    with_meshes : bool
+        Whether meshes occlude the volumes.
+
+    Returns
+    -------
+    plain : list of Scene
+        The scene of each volume, of the cropped render region if there is one.
+    quality : Quality
+        The knobs.
+    """
+    view = read_camera(depsgraph)
+    triangles = read_occluders(depsgraph) if with_meshes else None
+    plain = [
+        _in_picture(
+            one.owner, depsgraph, view, True, one.matrix is None, None, triangles=triangles, matrix=one.matrix,
+        )
+        for one in placed
+    ]
+    return plain, settings.quality_of(depsgraph.scene_eval)
+
+
+def _in_picture(volume_object, depsgraph, view, in_region: bool, moving: bool, camera, **of_view) -> Scene:
+    """``seen_by`` with the motion and the crop of a picture; arguments as of ``read_scene``."""
+    has_truth = settings.tolerance_of(depsgraph.scene_eval) is not None
     motion, still_because = (), LEFT_OUT if has_truth else ""
     if moving and not has_truth:
         motion, still_because = read_motion(depsgraph, volume_object, camera)
-    plain = seen_by(
-        volume_object, depsgraph, (view, width, height),
-        triangles=read_occluders(depsgraph) if with_meshes else None,
-        with_shadows=with_shadows,
-        warn=warn,
-        crop=frame_crop(scene.render) if in_region else None,
+    return seen_by(
+        volume_object, depsgraph, view,
+        crop=frame_crop(depsgraph.scene_eval.render) if in_region else None,
         motion=motion,
         reasons_off={"motion blur": still_because} if still_because else {},
+        **of_view,
     )
-    return plain, settings.quality_of(scene)
 
 
 def check_kept_up(volume_object, depsgraph) -> None:
@@ -105,7 +140,9 @@ def read_occluders(depsgraph) -> np.ndarray | None:
     return triangles if len(triangles) else None
 
 
-def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True, warn=None, **of_view) -> Scene:
+def seen_by(
+    volume_object, depsgraph, view: tuple, *, with_shadows: bool = True, warn=None, matrix=None, **of_view
+) -> Scene:
     """Read what a picture of a volume depends on, as a given camera sees it.
 
     Parameters
@@ -120,6 +157,8 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
         Whether shadows and ambient occlusion are used, if they are on in the scene.
     warn : callable, optional
         Called with one sentence for each warning.
+    matrix : (4, 4) ndarray of float64, optional
+        The matrix of an instance of the volume; left out, that of the object.
     **of_view
         Further fields of Scene: triangles, crop, motion.
 
@@ -138,6 +177,8 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
     volume = volumes.load_volume(volume_object, warn, depsgraph)
     transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
     lighting = scene.rle_splat.lighting
+    own = np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
+    moved = None if matrix is None else matrix @ np.linalg.inv(own)
     lights, world = _read_light(depsgraph, warn) if lighting == "SCENE" else ((), None)
     return Scene(
         volume=volume,
@@ -145,11 +186,11 @@ def seen_by(volume_object, depsgraph, view: tuple, *, with_shadows: bool = True,
         camera=camera,
         width=width,
         height=height,
-        volume_matrix=np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64),
+        volume_matrix=own if matrix is None else matrix,
         scene_scale=settings.scene_scale_of(scene, volume.unit),
         lights=lights,
         headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not (lights or world)),
-        clips=read_clips(depsgraph, volume_object),
+        clips=read_clips(depsgraph, volume_object, moved),
         channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
         mode=scene.rle_splat.mode,

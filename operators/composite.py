@@ -14,7 +14,8 @@ from .through_camera import has_volume_and_camera
 class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
     bl_label = "Include in Renders"
-    bl_description = "Render the volume with every frame of this scene (F12) and combine it with the meshes inside it"
+    bl_description = (
+        "Render the volumes of this scene with every frame (F12) and combine them with the meshes inside them")
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -52,7 +53,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
-            remarks.append(f"Only {volume_object.name} is included, not {', '.join(others)}.")
+            remarks.append(f"So are {', '.join(others)}; disable a volume in renders (Outliner) to leave it out.")
         self.report({"INFO"}, " ".join([f"{volume_object.name} is now included in every render.", *remarks]))
         return {"FINISHED"}
 

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..bridge import volumes
 from ..rle_splat.scene import PRESET_AIMS
 from .outdated import draw_outdated
 from .places import RenderTab, Sidebar, paragraph
@@ -67,8 +68,10 @@ def _draw_composite(context, layout) -> None:
         return
     target = settings.composite_object
     if target is not None:
-        paragraph(context, layout, f"{target.name} is included in every render. Lock Interface is on while rendering.",
-                  icon="CHECKMARK")
+        names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render] or [target.name]
+        verb = "are" if len(names) > 1 else "is"
+        paragraph(context, layout, f"{', '.join(names)} {verb} included in every render. Lock Interface is on while "
+                                   "rendering.", icon="CHECKMARK")
     else:
         paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted and is missing in "
                                    "renders. Include another volume, or press Remove from Renders.", icon="ERROR")

@@ -58,7 +58,7 @@ def is_allowed() -> bool:
 
 def _volumes_of(context) -> tuple:
     """Keys of the volumes to draw in a viewport; empty at once where the scene has none."""
-    if not is_allowed() or not shown.volume_keys(context.scene):
+    if not is_allowed() or not shown.has_volumes(context.scene):
         return ()
     return shown.visible_volumes(context.scene, context.view_layer, context.space_data)
 

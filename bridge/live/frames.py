@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...rle_splat.pipeline.fitting import fitting_steps
+from ...rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ...rle_splat.scene import Quality, Scene
+from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
 from .view import Matrices, View, furthest_of_blocks, pixels_of, view_of, with_margin
 
 DRAFT = "draft"
+DRAFT_SLABS = 4  # in which a draft mixes volumes that overlap
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +71,15 @@ class Shot:
         Those that the view shows, the furthest first.
     pixels : dict
         Number in ``contents`` -> the region's pixels that show it.
+    groups : tuple of tuple of int
+        Numbers in ``pixels`` of those that overlap, the furthest group first.
     """
 
     matrices: Matrices
     view: View
     contents: tuple[Contents, ...]
     pixels: dict
+    groups: tuple = ()
 
     @property
     def part(self) -> tuple[int, int, int, int] | None:
@@ -104,10 +110,14 @@ def shot_of(matrices: Matrices, contents) -> Shot:
     view = view_of(matrices, 0.0)
     depths = [one.corners @ depth_row(view.camera)[:3] + depth_row(view.camera)[3] - view.set_back for one in contents]
     view = view_of(matrices, min((float(depth.min()) for depth in depths), default=0.0))
-    order = sorted(range(len(contents)), key=lambda n: -float(depths[n].mean()))
+    groups = near_to_far([one.corners for one in contents], view.camera)[::-1]
+    groups = [sorted(group, key=lambda n: -float(depths[n].mean())) for group in groups]
+    order = [n for group in groups for n in group]
     ordered = tuple(contents[n] for n in order)
     found = {n: pixels_of(view, one.corners) for n, one in enumerate(ordered)}
-    return Shot(matrices, view, ordered, {n: pixels for n, pixels in found.items() if pixels is not None})
+    pixels = {n: one for n, one in found.items() if one is not None}
+    seen = [tuple(order.index(n) for n in group if order.index(n) in pixels) for group in groups]
+    return Shot(matrices, view, ordered, pixels, tuple(group for group in seen if group))
 
 
 def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | None):
@@ -130,16 +140,27 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
         view = _sized(shot, -(-width // block), -(-height // block))
         ends = None if ends is None else furthest_of_blocks(ends, block)
     made = []
-    for n, (left, top, right, bottom) in shot.pixels.items():
-        one = shot.contents[n]
-        crop = left // block, top // block, -(-right // block), -(-bottom // block)
-        plain = replace(
-            one.plain, camera=view.camera, width=view.width, height=view.height, crop=crop, ray_ends=ends,
-        )
-        quality = one.quality if coarseness is None else draft_of(one.quality)
-        rendering, halved = yield from fitting_steps(plain, quality, cache, halvings)
+    for group in shot.groups:
+        sides = np.array([shot.pixels[n] for n in group])
+        (left, top), (right, bottom) = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
+        crop = tuple(int(side) for side in (left // block, top // block, -(-right // block), -(-bottom // block)))
+        seen_by = {"camera": view.camera, "width": view.width, "height": view.height, "crop": crop, "ray_ends": ends}
+        scenes = [replace(shot.contents[n].plain, **seen_by) for n in group]
+        halved: list[int] = []
+
+        def make(plain, number, group=group, halved=halved):
+            quality = shot.contents[group[number]].quality
+            quality = quality if coarseness is None else draft_of(quality)
+            rendering, times = yield from fitting_steps(plain, quality, cache, halvings)
+            halved.append(times)
+            return rendering
+
+        steps = make(scenes[0], 0)
+        if len(scenes) > 1:
+            steps = several_steps(scenes, make, MOST_SLABS if coarseness is None else DRAFT_SLABS)
+        rendering = yield from steps
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
-        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, halved))
+        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
     return made
 
 

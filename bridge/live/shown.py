@@ -9,9 +9,10 @@ that is joined or split, or by an address in memory, which another file gives to
 from __future__ import annotations
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
-from .. import volumes
+from .. import placements, volumes
 
 SWITCH = "show_object_viewport_volume"  # of a SpaceView3D
 
@@ -21,6 +22,8 @@ class _Now:
 
     stamp = 0
     known: dict = {}  # session id of a scene -> (stamp, keys of its volume objects)
+    instancers: dict = {}  # session id of a scene -> (stamp, whether it shows instances of volumes)
+    instances: dict = {}  # (session id of a scene, name of a view layer) -> (stamp, keys of instances of volumes)
 
 
 @persistent
@@ -57,10 +60,55 @@ def volume_keys(scene) -> tuple:
     return found
 
 
+def has_volumes(scene) -> bool:
+    """Whether a scene shows volumes, or instances of volumes."""
+    return bool(volume_keys(scene)) or _has_instances(scene)
+
+
+def _has_instances(scene) -> bool:
+    at, found = _Now.instancers.get(scene.session_uid, (None, False))
+    if at != _Now.stamp:
+        found = any(_shows_volume(one, set()) for one in scene.objects if one.instance_type == "COLLECTION")
+        _Now.instancers[scene.session_uid] = _Now.stamp, found
+    return found
+
+
+def _shows_volume(instancer, seen: set) -> bool:
+    """Whether an instanced collection holds a volume, itself or in an instance."""
+    collection = instancer.instance_collection
+    if collection is None or collection in seen:
+        return False
+    seen.add(collection)
+    return any(
+        one.rle_splat.is_volume or (one.instance_type == "COLLECTION" and _shows_volume(one, seen))
+        for one in collection.all_objects
+    )
+
+
+def _instance_keys(scene, view_layer) -> tuple:
+    """Keys of the instances of volumes: that of the volume, the instancer's, and the matrix."""
+    if view_layer.depsgraph is None or not _has_instances(scene):
+        return ()
+    of = scene.session_uid, view_layer.name
+    at, found = _Now.instances.get(of, (None, ()))
+    if at != _Now.stamp:
+        placed = [one for one in placements.placements(view_layer.depsgraph) if one.instancer is not None]
+        found = tuple(
+            (*_key(one.owner), _key(one.instancer), tuple(one.matrix.ravel().tolist())) for one in placed
+        )
+        _Now.instances[of] = _Now.stamp, found
+    return found
+
+
 def find(key: tuple):
     """The object of a key, None if it is gone."""
-    name, library = key
+    name, library = key[:2]
     return bpy.data.objects.get(name if library is None else (name, library))
+
+
+def matrix_of(key: tuple) -> np.ndarray | None:
+    """(4, 4) matrix of the key of an instance; None for the key of a volume itself."""
+    return np.array(key[3]).reshape(4, 4) if len(key) > 2 else None
 
 
 def visible_volumes(scene, view_layer, space) -> tuple:
@@ -86,6 +134,10 @@ def visible_volumes(scene, view_layer, space) -> tuple:
         owner = find(key)
         if owner is not None and owner.visible_get(view_layer=view_layer, viewport=space):
             found.append(key)
+    for key in _instance_keys(scene, view_layer):
+        instancer = find(key[2])
+        if instancer is not None and instancer.visible_get(view_layer=view_layer, viewport=space):
+            found.append(key)
     return tuple(found)
 
 
@@ -109,7 +161,8 @@ def switch_all(window, on: bool) -> None:
 
 def forget() -> None:
     """Forget all scenes, before another file is opened."""
-    _Now.known.clear()
+    for held in (_Now.known, _Now.instancers, _Now.instances):
+        held.clear()
 
 
 def _key(owner) -> tuple:

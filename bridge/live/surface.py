@@ -9,9 +9,9 @@ import bpy
 import gpu
 import numpy as np
 
-from ...rle_splat.scene import Camera, Scene
+from ...rle_splat.scene import Camera
+from ...rle_splat.view.box_order import box_of
 from .. import freshness, loading, preferences, read_ahead, render_scene, settings
-from ..box import CORNERS
 from ..decimals import typed
 from . import shown
 from .floor import without_floor
@@ -113,32 +113,34 @@ class BlenderSurface:
 
     def contents(self, request: Request, with_triangles: bool) -> list[Contents] | None:
         """See ``Surface.contents``."""
-        owners = [owner for owner in map(shown.find, request.volumes) if owner is not None]
+        found = [(shown.find(key), shown.matrix_of(key)) for key in request.volumes]
+        found = [(owner, matrix) for owner, matrix in found if owner is not None]
         if self._depsgraph is None:
             return None
-        if not all(loading.is_at_hand(owner, self._depsgraph) for owner in owners):
-            waiting = [read_ahead.want(owner, self._depsgraph) for owner in owners]
+        if not all(loading.is_at_hand(owner, self._depsgraph) for owner, _ in found):
+            waiting = [read_ahead.want(owner, self._depsgraph) for owner, _ in found]
             if any(waiting):
                 return None
         triangles = None
         if self.hides() and (with_triangles or self._casts_shadows()):
             triangles = render_scene.read_occluders(self._depsgraph)
-        return [self._contents_of(owner, triangles) for owner in owners]
+        return [self._contents_of(owner, matrix, triangles) for owner, matrix in found]
 
     def _casts_shadows(self) -> bool:
         """Whether meshes count beside the depth at which they end rays."""
         held = self._scene.rle_splat
         return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
 
-    def _contents_of(self, owner, triangles) -> Contents:
-        render_scene.check_kept_up(owner, self._depsgraph)
-        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, triangles=triangles)
+    def _contents_of(self, owner, matrix, triangles) -> Contents:
+        if matrix is None:
+            render_scene.check_kept_up(owner, self._depsgraph)
+        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, triangles=triangles, matrix=matrix)
         overrides = {name: on for name, on in plain.effects.items() if not (on and name in ELSEWHERE)}
         if overrides != plain.effects:
             plain = replace(plain, effects=overrides)
         quality = settings.quality_of(self._depsgraph.scene_eval)
         digest = freshness.made_of(plain, quality, None, triangles is not None).digest
-        return Contents(plain, quality, digest, _corners_of(plain))
+        return Contents(plain, quality, digest, box_of(plain.index_to_world, plain.volume.shape_xyz, BEYOND))
 
     def ends(self, view: View, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
@@ -163,12 +165,6 @@ class BlenderSurface:
 
 def _are_slow(waits: list) -> bool:
     return len(waits) == MOST_WAITS and min(waits) > WAITS
-
-
-def _corners_of(plain: Scene) -> np.ndarray:
-    """(8, 3) float64 world coordinates around all that is shown of a volume."""
-    indices = CORNERS * (np.asarray(plain.volume.shape_xyz, np.float64) - 1.0 + 2.0 * BEYOND) - BEYOND
-    return indices @ plain.index_to_world[:3, :3].T + plain.index_to_world[:3, 3]
 
 
 def region_of(address: int):

@@ -48,7 +48,9 @@ def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:
     """
     nearest, furthest = slab_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
-    return (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
+    return bool(
+        (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye
+    )
 
 
 class CameraClip(RayEffect):

@@ -23,10 +23,11 @@ from ..view.projection import depth_row
 MOST_SLABS = 32  # in which overlapping volumes are mixed
 VOXELS = 2.0  # depth of a slab, in sides of the smallest voxel
 OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
+SLICED = "volumes that overlap are rendered in slabs of depth"
 LAID = "Volumes that overlap are laid over one another, the nearest first, because"
 
 
-def several_steps(scenes: list[Scene], make: Callable[[Scene], Generator], most_slabs: int = MOST_SLABS):
+def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], most_slabs: int = MOST_SLABS):
     """Generator of Progress: one picture of several volumes.
 
     Parameters
@@ -34,7 +35,8 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene], Generator], most_
     scenes : list of Scene
         Of the same camera, size and crop, one for each volume.
     make : callable
-        ``make(scene)`` is a generator that returns the Rendering of one volume, transparent where it shows nothing.
+        ``make(scene, n)`` is a generator that returns the Rendering of volume number ``n``, or of a slab of it,
+        transparent where it shows nothing.
     most_slabs : int
         In which overlapping volumes are mixed; 1 lays them over one another.
 
@@ -47,7 +49,7 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene], Generator], most_
     """
     camera = scenes[0].camera
     groups = near_to_far([_box(scene) for scene in scenes], camera)
-    reason = _unmixed_because(scenes) if most_slabs > 1 else "the maximum error allows no others"
+    reason = _unmixed_because(scenes) if most_slabs > 1 else "a maximum error is set"
     overlap = any(len(group) > 1 for group in groups)
     parts: list[tuple] = []  # from near to far: (numbers of scenes, depths or None)
     for group in groups:
@@ -55,22 +57,30 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene], Generator], most_
             parts += slabs([scenes[n] for n in group], group, most_slabs)
         else:
             parts += [([n], None) for n in sorted(group, key=lambda n: float(_depths(scenes[n]).mean()))]
-    total, done, picture, reports = sum(len(numbers) for numbers, _ in parts), 0, None, {}
+    total, picture, reports = sum(len(numbers) for numbers, _ in parts), None, []
     for numbers, span in parts:
         made = []
         for n in numbers:
             scene = scenes[n] if span is None else replace(scenes[n], camera=_between(camera, span))
-            rendering = yield from part(make(scene), done / total, (done + 1) / total)
-            reports.setdefault(n, rendering.report)
+            done = len(reports)
+            rendering = yield from part(make(scene, n), done / total, (done + 1) / total)
+            reports.append((n, rendering.report))
             made.append((rendering.rgba, rendering.depth))
-            done += 1
         found = made[0] if len(made) == 1 else _mixed(made, span)
         picture = found if picture is None else _laid_over(picture, found, span if len(numbers) > 1 else None)
-    remarks = [remark for n in sorted(reports) for remark in reports[n]["remarks"]]
-    if overlap and reason:
-        remarks.append(f"{LAID} {reason}.")
     about = {"count": len(scenes), "pictures": total, "mixed": overlap and not reason}
-    return Rendering(*picture, {**reports[0], "remarks": list(dict.fromkeys(remarks)), "volumes": about})
+    return Rendering(*picture, _report_of(reports, about, f"{LAID} {reason}." if overlap and reason else ""))
+
+
+def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
+    """The first volume's report with the times and remarks of all; ``reports``: (number, report) of each picture."""
+    first = next(report for n, report in reports if n == 0)
+    remarks = [remark for _, report in sorted(reports, key=lambda one: one[0]) for remark in report["remarks"]]
+    stages = {name: sum(report["stages_ms"][name] for _, report in reports) for name in first["stages_ms"]}
+    cut = {"reason": SLICED} if about["mixed"] else {}
+    effects = [{**row, **cut} if row["name"] == "clipping" else row for row in first["effects"]]
+    remarks = list(dict.fromkeys([*remarks, *filter(None, [remark])]))
+    return {**first, "remarks": remarks, "stages_ms": stages, "effects": effects, "volumes": about}
 
 
 def slabs(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]:

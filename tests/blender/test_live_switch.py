@@ -65,6 +65,25 @@ def test_a_hidden_volume_is_not_shown(hide, volume_object, shown):
     assert visible(shown) == []
 
 
+def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown):
+    scene, layer, space = bpy.context.scene, bpy.context.view_layer, area_of_view().spaces.active
+    collection = bpy.data.collections.new("asset")
+    for holder in volume_object.users_collection:
+        holder.objects.unlink(volume_object)
+    collection.objects.link(volume_object)
+    instancer = bpy.data.objects.new("instancer", None)
+    instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
+    scene.collection.objects.link(instancer)
+    instancer.location = (0.0, 0.0, 5.0)
+    update()
+    (key,) = shown.visible_volumes(scene, layer, space)
+    assert shown.has_volumes(scene) and not shown.volume_keys(scene) and shown.find(key) == volume_object
+    assert shown.matrix_of(key)[2, 3] == pytest.approx(volume_object.location.z + 5.0)
+    instancer.hide_set(True)
+    update()
+    assert shown.visible_volumes(scene, layer, space) == ()
+
+
 def test_the_switch_survives_undo_and_saving(volume_object, shown, tmp_path):
     switch_off(volume_object)
     bpy.ops.ed.undo_push(message="one")

@@ -259,6 +259,26 @@ def test_the_furthest_of_several_volumes_is_drawn_first(live, contents):
     assert [one.digest for one in shot.contents] == ["first", "near"] and list(shot.pixels) == [0, 1]
 
 
+def test_volumes_that_overlap_are_one_picture_and_let_through_the_product(live, made):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    (alone,) = viewport.pictures
+    held = surface.held[0]
+    matrix = held.plain.volume_matrix.copy()
+    matrix[2, 3] += 3.0
+    other = replace(
+        held, plain=replace(held.plain, volume_matrix=matrix), corners=held.corners + (0.0, 0.0, 3.0), digest="other")
+    surface.held = [held, other]
+    viewport.redraw(request_of(live, volumes=("one", "other")), 2, surface)
+    (draft,) = viewport.pictures
+    finish(viewport, clock)
+    (both,) = viewport.pictures
+    alpha, together = (one.rgba[one.rgba.shape[0] // 2, one.rgba.shape[1] // 2, 3] for one in (alone, both))
+    assert together == pytest.approx(1.0 - (1.0 - alpha) ** 2, abs=0.01) and alpha > 0.5
+    assert draft.rgba[..., 3].max() == pytest.approx(together, abs=0.05)
+
+
 def test_voxels_that_are_being_read_are_waited_for(live, made):
     viewport, _clock, surface = made
     surface.held, held = None, surface.held

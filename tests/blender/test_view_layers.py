@@ -266,7 +266,7 @@ REASONS = {
     "camera": "it is hidden from the camera in view layer 'ViewLayer'",
     "holdout": "it is a holdout in view layer 'ViewLayer', which RLE Splat does not support",
     "filter": "view layer 'ViewLayer' has volumes switched off (Filter > Volumes)",
-    "instance": "it is not itself in the scene 'Scene', and instances of a volume are not rendered",
+    "instance": "it is not in the scene 'Scene'",
 }
 
 
@@ -289,6 +289,7 @@ def hide(volume, way):
     else:
         instancer = bpy.data.objects.new("instancer", None)
         instancer.instance_type, instancer.instance_collection = "COLLECTION", bpy.data.collections["volumes"]
+        instancer.hide_render = True
         bpy.context.scene.collection.objects.link(instancer)
         bpy.context.scene.collection.children.unlink(bpy.data.collections["volumes"])
 

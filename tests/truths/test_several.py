@@ -42,7 +42,7 @@ def box(stage):
 
 def picture(scenes, **how):
     steps = several_steps(
-        scenes, lambda scene: render_steps(scene, QUALITY, None, refuse_empty_view=False), **how
+        scenes, lambda scene, _: render_steps(scene, QUALITY, None, refuse_empty_view=False), **how
     )
     return drain(steps)
 
