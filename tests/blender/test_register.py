@@ -41,7 +41,7 @@ LISTENERS = {
     "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
     "load_post": ["source_paths", "migration", "watch", "follow_slices", "shown"],
     "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown"], "render_cancel": ["over_render"],
-    "render_complete": ["over_render"], "render_init": ["over_render"], "render_post": ["over_render"],
+    "render_complete": ["over_render"], "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths"],
     "save_post_fail": ["source_paths"], "save_pre": ["source_paths", "over_render", "picture_files"],
     "undo_post": ["watch", "follow_slices", "shown"],
