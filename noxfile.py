@@ -80,6 +80,12 @@ def gallery(parser, words) -> int:
 
 
 @job
+def figures(parser, words) -> int:
+    """Make the figures of the documentation in out/figures/; arguments go to rle-splat figure."""
+    return run(ensure(CORE), "-m", "devtools.example_figures", *words)
+
+
+@job
 def test(parser, words) -> int:
     """Run every test that this machine can run; other arguments go to pytest."""
     parser.add_argument("--quick", action="store_true", help="leave out slow tests and all but one Blender")
