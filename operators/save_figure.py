@@ -72,6 +72,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         self.is_confirmed = True
         if not self.filepath:
             self.filepath = DEFAULT_NAME
+        if context.scene.camera is None:
+            self.view = "VIEWPORT"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 

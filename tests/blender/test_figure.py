@@ -1,11 +1,13 @@
 """Save Figure: files, sidecar and view, and the same bits from the command line without Blender."""
 
 import json
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import bpy
 import numpy as np
 import pytest
+from mathutils import Matrix
 
 from tests.blender import scenes
 
@@ -79,6 +81,33 @@ def test_what_a_sidecar_cannot_hold_is_remarked(ball, core, tmp_path, capfd):
     assert json.loads((tmp_path / "fig.figure.json").read_text())["missing"] == ["labels"]
     assert core("cli.main").main(["figure", str(tmp_path / "fig.figure.json"), "-o", str(tmp_path / "b.png")]) == 2
     assert "shows more than its sidecar can hold (labels)" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("parallel", [True, False])
+def test_the_view_is_that_of_the_viewport(ball, bridge, core, parallel):
+    """Corners of the volume's box are where the viewport's own matrices put them."""
+    width, height = 90, 60
+    turned = Matrix.Translation((-3.0, -4.0, -30.0)) @ Matrix.Rotation(0.6, 4, "X") @ Matrix.Rotation(0.3, 4, "Z")
+    window = Matrix.Diagonal((0.05, 0.075, -0.01, 1.0))
+    if not parallel:
+        window = Matrix(((2.0, 0.0, 0.1, 0.0), (0.0, 3.0, 0.0, 0.0), (0.0, 0.0, -1.002, -0.2), (0.0, 0.0, -1.0, 0.0)))
+    view = SimpleNamespace(view_matrix=turned, window_matrix=window, view_perspective="ORTHO")
+    space = SimpleNamespace(region_3d=view, clip_start=0.1, clip_end=100.0)
+    region = SimpleNamespace(type="WINDOW", width=width, height=height)
+    area = SimpleNamespace(
+        type="VIEW_3D", spaces=SimpleNamespace(active=space), regions=[region], width=width, height=height)
+    screen = SimpleNamespace(areas=[area])
+    context = SimpleNamespace(window=SimpleNamespace(screen=screen), area=None, scene=bpy.context.scene)
+    camera, *size = bridge("figure").viewport_camera(context, ball)
+    assert size == [width, height] and camera.type == ("ORTHO" if parallel else "PERSP")
+    corners = np.column_stack((bridge("box").world_corners(ball), np.ones(8)))
+    clip = corners @ np.array(window @ turned).T
+    expected = (0.5 + 0.5 * clip[:, :2] / clip[:, 3:] * (1.0, -1.0)) * (width, height)
+    seen = corners @ core("view.projection").world_to_pixel(camera, width, height).T
+    assert np.allclose(seen[:, :2] / seen[:, 2:], expected, atol=1e-3)
+    context.window.screen.areas.clear()
+    with pytest.raises(core("scene").RleSplatError, match="There is no 3D viewport"):
+        bridge("figure").viewport_camera(context, ball)
 
 
 def test_bad_input_is_refused(ball, refused, tmp_path):

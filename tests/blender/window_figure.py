@@ -1,0 +1,78 @@
+"""Save Figure in a real window: its button, its file browser, and the view of a viewport.
+
+    python3 dev.py blender --photograph tests/blender/window_figure.py
+
+keeps photographs and the figure of a viewport in build/window-shots/window_figure.
+"""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender import scenes
+from tests.blender.window_driver import (
+    SHOTS,
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    until,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_figure_"))
+
+
+def add_balls():
+    """Two balls side by side, the larger one toward +X."""
+    z, y, x = np.mgrid[:40, :40, :60]
+    large = np.sqrt((x - 40.0) ** 2 + (y - 20.0) ** 2 + (z - 20.0) ** 2) / 15.0
+    small = np.sqrt((x - 12.0) ** 2 + (y - 20.0) ** 2 + (z - 20.0) ** 2) / 8.0
+    voxels = np.clip(250.0 * (1.6 - np.minimum(large, small)), 0.0, 250.0).astype(np.uint8)
+    scenes.import_raw(FOLDER, voxels, name="balls")
+
+
+def scenario():
+    open_panels("RLE_SPLAT_PT_picture")
+    yield from new_file()
+    with in_the_view():
+        add_balls()
+        bpy.ops.rle_splat.frame_volume()
+        bpy.ops.view3d.view_axis(type="FRONT")
+    yield
+    yield
+    yield from photograph("panel")
+    shots = Path(os.environ.get(SHOTS) or FOLDER)
+    with in_the_view():
+        path = shots / "viewport.png"
+        done = bpy.ops.rle_splat.save_figure(filepath=str(path), view="VIEWPORT", width_cm=8.0, dpi=150.0)
+    assert done == {"FINISHED"} and path.is_file()
+    scene = json.loads((shots / "viewport.figure.json").read_text())["panels"][0]["scene"]
+    assert scene["camera"]["type"] == "ORTHO"
+    region = next(one for one in area_of("VIEW_3D").regions if one.type == "WINDOW")
+    assert abs(scene["width"] / scene["height"] - region.width / region.height) < 0.01
+    passed("the view of a viewport")
+
+    with in_the_view():
+        bpy.ops.rle_splat.save_figure("INVOKE_DEFAULT", filepath=str(FOLDER / "chosen.svg"))
+    yield
+    yield from photograph("file browser")
+    chooser = next(
+        (window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
+        if area.type == "FILE_BROWSER"
+    )
+    with bpy.context.temp_override(window=chooser[0], area=chooser[1]):
+        bpy.ops.file.execute()
+    yield from until(lambda: (FOLDER / "chosen.figure.json").is_file())
+    assert (FOLDER / "chosen.svg").read_bytes().startswith(b"<?xml")
+    passed("a figure in steps, from the file browser")
+    yield from photograph("after")
+
+
+drive(scenario)
