@@ -3,38 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
-import numpy as np
-
-
-def plain(value):
-    """Convert a value to JSON types.
-
-    Parameters
-    ----------
-    value : object
-        Any nesting of dict, list, tuple, set, numpy and plain types; other types become their ``str``.
-
-    Returns
-    -------
-    object
-        The value; numbers that are not finite become None.
-    """
-    if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple, set)):
-        return [plain(entry) for entry in value]
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    return str(value)
+from ..scene.plain import plain
 
 
 def write_report(path, report: dict) -> None:

@@ -6,16 +6,28 @@ It holds the file's name as the user gave it and a hash of the data, and nothing
 from __future__ import annotations
 
 import hashlib
-import math
 import platform
-from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
 from ..classify.transfer_function import TransferFunction
 from ..runtime.cache_folder import RELEASE
-from ..scene import Camera, Clip, Light, Mist, Pose, Quality, RleSplatError, Scene, from_mapping, read_json
+from ..scene import (
+    Camera,
+    Clip,
+    Environment,
+    Light,
+    Mist,
+    Pose,
+    Quality,
+    RleSplatError,
+    Scene,
+    from_mapping,
+    read_json,
+)
+from ..scene.plain import plain
 from .make import MadeFigure
 from .plan import Figure, FigureStyle, Panel
 
@@ -24,6 +36,7 @@ AS_MADE = "figure"  # name of a quality whose knobs are those of a sidecar
 PACKAGES = ("numpy", "numba")
 OF_THE_MACHINE = ("threads",)  # knobs that no bit depends on
 NOT_HELD = ("volume", "background", "reasons_off")  # fields of a scene that are elsewhere, or without effect
+NEEDED = ("transfer_function", "camera", "width", "height")
 # Field of a scene -> from JSON to its value.
 HELD = {
     "transfer_function": TransferFunction.from_json,
@@ -34,7 +47,8 @@ HELD = {
     "motion": lambda given: tuple(from_mapping(Pose, one, "A pose of the sidecar") for one in given),
     "clips": lambda given: tuple(from_mapping(Clip, one, "A clip object of the sidecar") for one in given),
     "mode": str, "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
-    "world": tuple, "ambient_occlusion": float,
+    "world": tuple, "environment": lambda given: from_mapping(Environment, given, "The sidecar's environment"),
+    "ambient_occlusion": float,
 }  # fmt: skip
 
 
@@ -87,8 +101,8 @@ def sidecar_of(made: MadeFigure, source: DataSource) -> dict:
         "version": VERSION,
         "versions": versions(),
         "data": {
-            "file": source.file, "options": _plain(source.options), "hash": volume.key,
-            "shape_xyz": _plain(volume.shape_xyz), "affine": volume.affine.tolist(), "unit": volume.unit,
+            "file": source.file, "options": plain(source.options), "hash": volume.key,
+            "shape_xyz": plain(volume.shape_xyz), "affine": volume.affine.tolist(), "unit": volume.unit,
             "value_unit": volume.value_unit,
         },
         "style": asdict(made.figure.style),
@@ -106,28 +120,15 @@ def _panel(panel: Panel, rendering) -> dict:
         "title": panel.title,
         "scene": {name: _field(panel.scene, name) for name in HELD},
         "quality": {**{name: plan[name] for name in plan if name in known}, "name": AS_MADE},
-        "plan": _plain({name: plan[name] for name in ("quality", "why", "aim", "expected", "base_planes")}),
-        "error": _plain(rendering.report["error"]),
+        "plan": plain({name: plan[name] for name in ("quality", "why", "aim", "expected", "base_planes")}),
+        "error": plain(rendering.report["error"]),
         "pixels": pixel_hash(rendering.rgba),
     }
 
 
 def _field(scene: Scene, name: str):
     value = getattr(scene, name)
-    return value.to_json() if isinstance(value, TransferFunction) else _plain(value)
-
-
-def _plain(value):
-    """Dataclasses, arrays and tuples as JSON types; numbers keep all their bits."""
-    if is_dataclass(value):
-        return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return value.to_json() if isinstance(value, TransferFunction) else plain(value)
 
 
 def missing_of(scene: Scene) -> list[str]:
@@ -247,9 +248,10 @@ def figure_of(sidecar: Sidecar, volume, threads: int = 0) -> tuple[Figure, list[
 
 
 def _scene(given: dict, volume) -> Scene:
-    unknown = sorted(set(given) ^ set(HELD))
-    if unknown:
-        raise RleSplatError(f"The scene of the sidecar has an unknown or no {unknown[0]!r}; use the file as written.")
+    """The scene of a panel; fields that a sidecar of an earlier version does not have yet are at their defaults."""
+    wrong = [name for name in given if name not in HELD] + [name for name in NEEDED if name not in given]
+    if wrong:
+        raise RleSplatError(f"The scene of the sidecar has an unknown or no {wrong[0]!r}; use the file as written.")
     try:
         values = {name: None if value is None else HELD[name](value) for name, value in given.items()}
     except (TypeError, ValueError) as problem:

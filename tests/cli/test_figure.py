@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 from rle_splat.cli.main import main
-from rle_splat.figure.sidecar import missing_of, read_sidecar
-from rle_splat.scene import Camera, Light, RleSplatError, Scene
+from rle_splat.figure.sidecar import HELD, missing_of, read_sidecar
+from rle_splat.scene import Camera, Environment, Light, RleSplatError, Scene
+from rle_splat.scene.plain import plain as as_json
 
 from .conftest import SHAPE_XYZ, ball
 
 PAGE = ("--width-cm", "2.5", "--dpi", "80", "--font-size", "4", "--quality", "draft")
 SIDECAR = "fig.figure.json"
+LIT = Environment(np.arange(9.0).reshape(3, 3) / 7.0, np.zeros((3, 3, 3)))
 
 
 @pytest.fixture(scope="session")
@@ -105,6 +107,7 @@ def test_another_version_is_remarked(call, plain):
     folder = plain
     sidecar = json.loads((folder / SIDECAR).read_text())
     sidecar["versions"]["numpy"] = "1.0"
+    del sidecar["panels"][0]["scene"]["environment"]  # of a later version
     sidecar["panels"][0]["pixels"] = "0"
     (folder / SIDECAR).write_text(json.dumps(sidecar))
     result = call("figure", folder / SIDECAR, "-o", folder / "b.png")
@@ -189,6 +192,7 @@ def test_an_unknown_thing_to_compare_is_refused(refused, raw, raw_options):
         (lambda sidecar: sidecar.update(version=2), "has version 2, and this program reads version 1"),
         (lambda sidecar: sidecar["data"].pop("hash"), "has no valid 'hash'"),
         (lambda sidecar: sidecar["panels"][0]["scene"].pop("camera"), "has an unknown or no 'camera'"),
+        (lambda sidecar: sidecar["panels"][0]["scene"].update(glow=1), "has an unknown or no 'glow'"),
         (lambda sidecar: sidecar["panels"][0]["scene"].update(lights=3), "has a value of the wrong type"),
         (lambda sidecar: sidecar["panels"][0]["quality"].update(kernel="x"), "There is no kernel called 'x'"),
         (lambda sidecar: sidecar["style"].update(dpi=-1), "dpi must be from 20 to 2400"),
@@ -216,8 +220,11 @@ def test_a_sidecar_takes_no_other_options(refused, plain):
 def test_what_a_sidecar_does_not_hold_is_named(plain, raw):
     sidecar = read_sidecar(plain / SIDECAR)
     assert sidecar.content["missing"] == [] and sidecar.source.file == str(raw)
-    held = Scene(None, None, Camera(), lights=(Light(),), world=(1.0, 1.0, 1.0), reasons_off={"shadows": "left out"})
+    lit = {"lights": (Light(),), "world": (1.0, 1.0, 1.0), "environment": LIT}
+    held = Scene(None, None, Camera(), **lit, reasons_off={"shadows": "left out"})
     assert missing_of(held) == []
+    read = HELD["environment"](json.loads(json.dumps(as_json(LIT))))
+    assert np.array_equal(read.first, LIT.first) and np.array_equal(read.second, LIT.second)
     assert missing_of(Scene(None, None, Camera(), triangles=np.zeros((1, 3, 3)))) == ["triangles"]
     with pytest.raises(RleSplatError, match="Cannot read the sidecar"):
         read_sidecar(raw.parent / "nothing.json")
