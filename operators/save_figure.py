@@ -141,13 +141,12 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         except OSError as problem:
             raise RleSplatError(
                 f"Cannot write {self._path}: {problem.strerror or problem}; choose another place.") from None
-        for remark in made.remarks:
-            self.report({"WARNING"}, remark)
         if sidecar["missing"]:
             names = ", ".join(sidecar["missing"]).replace("_", " ")
             self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
-        page = made.page
-        self.report({"INFO"}, f"Saved {self._path} ({page.width} x {page.height} pixels) and its sidecar.")
+        page, sentences = made.page, " ".join(made.remarks)
+        size = f"{page.width} x {page.height} pixels"
+        self.report({"INFO"}, f"Saved {self._path} ({size}) and its sidecar. {sentences}".rstrip())
 
 
 CLASSES = (RLE_SPLAT_OT_save_figure,)
