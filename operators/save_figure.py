@@ -1,5 +1,7 @@
 """Save Figure: the volume as a figure for print, with scale bar, color bar and letters, and its sidecar."""
 
+import os
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
@@ -146,7 +148,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
         page, sentences = made.page, " ".join(made.remarks)
         size = f"{page.width} x {page.height} pixels"
-        self.report({"INFO"}, f"Saved {self._path} ({size}) and its sidecar. {sentences}".rstrip())
+        self.report({"INFO"}, f"Saved {os.path.basename(self._path)} ({size}) and its sidecar. {sentences}".rstrip())
 
 
 CLASSES = (RLE_SPLAT_OT_save_figure,)

@@ -136,9 +136,9 @@ def _made(args, line):
         scene = make_scene(view, volume, function, *place(view, volume, camera, matrix), *lights)
         return with_light_effects(args, scene)
 
-    figure = Figure(tuple(panels_of(args, volume, wanted, scene_of)), style)
-    made = _rendered(figure, [quality] * wanted.count, line)
-    remarks = (*made.remarks, *quality_remarks(args, quality))
+    panels, reasons = panels_of(args, volume, wanted, scene_of)
+    made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
+    remarks = (*reasons, *made.remarks, *quality_remarks(args, quality))
     return made, remarks, sidecar_of(made, DataSource(str(args.volume), volume_options(args)))
 
 

@@ -83,11 +83,10 @@ def _pdf_text(axes, text: Text, page: Page, order: int) -> None:
     if text.halo is not None:
         wide = 2.0 * HALO * text.size / MM_PER_POINT
         effects = [withStroke(linewidth=wide, foreground=_color(text.halo)), Normal()]
-    drawn = text.text.replace("$", r"\$")  # not mathematics
     axes.text(
-        text.x, text.y, drawn, fontsize=PDF_FONT_SCALE * text.size / MM_PER_POINT, family=PDF_FONT,
+        text.x, text.y, text.text, fontsize=PDF_FONT_SCALE * text.size / MM_PER_POINT, family=PDF_FONT,
         color=_color(text.color), ha=ALIGNMENTS[text.anchor], va="baseline", weight="bold" if text.bold else "normal",
-        zorder=order, path_effects=effects,
+        zorder=order, path_effects=effects, parse_math=False,
     )  # fmt: skip
 
 

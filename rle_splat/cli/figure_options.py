@@ -137,7 +137,7 @@ def _with_function(args, name: str) -> Namespace:
     return _with(args, transfer_function=None, preset=name)
 
 
-def panels_of(args, volume, wanted: Wanted, scene_of) -> list[Panel]:
+def panels_of(args, volume, wanted: Wanted, scene_of) -> tuple[list[Panel], list[str]]:
     """The panels of a figure, row by row.
 
     Parameters
@@ -150,15 +150,18 @@ def panels_of(args, volume, wanted: Wanted, scene_of) -> list[Panel]:
 
     Returns
     -------
-    list of Panel
+    panels : list of Panel
+    reasons : list of str
+        Why each transfer function is what it is.
     """
-    panels = []
+    panels, reasons = [], []
     for options, found in zip(wanted.functions, wanted.found, strict=True):
-        function, _ = choose_transfer_function(options, volume, found)
+        function, reason = choose_transfer_function(options, volume, found)
+        reasons.append(f"Transfer function {function.name}: {reason}")
         for view in wanted.views:
             panels.append(Panel(scene_of(view, function)))
     titles = args.title or [_title(panel, wanted, n) for n, panel in enumerate(panels)]
-    return [Panel(panel.scene, title) for panel, title in zip(panels, titles, strict=True)]
+    return [Panel(panel.scene, title) for panel, title in zip(panels, titles, strict=True)], reasons
 
 
 def _title(panel: Panel, wanted: Wanted, n: int) -> str:

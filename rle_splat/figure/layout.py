@@ -236,11 +236,8 @@ def _strip(draft: Draft, n: int, bar: ScaleBar | None, x: float, y: float, lines
 def _color_bar(draft: Draft, scene: Scene, x: float, y: float, width: float) -> None:
     function, volume = scene.transfer_function, scene.volume
     distance = function.opacity_unit_distance or float(volume.spacing.min())
-    text = f"{distance:.3g} {volume.unit}"
-    unit = volume.value_unit
-    if unit:
-        check_text(unit, "The unit of the values")
-    draft.items += color_bar(function, text, unit, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink)
+    units = f"{distance:.3g} {volume.unit}", volume.value_unit
+    draft.items += color_bar(function, *units, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink)
     if scene.labels is not None or scene.channels:
         draft.remark("The color bar is that of the volume; labels and channels have further colors.")
 

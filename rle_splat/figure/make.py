@@ -8,7 +8,8 @@ from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
 from ..runtime.steps import Progress, mapped
 from ..scene import Quality, Rendering
-from .layout import Draft, check_labels, lay_out, scale_bar
+from .layout import Draft, automatic_caption, check_labels, lay_out, scale_bar
+from .lettering import check_text
 from .page import Page
 from .plan import Figure
 
@@ -63,11 +64,15 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
 
 
 def check_figure(figure: Figure) -> None:
-    """Refuse a figure that asks for a scale bar or letters that it cannot have."""
+    """Refuse a figure that asks for a scale bar, letters or a lettering that it cannot have."""
     draft = Draft(figure)
     check_labels(figure)
     for panel in figure.panels:
         scale_bar(panel.scene, draft)
+        check_text(panel.scene.volume.unit, "The unit of lengths")
+        check_text(panel.scene.volume.value_unit or "", "The unit of the values")
+    if figure.style.caption is None:
+        automatic_caption(draft)
 
 
 def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int):

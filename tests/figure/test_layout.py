@@ -13,6 +13,7 @@ from rle_splat.figure.color_bar import bar_range, color_bar
 from rle_splat.figure.directions import cube, edge_letters, view_name
 from rle_splat.figure.glyphs import GLYPHS
 from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrapped
+from rle_splat.figure.make import figure_steps
 from rle_splat.figure.page import Fill, Page, Stroke, Text, Tile
 from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from rle_splat.figure.png import png_bytes
@@ -21,6 +22,8 @@ from rle_splat.figure.svg import svg_text
 from rle_splat.scene import RleSplatError
 from rle_splat.scene.display import to_bytes
 from rle_splat.view.projection import world_to_pixel
+
+from .conftest import RED
 
 BLACK = (0.0, 0.0, 0.0)
 STEPS = TransferFunction(
@@ -207,6 +210,16 @@ def test_accents_are_drawn_and_unknown_characters_refused():
     assert check_text("Größe: 5 µm – «x»".replace("«x»", "x"), "A text")
     with pytest.raises(RleSplatError, match="A text has the character '漢'"):
         check_text("a漢b", "A text")
+
+
+@pytest.mark.parametrize(
+    "about, sentence", [({"unit": "尺"}, "The unit of lengths"), ({"value_unit": "值"}, "The unit of the values")])
+def test_what_cannot_be_lettered_is_refused_before_anything_is_rendered(drawing, balls, about, sentence):
+    with pytest.raises(RleSplatError, match=f"{sentence} has the character"):
+        next(figure_steps(Figure((Panel(drawing.scene(balls(**about))),), drawing.style), [None]))
+    strange = drawing.scene(function=replace(RED, name="骨"))
+    with pytest.raises(RleSplatError, match="The figure's caption has the character"):
+        next(figure_steps(Figure((Panel(strange),), replace(drawing.style, caption=None)), [None]))
 
 
 def test_lines_are_broken_at_spaces():
