@@ -67,9 +67,9 @@ def test_pictures_and_linear_files(ball, core, tmp_path):
 
 
 def test_presets_are_compared(ball, tmp_path):
-    save(tmp_path / "fig.svg", compare="ct-bone, x-ray", width_cm=4.0)
+    save(tmp_path / "fig.svg", compare="ct-bone, ct-skin", width_cm=4.0)
     texts = texts_of(tmp_path / "fig.svg")
-    assert {"a", "b", "CT bone", "X-ray"} <= set(texts)
+    assert {"a", "b", "CT bone", "CT skin"} <= set(texts)
 
 
 def test_what_a_sidecar_cannot_hold_is_remarked(ball, core, tmp_path, capfd):
