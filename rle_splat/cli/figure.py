@@ -7,6 +7,7 @@ from time import perf_counter
 
 from ..figure.files import CONTENTS, SIDECAR_SUFFIX, Canvas, sidecar_path
 from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
+from ..read.formats import format_named
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import read_transfer_function
@@ -60,7 +61,7 @@ def run(args) -> None:
     start = perf_counter()
     for path in args.output:
         check_figure_file(path)
-    again = Path(args.volume).suffix.lower() == ".json"
+    again = Path(args.volume).suffix.lower() == ".json" and format_named(args.volume) is None  # a zarr.json is data
     with ProgressLine(args.progress) as line:
         made, remarks, sidecar = _made_again(args, line) if again else _made(args, line)
         line.show(1.0, "writing")

@@ -20,6 +20,7 @@ LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 CUBE = 2.8  # font sizes: an edge of the cube
+NO_BREAK = "\u00a0"  # a space at which no line ends
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
 
@@ -282,7 +283,8 @@ def automatic_caption(draft: Draft) -> str:
     sentences.append(f"{' and '.join(found)} projection.".capitalize())
     letters = _letters_used(draft, scenes)
     if letters:
-        sentences.append(", ".join(f"{letter} {WORDS[letter]}" for letter in WORDS if letter in letters) + ".")
+        named = (f"{letter}{NO_BREAK}{WORDS[letter]}" for letter in WORDS if letter in letters)
+        sentences.append(", ".join(named) + ".")
     text = " ".join(sentences)
     return check_text(text, "The figure's caption")
 

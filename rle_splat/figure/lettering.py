@@ -95,9 +95,12 @@ def text_width(text: str, size: float) -> float:
 
 
 def wrapped(text: str, size: float, width: float) -> list[str]:
-    """Break a text into lines at most ``width`` wide, at spaces; a longer word has a line of its own."""
+    """Break a text into lines at most ``width`` wide, at spaces; a longer word has a line of its own.
+
+    Lines are not broken at no-break spaces.
+    """
     lines: list[str] = []
-    for word in text.split():
+    for word in filter(None, text.replace("\n", " ").split(" ")):
         longer = f"{lines[-1]} {word}" if lines else word
         if lines and text_width(longer, size) <= width:
             lines[-1] = longer

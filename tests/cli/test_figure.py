@@ -180,6 +180,11 @@ def test_bad_options_are_refused(refused, raw, raw_options, function_file, optio
     assert sorted(path.name for path in folder.iterdir()) == ["ball.raw"]
 
 
+def test_a_zarr_json_is_data(refused, tmp_path):
+    (tmp_path / "zarr.json").write_text("{}")
+    assert "is a Zarr folder without" in refused("figure", tmp_path / "zarr.json", *PAGE, "-o", tmp_path / "fig.png")
+
+
 def test_an_unknown_thing_to_compare_is_refused(refused, raw, raw_options):
     told = refused("figure", raw, *raw_options, *PAGE, "-o", raw.parent / "fig.png", "--compare", "ct-bones")
     assert "There is no preset 'ct-bones'" in told

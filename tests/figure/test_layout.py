@@ -226,6 +226,7 @@ def test_lines_are_broken_at_spaces():
     lines = wrapped("one two  three extraordinarily four", 2.0, 12.0)
     assert " ".join(lines) == "one two three extraordinarily four" and len(lines) >= 3
     assert all(text_width(line, 2.0) <= 12.0 or " " not in line for line in lines)
+    assert wrapped("one\u00a0two three", 2.0, 1.0) == ["one\u00a0two", "three"]
 
 
 @pytest.mark.parametrize(
