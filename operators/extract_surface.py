@@ -27,6 +27,8 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
 
     bl_idname = "rle_splat.extract_surface"
     bl_label = "Extract Surface"
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would make it again
+    is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
 
     of: EnumProperty(
         name="Surface Of", description="What the surface is the boundary of",

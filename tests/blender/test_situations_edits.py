@@ -128,6 +128,7 @@ EDITS = {
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Clip Box"), clip_box),
     "reload": (dict(flip=(True, False, False)), None),
+    "extract_surface": ({}, None),
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 # Of which nothing is undone.
@@ -135,11 +136,12 @@ READERS = ("list_effects", "save_figure", "save_transfer", "measure_accuracy", "
 VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of views and the selection alone
 FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
 CHOICES = ("choose_transfer",)  # dialogs, which call one of the others
+MOVIES = ("turntable",)  # the camera that one adds is undone below
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
-    assert {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *SERIES} == set(dir(bpy.ops.rle_splat))
+    assert {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *MOVIES, *SERIES} == set(dir(bpy.ops.rle_splat))
 
 
 @pytest.mark.parametrize("name", EDITS)
@@ -166,6 +168,17 @@ def test_B75_undo_and_redo_of_an_edit(owner, tmp_path, name):
         assert state() == expected
         scenes.activate(bpy.data.objects["cube"])
         assert scenes.shown_at(scenes.picture_of()[1]) == pytest.approx((12.0, 12.0), abs=0.1)
+
+
+def test_B75_undo_of_a_turntable(owner, tmp_path):
+    scenes.update()
+    bpy.ops.ed.undo_push(message="start")
+    before = state()
+    options = dict(filepath=str(tmp_path / "turn"), output="PNG", frames=1)
+    assert bpy.ops.rle_splat.turntable("EXEC_DEFAULT", True, **options) == {"FINISHED"}
+    assert set(state()["objects"]) > set(before["objects"])
+    bpy.ops.ed.undo()
+    assert state() == before
 
 
 def test_B75_undo_and_redo_of_many_edits(owner, tmp_path):
