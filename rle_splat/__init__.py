@@ -35,6 +35,7 @@ _HOME = {
     "write_steps": ("read.formats", "write_steps"),
     "encode": ("pipeline.encode_scene", "encode_scene"),
     "encode_steps": ("pipeline.encode_scene", "encode_scene_steps"),
+    "encode_folder": ("pipeline.encode_folder", "encode_folder"),
     "estimate_memory": ("pipeline.quick_estimate", "estimate"),
     "load_encoded": ("encode.store", "load"),
     "save_encoded": ("encode.store", "save"),

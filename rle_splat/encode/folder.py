@@ -103,7 +103,7 @@ class FolderWriter:
     def __init__(self, path, job: dict):
         self.path = Path(path)
         self.folder = unfinished(self.path)
-        self._job = json.dumps(job, sort_keys=True)
+        self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
         self.slabs: list[Slab] = []
 
     def __enter__(self) -> FolderWriter:
@@ -136,11 +136,12 @@ class FolderWriter:
         """The slabs that the same job has written before it was killed, with nothing behind them in any file."""
         try:
             first, *lines = (self.folder / JOURNAL).read_text(encoding="utf-8").splitlines(keepends=True)
-        except (OSError, ValueError):
+            lines = [line for line in lines if line.endswith("\n")]  # the last one may be cut
+            slabs = [Slab(**json.loads(line)) for line in lines]
+        except (OSError, ValueError, TypeError):
             return None
         if first != self._job + "\n":
             return None
-        slabs = [Slab(**json.loads(line)) for line in lines if line.endswith("\n")]  # the last line may be cut
         sizes: dict[str, int] = {}
         for slab in slabs:
             for name, (size, _) in slab.tables.items():
@@ -150,8 +151,7 @@ class FolderWriter:
             if not file.is_file() or file.stat().st_size < size:
                 return None
             os.truncate(file, size)
-        whole = "".join([first, *(line for line in lines if line.endswith("\n"))]).encode()
-        os.truncate(self.folder / JOURNAL, len(whole))
+        os.truncate(self.folder / JOURNAL, len("".join([first, *lines]).encode()))
         return slabs
 
     def append(self, planes: int, tables: dict, facts: dict) -> None:

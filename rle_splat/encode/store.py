@@ -87,6 +87,10 @@ class StoredVolume:
         """Number of visible voxels."""
         return self._any_axis.visible_voxels
 
+    def held(self, _used: dict) -> dict:
+        """Principal axis -> tables that are in memory: all of the file, whatever a picture uses."""
+        return dict(self.axes)
+
     def tables_steps(self, axis: int):
         """Generator of fractions done: the tables of a principal axis, and nothing else; see FolderVolume."""
         yield 1.0

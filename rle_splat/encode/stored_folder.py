@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
@@ -73,6 +73,8 @@ class FolderVolume:
     decoding : ndarray or None
         See RunLengthVolume.
     mapped : MappedTables
+    opened : dict
+        What was checked already.
     """
 
     path: Path
@@ -95,16 +97,18 @@ class FolderVolume:
     most_color: float
     decoding: np.ndarray | None
     mapped: MappedTables
+    opened: dict = field(default_factory=dict)
 
     holds_values: ClassVar[bool] = False
-
-    def __post_init__(self):
-        object.__setattr__(self, "_opened", {})
 
     @property
     def spacing(self) -> np.ndarray:
         """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
+
+    def held(self, used: dict) -> dict:
+        """Principal axis -> tables that are in use, of those that a picture uses: all others stay on the disk."""
+        return used
 
     @property
     def holds_normals(self) -> bool:
@@ -131,16 +135,16 @@ class FolderVolume:
         RleSplatError
             If a file is missing, cut short or damaged.
         """
-        if axis not in self._opened:
+        if axis not in self.opened:
             order = ORDER_OF[axis]
             try:
-                if order not in self._opened:
-                    self._opened[order] = yield from self._order_steps(order)
-                self._opened[axis] = self._of_axis(axis, *self._opened[order])
+                if order not in self.opened:
+                    self.opened[order] = yield from self._order_steps(order)
+                self.opened[axis] = self._of_axis(axis, *self.opened[order])
             except DAMAGE as problem:
                 raise damaged(self.path, f"they do not fit together ({problem})") from None
         yield 1.0
-        return self._opened[axis]
+        return self.opened[axis]
 
     def _names(self, order: str) -> dict:
         """Name -> file of the tables of voxels of an order."""

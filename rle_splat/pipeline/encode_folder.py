@@ -56,6 +56,35 @@ class _SlabTables:
     visible: int
 
 
+def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> dict:
+    """Classify, shade and encode the volume of a scene into a folder of tables, slab by slab.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its volume may be mapped from a file.
+    path : str or Path
+        The folder, which ``load_encoded`` opens. It appears under this name when it is complete.
+    quality : Quality, optional
+        Its classification (pre or post), model, record, backend and threads count.
+    axes : sequence of int
+        Principal axes that pictures can be made along, 0, 1, 2 for x, y, z.
+    source : str
+        Name of the file that the volume was read from.
+
+    Returns
+    -------
+    dict
+        A report.
+
+    Raises
+    ------
+    RleSplatError
+        See ``encode_folder_steps``.
+    """
+    return drain(encode_folder_steps(scene, quality or Quality(classification="pre"), path, axes, source))
+
+
 def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), source: str = ""):
     """Generator of Progress: encode a scene into a folder of tables; return its report.
 

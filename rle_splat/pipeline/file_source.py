@@ -42,7 +42,7 @@ class FileSource(Source):
         return (*super().remarks, CLASSIFIED_ALREADY)
 
     def tables_held(self, encodings: dict) -> dict:
-        return getattr(self.scene.volume, "axes", encodings)  # a file is read as a whole, a folder is mapped
+        return self.scene.volume.held(encodings)
 
     def refuse_without(self, axis: int) -> None:
         """RleSplatError if there are no tables of a principal axis."""

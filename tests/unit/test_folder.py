@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import rle_splat
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode import folder as folder_form
 from rle_splat.encode.folder import FolderWriter, unfinished
@@ -14,7 +15,6 @@ from rle_splat.encode.store import load
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.encode_folder import encode_folder_steps
 from rle_splat.pipeline.render import render
-from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -53,7 +53,7 @@ def few_planes(monkeypatch):
 
 
 def encoded(path, scene, quality, **options):
-    return drain(encode_folder_steps(scene, quality, path, **options))
+    return rle_splat.encode_folder(scene, path, quality, **options)
 
 
 def from_folder(path, scene, quality):
