@@ -171,10 +171,12 @@ def _claim(counts: np.ndarray) -> None:
 
 def _job(scene: Scene, quality: Quality, axes) -> dict:
     """All that the tables depend on."""
-    volume = scene.volume
+    volume, around = scene.volume, scene.environment
+    moments = [] if around is None else [part.tolist() for part in vars(around).values()]
     described = {
         "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
-        "matrix": scene.index_to_world.tolist(), "world": None if scene.world is None else list(scene.world),
+        "matrix": scene.index_to_world.tolist(), "world": scene.world,
+        "environment": moments,
         "quality": [quality.classification, quality.model, quality.record, quality.backend], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)

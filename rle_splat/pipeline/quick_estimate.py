@@ -17,7 +17,8 @@ from ..scene import Quality
 from ..volume.counts import counts_values, stored_values
 from .memory_estimate import Found, MemoryEstimate, estimate_classified, estimate_scalars
 
-SAMPLED_PLANES = 32
+SAMPLED_PLANES = 32  # at most, and of large planes fewer
+SAMPLED_VOXELS, LEAST_PLANES = 1 << 24, 4
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,8 @@ def estimate(
     MemoryEstimate
     """
     quality = quality or Quality(classification="pre")
-    planes = volume.voxels[:: max(len(volume.voxels) // SAMPLED_PLANES, 1)]
+    wanted = min(max(SAMPLED_VOXELS // volume.voxels[0].size, LEAST_PLANES), SAMPLED_PLANES)
+    planes = volume.voxels[:: max(len(volume.voxels) // wanted, 1)]
     count = pieces = lines = 0
     for plane in planes:
         seen = tf.alpha_at(volume.physical(plane)) > 0.0

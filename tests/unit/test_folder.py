@@ -71,7 +71,7 @@ def test_pictures_are_those_from_memory(tmp_path, few_planes, classification, ax
     np.testing.assert_array_equal(there.depth, here.depth)
 
 
-@pytest.mark.parametrize("record", [8, 6, 4])
+@pytest.mark.parametrize("record", [8, 4])
 def test_short_records(tmp_path, few_planes, record):
     quality = replace(QUALITIES["pre"], record=record)
     scene = scene_of(volume_of(np.float32), 0)
@@ -158,14 +158,14 @@ def test_a_killed_job_goes_on(tmp_path, few_planes, monkeypatch, classification)
     encoded(tmp_path / "whole.rle", scene, quality)
     wanted = {file.name: file.read_bytes() for file in (tmp_path / "whole.rle").iterdir()}
     went_on = set()
-    for writes in (0, 5, 17, 30, 60):
+    for writes in (0, 17, 60):
         path = tmp_path / f"{writes}.rle"
         assert killed_at(monkeypatch, path, scene, quality, writes) == (not path.exists())
         report = encoded(path, scene, quality)
         went_on.add(report["folder"]["resumed_at_plane"])
         assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
         assert not unfinished(path).exists()
-    assert len(went_on) > 2
+    assert len(went_on) == 3
 
 
 def test_another_job_begins_anew(tmp_path, few_planes, monkeypatch):
