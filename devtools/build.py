@@ -19,8 +19,10 @@ from .wheels import TAG_PATTERNS, wheels_for
 MANIFEST = ROOT / "blender_manifest.toml"
 SHIPPED_FILES = ("__init__.py", "LICENSE")
 SHIPPED_FOLDERS = ("rle_splat", "bridge", "operators", "panels")
-# The comparison methods are for the command line of a clone; the extension does without them.
-NOT_SHIPPED = ("rle_splat/comparison", "rle_splat/cli/compare.py")
+# The comparison methods and clusters are for the command line; the extension does without them.
+NOT_SHIPPED = (
+    "rle_splat/comparison", "rle_splat/cli/compare.py", "rle_splat/cli/cluster.py", "rle_splat/cli/cluster_worker.py",
+)  # fmt: skip
 SHIPPED_SUFFIXES = (".py", ".json", ".svg", ".png")
 
 # The Extensions platform refuses larger files; and nobody likes to wait.

@@ -1,22 +1,35 @@
-"""The frames of ``--frames A B``: the options of each, with numbered outputs."""
+"""Several frames in one command: the options of each, with numbered outputs."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from ..scene import RleSplatError
+from ..scene import Camera, RleSplatError, from_mapping, read_json
 
 DIGITS = 4  # of a frame's number in a file's name, as Blender writes them
+TURNTABLE = ("azimuth", "elevation", "fit", "perspective", "fov")
 
 
 def add_frames_option(parser) -> None:
-    """Add the option for several frames."""
-    parser.add_argument(
+    """Add the options for several frames."""
+    group = parser.add_argument_group("frames", "several pictures, OUT_0001.png, OUT_0002.png, ...")
+    group.add_argument(
         "--frames", nargs=2, type=int, metavar=("A", "B"),
-        help="render the frames A to B of a volume in time, each to its own pictures: OUT_0001.png, OUT_0002.png, ...; "
-        "all are seen as the first, with its transfer function",
+        help="render the frames A to B, counted from 1, of --turn, of --camera-path, or else of a volume in time; "
+        "pictures that are there already, whole and of the same scene, are kept",
     )
+    group.add_argument(
+        "--turn", type=float, metavar="DEG", help="with --frames: turn the turntable by so many degrees each frame")
+    group.add_argument(
+        "--camera-path", metavar="FILE.json",
+        help="a list of cameras as of --camera, one for each frame; without --frames all of them",
+    )
+    group.add_argument(
+        "--like", type=int, metavar="N",
+        help="the frame whose transfer function and view all frames of a volume in time have (default A)",
+    )
+    group.add_argument("--again", action="store_true", help="make all frames, also those that are there already")
 
 
 def each_frame(args) -> list[argparse.Namespace]:
@@ -25,33 +38,79 @@ def each_frame(args) -> list[argparse.Namespace]:
     Parameters
     ----------
     args : argparse.Namespace
-        With ``frame``, ``frames``, ``output``, ``shadow_pass`` and ``json``.
+        With the options of ``add_frames_option``, ``frame``, ``output``, ``shadow_pass``, ``json``, ``camera`` and
+        those of the turntable.
 
     Returns
     -------
     list of argparse.Namespace
-        ``args`` itself without --frames. Else one for each frame: with its number as ``frame``, numbered outputs, and
-        no ``json``, since one report is written for all.
+        ``args`` itself without frames. Else one for each frame: with its number as ``number``, its own ``frame`` of
+        the volume, ``azimuth`` or ``camera``, numbered outputs, and no ``json``, since one report is written for all.
 
     Raises
     ------
     RleSplatError
-        If the numbers are not in order, or contradict --frame.
+        If the numbers are not in order, or options contradict each other.
     """
-    if args.frames is None:
+    path = None if args.camera_path is None else _cameras(args)
+    _check(args)
+    first, last = args.frames or ((1, len(path)) if path else (None, None))
+    if first is None:
         return [args]
-    first, last = args.frames
-    if args.frame is not None:
-        raise RleSplatError("--frame and --frames contradict each other; give one of the two.")
     if not 1 <= first <= last:
         raise RleSplatError(f"--frames is {first} {last}; give the first and the last frame, counted from 1.")
-    return [
-        argparse.Namespace(**{
-            **vars(args), "frame": frame, "json": None, "output": [numbered(path, frame) for path in args.output],
-            "shadow_pass": None if args.shadow_pass is None else numbered(args.shadow_pass, frame),
-        })
-        for frame in range(first, last + 1)
-    ]  # fmt: skip
+    if path and last > len(path):
+        raise RleSplatError(f"--frames is {first} {last}, and {args.camera_path} holds {len(path)} cameras.")
+    return [_frame(args, number, path) for number in range(first, last + 1)]
+
+
+def is_in_time(args) -> bool:
+    """Whether frames are those of a volume in time; else they differ in their view alone."""
+    return args.turn is None and args.camera_path is None
+
+
+def _check(args) -> None:
+    """Refuse options that contradict each other."""
+    if args.frames is None and args.camera_path is None:
+        given = [f"--{name}" for name in ("turn", "like") if getattr(args, name) is not None]
+        if given or args.again:
+            raise RleSplatError(f"{(*given, '--again')[0]} has no effect on one picture; add --frames, or remove it.")
+    if args.frame is not None and args.frames is not None and is_in_time(args):
+        raise RleSplatError("--frame and --frames contradict each other; give one of the two.")
+    if args.like is not None and not is_in_time(args):
+        raise RleSplatError("--like is for volumes in time; remove it, or --turn and --camera-path.")
+    if args.like is not None and args.like < 1:
+        raise RleSplatError(f"--like is {args.like}; give the number of a frame, counted from 1.")
+    if args.turn is not None and not abs(args.turn) <= 360.0:
+        raise RleSplatError(f"--turn is {args.turn:g}; give degrees from -360 to 360.")
+    for option, value in (("--camera", args.camera), ("--camera-path", args.camera_path)):
+        if args.turn is not None and value is not None:
+            raise RleSplatError(f"--turn and {option} contradict each other; give one of the two.")
+
+
+def _cameras(args) -> list[Camera]:
+    """The cameras of --camera-path."""
+    entries = read_json(args.camera_path, "the camera path")
+    if not isinstance(entries, list) or not entries:
+        raise RleSplatError(f"The camera path {args.camera_path} does not hold a list; give a list of cameras.")
+    given = [name for name in ("camera", *TURNTABLE) if getattr(args, name) is not None]
+    if given:
+        raise RleSplatError(f"--camera-path and --{given[0]} contradict each other; give one of the two.")
+    return [from_mapping(Camera, one, f"Camera {n} of {args.camera_path}") for n, one in enumerate(entries, 1)]
+
+
+def _frame(args, number: int, path: list[Camera] | None) -> argparse.Namespace:
+    own = {
+        "number": number, "json": None, "output": [numbered(name, number) for name in args.output],
+        "shadow_pass": None if args.shadow_pass is None else numbered(args.shadow_pass, number),
+    }  # fmt: skip
+    if args.turn is not None:
+        own["azimuth"] = (args.azimuth or 0.0) + args.turn * (number - 1)
+    elif path:
+        own["camera"] = path[number - 1]
+    else:
+        own["frame"] = number
+    return argparse.Namespace(**{**vars(args), **own})
 
 
 def numbered(path, frame: int) -> str:

@@ -49,11 +49,21 @@ def write_npy(path, rgba, depth, background=None) -> None:
         np.save(file, np.ascontiguousarray(rgba, dtype=np.float32))
 
 
+def write_tiff(path, rgba, depth, background=None) -> None:
+    """Write 16 bits per channel, sRGB-encoded as a PNG is."""
+    from .rows import TiffRows
+
+    with TiffRows(path, rgba.shape[1], len(rgba), background) as rows:
+        rows.write(rgba, depth)
+
+
 # Suffix -> (writer, the module that it needs besides numpy, the package of that module).
 WRITERS = {
     ".png": (write_png, "PIL", "Pillow"),
     ".exr": (write_exr, "OpenEXR", "OpenEXR"),
     ".npy": (write_npy, None, None),
+    ".tif": (write_tiff, None, None),
+    ".tiff": (write_tiff, None, None),
 }
 
 

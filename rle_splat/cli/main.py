@@ -20,7 +20,7 @@ DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 # Command -> its description in the help.  Each command is a module of this folder with ``add_arguments(parser)`` and
 # ``run(args)``.  A command without its module is left out: the extension has no compare.
 COMMANDS = {
-    "render": "render a volume to a picture (.png, .exr, .npy)",
+    "render": "render a volume to a picture (.png, .exr, .tif, .npy)",
     "info": "describe a volume: shape, type, spacing, range, histogram, unusual data",
     "figure": "make a figure for print, with scale bar, color bar and sidecar (.svg, .png, .exr, .pdf)",
     "encode": "classify, shade and run-length encode a volume into a .rle file",

@@ -90,6 +90,11 @@ class ProgressLine:
         with while_compiling(lambda: self.show(None, "compiling kernels (first run only)")):
             yield
 
+    def clear(self) -> None:
+        """Clear the line, before something is printed."""
+        self._message = None
+        self._draw("")
+
     def _draw(self, text: str) -> None:
         if not self._on or (not text and not self._shown):
             return

@@ -11,9 +11,13 @@ import numpy as np
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
+from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
+from .lighting import check_lighting
+from .made import kept_lines, mark_of, outputs_of, write_mark
+from .memory_limit import add_memory_limit_option, limited_memory
 from .mixing import add_mixing_options, mixed, mixing_inputs, read_mixing
 from .options import (
     add_clip_option,
@@ -34,6 +38,7 @@ from .options import (
 from .output import check_outputs, whole_files
 from .progress import ProgressLine
 from .report import write_report
+from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
 
 ENCODED_SUFFIX = ".rle"
@@ -46,11 +51,14 @@ def add_arguments(parser) -> None:
         help="the picture to write; may be given several times",
     )
     add_image_options(parser)
+    add_tile_option(parser)
+    add_memory_limit_option(parser)
     add_mode_option(parser)
     add_mist_option(parser)
     add_report_options(parser)
     add_scene_options(parser)
     add_frames_option(parser)
+    add_dask_option(parser)
     parser.add_argument(
         "--motion", metavar="FILE.json",
         help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
@@ -110,6 +118,31 @@ class Checked:
 
 
 @dataclass(frozen=True)
+class Job:
+    """How a picture is made, beside its scene.
+
+    Attributes
+    ----------
+    start : float
+        When it was begun, by ``perf_counter``.
+    earlier : dict or None
+        The plan of the frame before.
+    cache : StageCache or None
+        Results of stages that are kept from frame to frame.
+    scene_hash : str or None
+        Of a frame, by which its picture is known again.
+    refuse_empty_view : bool
+        Whether a camera that sees nothing of the volume is an error.
+    """
+
+    start: float
+    earlier: dict | None = None
+    cache: object = None
+    scene_hash: str | None = None
+    refuse_empty_view: bool = True
+
+
+@dataclass(frozen=True)
 class Like:
     """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
 
@@ -123,33 +156,53 @@ def run(args) -> None:
     start = perf_counter()
     frames = each_frame(args)
     checked = _checked(args, frames)
-    reports, like = [], None
-    with ProgressLine(args.progress) as line:
-        for own in frames:
-            prepared, like = _prepared(own, checked, line, like)
-            reports.append(_rendered(own, prepared, line, start, reports[-1]["plan"] if reports else None))
-            if args.frames is not None:
-                checked = _holding(checked, reports[0])
-            del prepared  # one frame in memory
-            start = perf_counter()
-        if args.frames is not None and args.json:
-            with whole_files([args.json]) as parts:
-                write_report(parts[0], {"command": "render", "input": {"path": str(args.volume)}, "frames": reports})
-    _say(reports[0])
-    for report in reports[1:]:
-        _say_outputs(report)
+    with ProgressLine(args.progress) as line, limited_memory(args) as count_memory:
+        if frames[0] is args and args.dask is not None:
+            from .cluster import picture_on_cluster
+
+            reports = [picture_on_cluster(args, checked, line, start, _report)]
+        elif frames[0] is args:
+            prepared, _ = prepare(args, checked, line)
+            count_memory()
+            reports = [rendered(args, prepared, line, Job(start))]
+        else:
+            reports = _rendered_frames(args, frames, checked, line, count_memory)
+    made = [report for report in reports if not report.get("kept")]
+    for say, report in zip((_say, *[_say_outputs] * len(made)), made):
+        say(report)
+    for line in kept_lines(reports):
+        print(line)
+
+
+def _rendered_frames(args, frames, checked: Checked, line, count_memory) -> list[dict]:
+    """Render several frames; return their reports."""
+    if args.dask is not None:
+        from .cluster import frames_on_cluster
+
+        reports = frames_on_cluster(args, frames, checked, line, _written_frame)
+    else:
+        from .series import Series
+
+        series = Series(args, checked, line, count_memory)
+        reports = [series.make(own, perf_counter()) for own in frames]
+    if args.json:
+        with whole_files([args.json]) as parts:
+            write_report(parts[0], {"command": "render", "input": {"path": str(args.volume)}, "frames": reports})
+    return reports
 
 
 def _checked(args, frames) -> Checked:
     """Check the options of all frames before any volume is read."""
-    outputs = [path for own in frames for path in (*own.output, *_passes(own))]
+    outputs = [path for own in frames for path in outputs_of(own)]
     for path in outputs:
         writer_for(path)
-    inputs = (*scene_inputs(args), args.motion, *mixing_inputs(args))
+    inputs = (*scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
     check_outputs([*outputs, *([args.json] if args.json else [])], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)
     check_light_effects(args)
+    check_tiles(args)
+    check_dask(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
     poses, mixing = read_motion(args.motion), read_mixing(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
@@ -164,18 +217,7 @@ def _checked(args, frames) -> Checked:
     return Checked(quality_from(args, usual), poses, mixing, crop, is_encoded)
 
 
-def _holding(checked: Checked, report: dict) -> Checked:
-    """The options with the plan of the first frame, whose ``report`` this is, for all frames."""
-    from ..pipeline.preset_plan import held
-
-    return replace(checked, quality=held(checked.quality, report["plan"]))
-
-
-def _passes(args) -> list:
-    return [] if args.shadow_pass is None else [args.shadow_pass]
-
-
-def _prepared(args, checked: Checked, line, like: Like | None) -> tuple[Prepared, Like | None]:
+def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Prepared, Like | None]:
     """Read a frame and make its scene; ``like``: what it has from the first."""
     line.show(0.0, f"reading {Path(args.volume).name}")
     if checked.is_encoded:
@@ -186,49 +228,80 @@ def _prepared(args, checked: Checked, line, like: Like | None) -> tuple[Prepared
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=(*prepared.remarks, *noticed)), like
 
 
-def _rendered(args, prepared: Prepared, line, start: float, earlier: dict | None) -> dict:
-    """Render a frame and write its outputs; return the report.  ``earlier``: the plan of the frame before."""
-    outputs = [*args.output, *_passes(args)]
+def rendered(args, prepared: Prepared, line, job: Job) -> dict:
+    """Render a picture or a frame and write its outputs; return the report."""
     line.show(0.1, "loading the renderer")
-    with line.compiling():
-        rendering, taken = line.follow(_steps(args, prepared, earlier), start=0.1)
-    line.show(1.0, "writing")
-    with whole_files([*outputs, *([args.json] if args.json else [])]) as parts:
-        began = perf_counter()
-        for path, part in zip(args.output, parts):
-            writer_for(path)(part, rendering.rgba, rendering.depth, args.background)
-        if taken is not None:
-            from ..pipeline.shadow_pass import as_picture
-
-            write = writer_for(args.shadow_pass)
-            write(parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
-        write_ms = 1e3 * (perf_counter() - began)
-        report = _report(args, prepared, rendering, write_ms, start)
+    side = side_of_tiles(args, prepared.scene, prepared.quality)
+    outputs = outputs_of(args)
+    marks = [] if job.scene_hash is None else [mark_of(path) for path in outputs]
+    with whole_files([*outputs, *([args.json] if args.json else []), *marks]) as parts:
+        with line.compiling():
+            if side is not None:
+                report, write_ms = line.follow(render_tiles(args, prepared, side, parts, job), start=0.1), 0.0
+            else:
+                rendering, taken = line.follow(picture_steps(args, prepared, job), start=0.1)
+        if side is None:
+            line.show(1.0, "writing")
+            report, write_ms = rendering.report, _written(args, rendering, taken, parts)
+        report = _report(args, prepared, report, write_ms, job.start)
         if args.json:
-            write_report(parts[-1], report)
+            write_report(parts[len(outputs)], report)
+        for mark, part in zip(parts[len(parts) - len(marks) :], parts, strict=False):
+            write_mark(mark, job.scene_hash, part)
     return report
 
 
-def _steps(args, prepared: Prepared, earlier: dict | None):
+def _written_frame(own, made, parts, start: float) -> dict:
+    """Write a frame that a worker of a cluster has made; return its report."""
+    write_ms = _written(own, made.rendering, None, parts)
+    return _report(own, made.prepared, made.rendering.report, write_ms, start)
+
+
+def _written(args, rendering, taken, parts) -> float:
+    """Write the pictures of a Rendering to ``parts``, and its shadow pass ``taken``; return the milliseconds."""
+    began = perf_counter()
+    for path, part in zip(args.output, parts):
+        writer_for(path)(part, rendering.rgba, rendering.depth, args.background)
+    if taken is not None:
+        from ..pipeline.shadow_pass import as_picture
+
+        write = writer_for(args.shadow_pass)
+        write(parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
+    return 1e3 * (perf_counter() - began)
+
+
+def picture_steps(args, prepared: Prepared, job: Job):
     """Generator of Progress: render with the tolerance or the quality; return (Rendering, shadow pass or None)."""
+    scene, quality = prepared.scene, prepared.quality
     if args.shadow_pass is not None:
         from ..pipeline.shadow_pass import shadow_pass_steps
 
-        return (yield from shadow_pass_steps(prepared.scene, prepared.quality))
+        return (yield from shadow_pass_steps(scene, quality, job.cache))
+    refuse = {"refuse_empty_view": job.refuse_empty_view}
     if args.tolerance is None:
         from ..pipeline.render import render_steps
 
-        return (yield from render_steps(prepared.scene, prepared.quality)), None
+        return (yield from render_steps(scene, quality, job.cache, **refuse)), None
     from ..accuracy.planner.tolerance import tolerance_steps
 
-    own = {"earlier": earlier, **({} if args.probes is None else {"probes": args.probes})}
-    return (yield from tolerance_steps(prepared.scene, args.tolerance, prepared.quality, **own)), None
+    own = {"earlier": job.earlier, **({} if args.probes is None else {"probes": args.probes})}
+    return (yield from tolerance_steps(scene, args.tolerance, quality, job.cache, **refuse, **own)), None
 
 
 def _check_background(background) -> None:
     if background is not None and not all(np.isfinite(c) and c >= 0.0 for c in background):
         numbers = " ".join(f"{c:g}" for c in background)
         raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
+
+
+def seen_anew(args, checked: Checked, first: Prepared) -> Prepared:
+    """The scene of the first frame, seen by the camera of another; nothing is read."""
+    volume = first.scene.volume
+    camera, matrix = place(args, volume, *read_placement(args))
+    if checked.is_encoded:
+        check_lighting(args, volume.lighting, read_lights(args)[0], camera)
+    scene = replace(first.scene, camera=camera, volume_matrix=matrix, motion=())
+    return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
 
 def _prepare_voxels(args, quality, line, like: Like | None) -> tuple[Prepared, Like]:
@@ -251,7 +324,6 @@ def _prepare_tables(args, quality) -> Prepared:
     """Load a .rle file, with its own transfer function, lights, model and record, and make its scene."""
     from ..classify.transfer_function import TransferFunction
     from ..encode.store import load
-    from .lighting import check_lighting
 
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -292,12 +364,12 @@ def _prepare_tables(args, quality) -> Prepared:
     return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "stored in the .rle file"}, (remark,))
 
 
-def _report(args, prepared: Prepared, rendering, write_ms: float, start: float) -> dict:
+def _report(args, prepared: Prepared, rendered: dict, write_ms: float, start: float) -> dict:
     """The renderer's report with the command's entries; ``total`` includes reading and writing."""
-    report = {"command": "render", "input": {"path": str(args.volume)}, **rendering.report}
-    rendered = dict(report["stages_ms"])
+    report = {"command": "render", "input": {"path": str(args.volume)}, **rendered}
+    stages = rendered["stages_ms"]
     report["stages_ms"] = {
-        "read": prepared.read_ms, **rendered, "render": rendered["total"], "write": write_ms,
+        "read": prepared.read_ms, **stages, "render": stages["total"], "write": write_ms,
         "total": 1e3 * (perf_counter() - start),
     }
     report["transfer_function"] = prepared.transfer_function

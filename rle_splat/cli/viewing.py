@@ -51,7 +51,7 @@ def read_placement(args):
     Parameters
     ----------
     args : argparse.Namespace
-        With ``camera`` and ``volume_matrix``.
+        With ``volume_matrix`` and ``camera``, a file, None, or for a frame of --camera-path a Camera.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def read_placement(args):
     matrix : ndarray, shape (4, 4), float64
         The volume's own space to the world; the identity without --volume-matrix.
     """
-    camera = None if args.camera is None else Camera.from_json(args.camera)
+    camera = args.camera if args.camera is None or isinstance(args.camera, Camera) else Camera.from_json(args.camera)
     if args.volume_matrix is None:
         return camera, as_matrix(np.eye(4), "the identity")
     return camera, as_matrix(read_json(args.volume_matrix, "the volume matrix file"), "The volume's matrix")

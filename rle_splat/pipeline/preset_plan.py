@@ -17,7 +17,7 @@ from ..classify.roughness import LEVELS, roughness
 from ..effects.mixing import is_mixed
 from ..scene import MODES, NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Quality, Scene
 from ..warp.steep import UNLIMITED
-from .choose_source import Settled, choose_source
+from .choose_source import Settled, choose_source, settled
 from .single_rays import can_trace
 from .stage_cache import StageCache
 
@@ -185,6 +185,15 @@ def held(quality: Quality, plan: dict) -> Quality:
     if plan["expected"] is None or plan["classification"] != quality.classification:
         return quality
     return replace(quality, name=f"{quality.name}{HELD}", **{knob: plan[knob] for knob in PRESET_KNOBS})
+
+
+def held_for(scene: Scene, quality: Quality, cache: StageCache | None = None) -> Quality:
+    """``held``, from the scene of a picture that need not be rendered."""
+    door = with_plan(settled(scene, quality), StageCache(0) if cache is None else cache)
+    if door.plan["expected"] is None or door.quality.classification != quality.classification:
+        return quality
+    knobs = {knob: getattr(door.quality, knob) for knob in PRESET_KNOBS}
+    return replace(quality, name=f"{quality.name}{HELD}", **knobs)
 
 
 def _why_not(scene: Scene) -> str:

@@ -38,7 +38,7 @@ def report_of(
     """
     quality = source.quality
     return {
-        "image": _image_report(wanted),
+        "image": image_report(wanted.crop, wanted.width, wanted.height),
         "volume": _volume_report(wanted.volume.shape_xyz, medium),
         "memory_bytes": _memory_report(source.tables_held(encodings)),
         "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
@@ -53,12 +53,13 @@ def report_of(
     }
 
 
-def _image_report(scene: Scene) -> dict:
-    left, top, right, bottom = scene.region
+def image_report(crop, width: int, height: int) -> dict:
+    """The report's ``image``: the size of the picture; of a crop also ``width`` x ``height``, that of the frame."""
+    if crop is None:
+        return {"width": width, "height": height}
+    left, top, right, bottom = crop
     size = {"width": right - left, "height": bottom - top}
-    if scene.crop is None:
-        return size
-    return {**size, "full_width": scene.width, "full_height": scene.height, "crop": list(scene.crop)}
+    return {**size, "full_width": width, "full_height": height, "crop": list(crop)}
 
 
 def _volume_report(shape_xyz, medium: Medium) -> dict:

@@ -1,6 +1,7 @@
 """Volumes in time on the command line: one frame, several numbered pictures, and what is wrong with frames."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -73,4 +74,119 @@ def test_frames_that_exist_are_kept_when_a_later_one_is_missing(sequence, call, 
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 4, *raw_options, *QUICK)
     assert done.code == 2 and "Frame 3 is missing" in done.err
     assert sorted(path.name for path in tmp_path.glob("*.npy")) == ["out_0001.npy", "out_0002.npy"]
-    assert not list(tmp_path.glob(".*"))
+    assert not list(tmp_path.glob(".*.part"))
+
+
+# --- frames that differ in their view -------------------------------------------------------------------------------
+
+
+def frames_of(call, tmp_path, *words):
+    """The reports of the frames that a command makes or keeps."""
+    done = call("render", *words, "--json", tmp_path / "report.json")
+    assert done.code == 0, done.err
+    return json.loads((tmp_path / "report.json").read_text())["frames"], done.out
+
+
+def test_a_turntable_has_the_pictures_of_its_angles(raw, call, raw_options, tmp_path):
+    words = raw, *raw_options, *QUICK, "--elevation", 10
+    frames, _ = frames_of(call, tmp_path, *words, "-o", tmp_path / "t.npy", "--frames", 2, 3, "--turn", 25)
+    assert [frame["outputs"] for frame in frames] == [[str(tmp_path / f"t_000{n}.npy")] for n in (2, 3)]
+    pictures = []
+    for number, angle in ((2, 25), (3, 50)):
+        assert call("render", *words, "-o", tmp_path / "one.npy", "--azimuth", angle).code == 0
+        pictures.append(np.load(tmp_path / f"t_000{number}.npy"))
+        np.testing.assert_array_equal(pictures[-1], np.load(tmp_path / "one.npy"))
+    assert np.abs(pictures[0] - pictures[1]).max() > 0.01
+
+
+def test_a_camera_path_has_a_camera_for_each_frame(raw, call, raw_options, write_json, tmp_path):
+    cameras = []
+    for across in (8.0, 11.0, 300.0):  # the last one sees nothing
+        matrix = [[1, 0, 0, across], [0, 1, 0, 8], [0, 0, 1, 60], [0, 0, 0, 1]]
+        cameras.append({"matrix_world": matrix, "type": "ORTHO", "ortho_scale": 24.0})
+    words = raw, *raw_options, *QUICK
+    path = write_json(cameras, "path.json")
+    frames, _ = frames_of(call, tmp_path, *words, "-o", tmp_path / "p.npy", "--camera-path", path)
+    assert len(frames) == 3 and np.load(tmp_path / "p_0003.npy").max() == 0.0
+    for number in (1, 2):
+        camera = write_json(cameras[number - 1], "camera.json")
+        assert call("render", *words, "-o", tmp_path / "one.npy", "--camera", camera).code == 0
+        np.testing.assert_array_equal(np.load(tmp_path / f"p_000{number}.npy"), np.load(tmp_path / "one.npy"))
+
+
+def test_a_range_of_frames_is_like_another_range(sequence, call, raw_options, tmp_path):
+    (tmp_path / "b").mkdir()
+    words = sequence, *raw_options, "--size", 24, "--backend", "numpy"  # the transfer function follows the values
+    frames_of(call, tmp_path, *words, "-o", tmp_path / "a.npy", "--frames", 1, 2)
+    frames_of(call, tmp_path, *words, "-o", tmp_path / "b/a.npy", "--frames", 2, 2, "--like", 1)
+    np.testing.assert_array_equal(np.load(tmp_path / "a_0002.npy"), np.load(tmp_path / "b/a_0002.npy"))
+    frames, _ = frames_of(call, tmp_path, *words, "-o", tmp_path / "a.npy", "--frames", 2, 2, "--like", 1)
+    assert frames[0]["kept"]
+    frames, _ = frames_of(call, tmp_path, *words, "-o", tmp_path / "a.npy", "--frames", 2, 2)
+    assert "kept" not in frames[0]  # its own transfer function
+
+
+# --- frames that are there already ----------------------------------------------------------------------------------
+
+
+def kept(frames):
+    return [frame.get("kept", False) for frame in frames]
+
+
+def test_whole_frames_of_the_same_scene_are_kept(sequence, call, raw_options, tmp_path):
+    words = sequence, *raw_options, *QUICK, "-o", tmp_path / "out.npy", "--frames", 1, 2
+    frames, out = frames_of(call, tmp_path, *words)
+    assert kept(frames) == [False, False] and "Kept" not in out
+    first, second = tmp_path / "out_0001.npy", tmp_path / "out_0002.npy"
+    bits = second.read_bytes()
+    frames, out = frames_of(call, tmp_path, *words, "--threads", 1)
+    assert kept(frames) == [True, True] and "Kept 2 pictures that were there already" in out
+
+    second.write_bytes(bits[:-100])  # half-written
+    abandoned, fresh = tmp_path / ".out_0002.npy.1.part", tmp_path / ".out_0002.npy.2.part"
+    for part in (abandoned, fresh):
+        part.touch()
+    os.utime(abandoned, (1e9, 1e9))
+    assert kept(frames_of(call, tmp_path, *words)[0]) == [True, False] and second.read_bytes() == bits
+    assert fresh.exists() and not abandoned.exists()
+    second.write_bytes(bits[:-1] + bytes([bits[-1] ^ 1]))  # of the right size
+    assert kept(frames_of(call, tmp_path, *words)[0]) == [True, False] and second.read_bytes() == bits
+
+    (sequence.with_name("ball_9.raw")).write_bytes(ball().tobytes())  # another volume
+    assert kept(frames_of(call, tmp_path, *words)[0]) == [True, False] and second.read_bytes() != bits
+    assert kept(frames_of(call, tmp_path, *words, "--again")[0]) == [False, False]
+    assert first.exists()
+
+
+@pytest.mark.parametrize("option", [("--fit", 1.5), ("--termination", 0.01), ("--no-shading",), ("--size", 20)])
+def test_a_frame_by_other_options_is_made_again(raw, call, raw_options, tmp_path, option):
+    words = raw, *raw_options, "--backend", "numpy", "--size", 24, "-o", tmp_path / "out.npy", "--frames", 1, 1
+    words = *words, "--turn", 5
+    assert kept(frames_of(call, tmp_path, *words)[0]) == [False]
+    assert kept(frames_of(call, tmp_path, *words, *option)[0]) == [False]
+    assert kept(frames_of(call, tmp_path, *words, *option)[0]) == [True]
+
+
+def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path):
+    tables = tmp_path / "ball.rle"
+    assert call("encode", raw, *raw_options, "-o", tables).code == 0
+    words = tables, "--size", 24, "--backend", "numpy", "-o", tmp_path / "out.png", "--frames", 1, 2, "--turn", 90
+    assert kept(frames_of(call, tmp_path, *words, "--tile", 16)[0]) == [False, False]
+    assert kept(frames_of(call, tmp_path, *words)[0]) == [True, True]
+
+
+@pytest.mark.parametrize("words, sentence", [
+    (("--turn", 5), "--turn has no effect on one picture"),
+    (("--again",), "--again has no effect on one picture"),
+    (("--frames", 1, 2, "--turn", 400), "--turn is 400; give degrees from -360 to 360"),
+    (("--frames", 1, 2, "--turn", 4, "--like", 1), "--like is for volumes in time"),
+    (("--frames", 1, 2, "--like", 0), "--like is 0; give the number of a frame"),
+    (("--frames", 1, 2, "--turn", 4, "--camera", "c.json"), "--turn and --camera contradict each other"),
+    (("--camera-path", "{}"), "does not hold a list"),
+    (("--camera-path", "[3]"), "Camera 1 of"),
+    (("--camera-path", "[{}]", "--frames", 1, 2), "--frames is 1 2, and"),
+    (("--camera-path", "[{}]", "--azimuth", 2), "--camera-path and --azimuth contradict each other"),
+])  # fmt: skip
+def test_wrong_series_are_one_sentence(refused, write_json, tmp_path, words, sentence):
+    words = [write_json(word) if str(word)[0] in "[{" else word for word in words]
+    assert sentence in refused("render", tmp_path / "missing.raw", "-o", tmp_path / "out.npy", *words)

@@ -43,7 +43,10 @@ FLOORS = {
 ONLY = {"rle_splat.accuracy": {"rle_splat.scene", "rle_splat.volume", "rle_splat.runtime"}}
 
 # Modules that these importers alone may use, because the extension's zip is without them.
-IMPORTERS = {"rle_splat.comparison": ("rle_splat.cli.compare",), "rle_splat.cli.compare": ()}
+IMPORTERS = {
+    "rle_splat.comparison": ("rle_splat.cli.compare",), "rle_splat.cli.compare": (),
+    "rle_splat.cli.cluster": ("rle_splat.cli.render",), "rle_splat.cli.cluster_worker": ("rle_splat.cli.cluster",),
+}  # fmt: skip
 
 # Packages that are not Python's own, by package or module; every other package of rle_splat has numpy alone.
 BLENDER_PACKAGES = ("", "bridge", "operators", "panels")
@@ -52,6 +55,7 @@ THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
+    "rle_splat.cli.cluster": {"dask", "distributed"},
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
     "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
     "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},

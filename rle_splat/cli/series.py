@@ -1,0 +1,101 @@
+"""The frames of one command, made one after the other: those that are there already are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from .frames import is_in_time
+from .made import SceneHashes, delete_abandoned, is_made, kept_report, outputs_of
+from .render import Checked, Job, Like, Prepared, prepare, rendered, seen_anew
+
+
+@dataclass
+class Series:
+    """What the frames of a command have in common.
+
+    Attributes
+    ----------
+    args : argparse.Namespace
+        Of the command.
+    checked : Checked
+    line : ProgressLine
+    count_memory : callable
+        Called after a volume was read.
+    """
+
+    args: object
+    checked: Checked
+    line: object
+    count_memory: object
+
+    def __post_init__(self):
+        from ..pipeline.stage_cache import StageCache
+
+        self._in_time = is_in_time(self.args)
+        # Frames in time have nothing in common that could be kept.
+        self._cache = None if self._in_time else StageCache()
+        self._hashes, self._held, self._plan = SceneHashes(), None, None
+        self._like: Like | None = None
+        self._first: Prepared | None = None
+
+    def make(self, own, start: float) -> dict:
+        """Make a frame, or keep the picture that is there; return its report.
+
+        Parameters
+        ----------
+        own : argparse.Namespace
+            The options of the frame.
+        start : float
+            When it was begun, by ``perf_counter``.
+        """
+        prepared, scene_hash = self.ready(own)
+        if not self.args.again and is_made(outputs_of(own), scene_hash):
+            return kept_report(own)
+        delete_abandoned(outputs_of(own))
+        report = rendered(own, prepared, self.line, self.job(start, scene_hash))
+        self._plan = report["plan"]
+        return report
+
+    def ready(self, own) -> tuple[Prepared, str]:
+        """Read a frame, and return it with the hash of everything that its pictures depend on."""
+        if self._held is None and self._in_time and self.args.like not in (None, own.number):
+            self._settle(self._prepared(self._like_frame(own)))
+        prepared = self._prepared(own)
+        if self._held is None:
+            self._settle(prepared)  # and keep the quality as it is, so that its report says why
+        else:
+            prepared = replace(prepared, quality=self._held)
+        return prepared, self.scene_hash(own, prepared)
+
+    def job(self, start: float, scene_hash: str) -> Job:
+        """How a frame is made."""
+        return Job(start, self._plan, self._cache, scene_hash, refuse_empty_view=self.args.camera_path is None)
+
+    def scene_hash(self, own, prepared: Prepared) -> str:
+        """Hash of everything that the pictures of a frame depend on."""
+        return self._hashes.of(
+            prepared.scene, self._held, own.tolerance, own.probes, own.background, own.shadow_pass is not None,
+            [Path(path).suffix.lower() for path in outputs_of(own)],
+        )  # fmt: skip
+
+    def _prepared(self, own) -> Prepared:
+        if self._first is not None:
+            return seen_anew(own, self.checked, self._first)
+        prepared, like = prepare(own, self.checked, self.line, self._like)
+        self.count_memory()
+        if self._in_time:
+            self._like = like
+        else:
+            self._first = prepared
+        return prepared
+
+    def _settle(self, prepared: Prepared) -> None:
+        """Keep the plan of the frame that all others are like."""
+        from ..pipeline.preset_plan import held_for
+
+        self._held = held_for(prepared.scene, prepared.quality, self._cache)
+
+    def _like_frame(self, own):
+        """The options of the frame that all others are like."""
+        return type(own)(**{**vars(own), "frame": self.args.like})

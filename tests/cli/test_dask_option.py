@@ -1,0 +1,23 @@
+"""What the options of a cluster refuse before they look for one."""
+
+import pytest
+
+from rle_splat.cli import dask_option
+
+
+@pytest.mark.parametrize("words, sentence", [
+    (("--workers", 2), "--workers has no effect without --dask"),
+    (("--dask", "--workers", 0), "--workers is 0; give --workers a number from 1 to 1024"),
+    (("--dask", "tcp://a:1", "--workers", 2), "--dask tcp://a:1 has its own workers"),
+    (("--dask", "--tolerance", 4), "--tolerance and --dask cannot be combined; choose a --quality"),
+    (("--dask", "--memory-limit", "1g"), "--memory-limit and --dask cannot be combined"),
+    (("--dask", "--tile", 32, "--frames", 1, 2, "--turn", 3), "On a cluster each frame is one task"),
+])  # fmt: skip
+def test_wrong_options_are_one_sentence(refused, tmp_path, words, sentence):
+    assert sentence in refused("render", tmp_path / "missing.raw", "-o", tmp_path / "a.npy", *words)
+
+
+def test_a_missing_package_is_named(refused, tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_option, "find_spec", lambda name: None)
+    sentence = refused("render", tmp_path / "missing.raw", "-o", tmp_path / "a.npy", "--dask")
+    assert "install rle-splat[scale]" in sentence
