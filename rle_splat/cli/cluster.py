@@ -1,0 +1,340 @@
+"""Pictures and frames on a Dask cluster: the client, which hands out tasks and writes what comes back.
+
+A picture is split into tiles, which are crops with the bits of the whole picture.  So the picture does not depend on
+how many workers there are, nor on which of them makes a tile.  Workers read the volume by its path; what goes over the
+network is options on the way there, and finished pixels on the way back.  Dask gives the tasks of a lost worker to
+others.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import uuid
+from argparse import Namespace
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from time import perf_counter
+
+from ..scene import RleSplatError
+from .cluster_worker import Job, forget, make_frame, make_tile
+from .dask_option import LOCAL
+from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
+from .output import whole_files
+from .report import write_report
+from .rows import row_writer_for
+
+SECONDS = 5  # for an answer from the scheduler
+WORKER_SECONDS = 30  # for the first worker
+LOST = 5  # workers that may be lost over one task, until it is taken for the culprit
+TILES_EACH = 4  # tiles for each thread of the workers, so that all end at about the same time
+SMALLEST, LARGEST, STEP = 64, 1024, 32  # pixels: sides of tiles that are chosen here
+# Options that name files; workers may run in other folders.
+PATHS = (
+    "volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "motion", "camera_path",
+    "labels", "label_functions",
+)  # fmt: skip
+
+
+class Cluster:
+    """A Dask cluster whose workers can render the job of a command; made by ``connected``.
+
+    Attributes
+    ----------
+    client : distributed.Client
+    threads : int
+        Tasks that the workers run at the same time.
+    """
+
+    def __init__(self, client):
+        self.client = client
+
+    @property
+    def threads(self) -> int:
+        return max(sum(self.client.nthreads().values()), 1)
+
+    def results(self, function, job: Job, tasks, line, what: str):
+        """Yield (number of the task, Made) as tasks end.
+
+        Parameters
+        ----------
+        function : callable
+            ``function(job, *task)``.
+        tasks : list of tuple
+        line : ProgressLine
+        what : str
+            A task, in words for a person.
+        """
+        from distributed import as_completed
+        from distributed.protocol.pickle import dumps
+
+        # The scheduler unpacks what it hands on, and need not have this package: tasks are bytes to it, and a function
+        # within a function is sent as it is.
+        def unpacked(packed: bytes):
+            from distributed.protocol.pickle import loads
+
+            function, job, task = loads(packed)
+            return function(job, *task)
+
+        # Few at a time, so that results do not pile up here; the order is that of the tasks but for the last few.
+        waiting = iter(enumerate(tasks))
+        futures = {}
+
+        def submit():
+            for number, task in waiting:
+                future = self.client.submit(unpacked, dumps((function, job, task)), pure=False)
+                futures[future] = number
+                return [future]
+            return []
+
+        first = [future for _ in range(3 * self.threads) for future in submit()]
+        done, ended = 0, as_completed(first)
+        for future in ended:
+            made = self._result(future)
+            done += 1
+            line.show(done / len(tasks), f"{what} {done} of {len(tasks)}, on {len(self.client.nthreads())} workers")
+            number = futures.pop(future)
+            future.release()
+            ended.update(submit())
+            yield number, made
+
+    def forget(self, job: Job) -> None:
+        """Let the workers drop what they kept for a job; without a connection there is nothing to be done."""
+        with suppress(OSError):
+            self.client.run(forget, job.key, on_error="ignore")
+
+    def _result(self, future):
+        """The result of a task; what went wrong on a worker is raised here."""
+        from distributed import CancelledError
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker:
+            raise RleSplatError(
+                f"{LOST} workers were lost over the same part of the picture; they may have too little memory for the "
+                "volume: give them more, or fewer threads."
+            ) from None
+        except (CancelledError, OSError) as problem:
+            if isinstance(problem, OSError) and problem.errno is not None:
+                raise RleSplatError(f"A worker reported an error: {problem.strerror}.") from None
+            raise RleSplatError("The connection to the Dask scheduler was lost; run the command again.") from None
+
+
+@contextmanager
+def connected(args, job_inputs, line):
+    """Context manager: a Cluster whose workers have this version of the package and see the input files.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``dask`` and ``workers``.
+    job_inputs : list of str
+        Absolute paths of files that the workers read.
+    line : ProgressLine
+
+    Raises
+    ------
+    RleSplatError
+        If nobody answers, there is no worker, or a worker cannot do the job.
+    """
+    from dask import config
+    from distributed import Client
+
+    with ExitStack() as stack:
+        stack.enter_context(config.set({"distributed.scheduler.allowed-failures": LOST - 1}))
+        for name in logging.root.manager.loggerDict:  # what goes wrong is said in one sentence here
+            if name.startswith(("distributed", "tornado")):
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+        line.show(0.0, "connecting to the cluster")
+        address = stack.enter_context(_local_cluster(args)) if args.dask == LOCAL else args.dask
+        try:
+            client = stack.enter_context(Client(address, timeout=SECONDS, set_as_default=False))
+        except (OSError, ValueError) as problem:
+            raise RleSplatError(
+                f"No Dask scheduler answers at {args.dask} within {SECONDS} seconds; start one there, or give the "
+                "address that it prints, such as tcp://host:8786."
+            ) from problem
+        try:
+            client.wait_for_workers(1, timeout=WORKER_SECONDS)
+        except TimeoutError:
+            raise RleSplatError(
+                f"The Dask scheduler at {args.dask} has no workers after {WORKER_SECONDS} seconds; start some."
+            ) from None
+        stack.enter_context(client.as_current())  # for as_completed
+        _check_workers(client, job_inputs)
+        line.clear()
+        print(f"Cluster of {len(client.nthreads())} workers; dashboard: {client.dashboard_link}", flush=True)
+        yield Cluster(client)
+
+
+def worker_count(args) -> int:
+    """The processes of a cluster on this machine."""
+    return args.workers or max(2, (os.cpu_count() or 1) // 4)
+
+
+def _local_cluster(args):
+    from distributed import LocalCluster
+
+    return LocalCluster(
+        n_workers=worker_count(args), threads_per_worker=1, processes=True, silence_logs=logging.CRITICAL,
+        memory_limit=0, dashboard_address=":0",
+    )  # fmt: skip
+
+
+def _check_workers(client, paths) -> None:
+    """RleSplatError where a worker has another version of the package, or does not see a file."""
+
+    def facts(names):
+        import os
+
+        try:
+            from .made import source_hash
+        except ImportError:
+            return None, []
+        return source_hash(), [name for name in names if not os.access(name, os.R_OK)]
+
+    for worker, found in client.run(facts, paths, on_error="return").items():
+        if isinstance(found, Exception):
+            raise RleSplatError(f"The worker {worker} does not work ({type(found).__name__}); start it again.")
+        if found[0] is None:
+            raise RleSplatError(f"The worker {worker} does not have the package rle-splat; install it there.")
+        if found[0] != source_hash():
+            raise RleSplatError(
+                f"The worker {worker} has another version of RLE Splat; install the same version on all workers."
+            )
+        if found[1]:
+            raise RleSplatError(
+                f"The worker {worker} cannot read {found[1][0]}; put the file where all workers find it under this "
+                "path."
+            )
+
+
+def _absolute(args) -> Namespace:
+    """The options with absolute paths, for workers that run in other folders."""
+    own = Namespace(**vars(args))
+    for name in PATHS:
+        if isinstance(getattr(own, name), str):
+            setattr(own, name, os.path.abspath(getattr(own, name)))
+    own.channel = [os.path.abspath(path) for path in own.channel]
+    own.run = None  # a function, which is of no use there
+    return own
+
+
+def _job_of(args, checked) -> tuple[Job, list[str]]:
+    """The Job of a command, and the paths that its workers read."""
+    own = _absolute(args)
+    if args.threads == 0 and args.dask == LOCAL:
+        threads = max((os.cpu_count() or 1) // worker_count(args), 1)
+        checked = replace(checked, quality=replace(checked.quality, threads=threads))
+    paths = [getattr(own, name) for name in PATHS]
+    return Job(uuid.uuid4().hex, own, checked), [path for path in (*paths, *own.channel) if path is not None]
+
+
+def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
+    """Render a picture on a cluster and write it; return its report.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+    checked : Checked
+    line : ProgressLine
+    start : float
+        When the command was begun, by ``perf_counter``.
+    report_of : callable
+        Makes the command's report: ``report_of(args, prepared, rendered, write_ms, start)``.
+    """
+    job, paths = _job_of(args, checked)
+    with connected(args, paths, line) as cluster:
+        region = checked.crop or (0, 0, *args.size)
+        side = args.tile or _side(region, cluster.threads)
+        with whole_files([*args.output, *([args.json] if args.json else [])]) as parts:
+            try:
+                prepared, rendered = _put_together(args, job, cluster, region, side, parts, line)
+            finally:
+                cluster.forget(job)
+            report = report_of(args, prepared, rendered, 0.0, start)
+            report["workers"] = len(cluster.client.nthreads())
+            if args.json:
+                write_report(parts[-1], report)
+    return report
+
+
+def _put_together(args, job: Job, cluster: Cluster, region, side: int, parts, line):
+    """Write the tiles of a picture to ``parts``; return a Prepared without its scene, and the renderer's report."""
+    from ..pipeline.tiles import Strip, Total, tiles_of
+
+    tiles = tiles_of(region, side)
+    across = -(-(region[2] - region[0]) // side)
+    total, strips, left, first, prepared = Total(job.checked.crop, args.size, side), {}, {}, 0, None
+    with ExitStack() as stack:
+        files = [
+            stack.enter_context(
+                row_writer_for(path)(part, region[2] - region[0], region[3] - region[1], args.background)
+            )
+            for path, part in zip(args.output, parts, strict=False)
+        ]
+        for number, made in cluster.results(make_tile, job, [(tile,) for tile in tiles], line, "tile"):
+            prepared = made.prepared
+            row = number // across
+            if row not in strips:
+                strips[row], left[row] = Strip(region, tiles[number]), across
+            strips[row].put(tiles[number], made.rendering.rgba, made.rendering.depth)
+            total.add(made.rendering)
+            left[row] -= 1
+            while left.get(first) == 0:  # rows go into the files from the top on
+                strip = strips.pop(first)
+                for file in files:
+                    file.write(strip.rgba, strip.depth)
+                first += 1
+    return prepared, total.report()
+
+
+def _side(region, threads: int) -> int:
+    """The side of tiles that gives each thread a few."""
+    pixels = (region[2] - region[0]) * (region[3] - region[1])
+    side = math.ceil(math.sqrt(pixels / (TILES_EACH * threads)) / STEP) * STEP
+    return min(max(side, SMALLEST), LARGEST)
+
+
+def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
+    """Render frames on a cluster, one a task, and write them; return their reports.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+    frames : list of argparse.Namespace
+        The options of each frame.
+    checked : Checked
+    line : ProgressLine
+    write : callable
+        Writes a Rendering and makes its report: ``write(own, made, parts, start)``.
+    """
+    if args.like is None and args.turn is None and args.camera_path is None:
+        args = Namespace(**{**vars(args), "like": frames[0].number})  # tasks come in any order
+    job, paths = _job_of(args, checked)
+    tasks = []
+    for own in frames:
+        made = None if args.again else scene_made(outputs_of(own))
+        tasks.append((_absolute(own), made))
+    reports: list = [None] * len(frames)
+    with connected(args, paths, line) as cluster:
+        try:
+            for number, made in cluster.results(make_frame, job, tasks, line, "frame"):
+                own = frames[number]
+                reports[number] = kept_report(own) if made.rendering is None else _written(own, made, write)
+        finally:
+            cluster.forget(job)
+    return reports
+
+
+def _written(own, made, write) -> dict:
+    """Write a frame and its hidden files; return its report."""
+    outputs, start = outputs_of(own), perf_counter()
+    delete_abandoned(outputs)
+    with whole_files([*outputs, *map(mark_of, outputs)]) as parts:
+        report = write(own, made, parts, start)
+        for mark, part in zip(parts[len(outputs) :], parts, strict=False):
+            write_mark(mark, made.scene_hash, part)
+    return report

@@ -1,0 +1,110 @@
+"""What a worker of a cluster does: it reads the volume by its path, and renders tiles or frames.
+
+Tasks name a job by its key.  A worker prepares a job when its first task arrives, and keeps it for the next ones: the
+volume, and the results of stages that the tiles or frames have in common.
+"""
+
+from __future__ import annotations
+
+import queue
+from argparse import Namespace
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+from ..runtime.steps import drain
+from .progress import ProgressLine
+from .render import Checked, Prepared, picture_steps, prepare
+from .series import Series
+
+_JOBS: dict[str, object] = {}
+# Tasks of a worker with several threads: one at a time prepares a job.
+_TOKEN: queue.SimpleQueue = queue.SimpleQueue()
+_TOKEN.put(None)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all tasks of a command have in common.
+
+    Attributes
+    ----------
+    key : str
+        Of the command.
+    args : argparse.Namespace
+        Its options, with absolute paths.
+    checked : Checked
+    """
+
+    key: str
+    args: Namespace
+    checked: Checked
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a task returns.
+
+    Attributes
+    ----------
+    prepared : Prepared or None
+        Without its scene, for the report; None for a frame that is there already.
+    rendering : Rendering or None
+    scene_hash : str or None
+        Of a frame.
+    """
+
+    prepared: Prepared | None
+    rendering: object
+    scene_hash: str | None = None
+
+
+def make_tile(job: Job, tile) -> Made:
+    """Render a tile, (left, top, right, bottom), of the picture of a job."""
+    from ..pipeline.render import render_steps
+
+    prepared, cache = _kept(job.key, lambda: _picture_of(job))
+    scene = replace(prepared.scene, crop=tile)
+    steps = render_steps(scene, prepared.quality, cache, refuse_empty_view=False)
+    return Made(replace(prepared, scene=None), drain(steps))
+
+
+def make_frame(job: Job, own: Namespace, made: str | None) -> Made:
+    """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
+    began = perf_counter()
+    series = _kept(job.key, lambda: Series(job.args, job.checked, ProgressLine(False), lambda: None))
+    _TOKEN.get()  # a Series makes one frame after the other
+    try:
+        prepared, scene_hash = series.ready(own)
+    finally:
+        _TOKEN.put(None)
+    if made == scene_hash:
+        return Made(None, None, scene_hash)
+    rendering, _ = drain(picture_steps(own, prepared, series.job(began, scene_hash)))
+    return Made(replace(prepared, scene=None), rendering, scene_hash)
+
+
+def forget(key: str) -> None:
+    """Drop what was kept for a job."""
+    _JOBS.pop(key, None)
+
+
+def _picture_of(job: Job) -> tuple:
+    """The Prepared of a picture, and the cache that its tiles share; the view is checked once."""
+    from ..pipeline.stage_cache import StageCache
+    from ..pipeline.tiles import check_view
+
+    prepared, _ = prepare(job.args, job.checked, ProgressLine(False))
+    check_view(prepared.scene, prepared.quality)
+    return prepared, StageCache()
+
+
+def _kept(key: str, make):
+    """What a job has in common, made by the first of its tasks."""
+    _TOKEN.get()
+    try:
+        if key not in _JOBS:
+            _JOBS.clear()  # of commands that have ended, or were killed
+            _JOBS[key] = make()
+        return _JOBS[key]
+    finally:
+        _TOKEN.put(None)
