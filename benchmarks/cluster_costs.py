@@ -58,7 +58,7 @@ class Rates:
     write : float
         Seconds for writing, per pixel.
     client, worker : float
-        Seconds until the client and a worker have loaded what they need.
+        Seconds until the client and a worker have loaded what they need, kernels from the disk among it.
     visible : float
         Share of the voxels that are visible.
     """
@@ -169,39 +169,36 @@ def measured_rates(volume: Path, side: int, size: int) -> Rates:
     sample = (deep - shallow) / (pixels * (side - side // 2))
     with tempfile.NamedTemporaryFile(suffix=".npy") as file:
         write = seconds_of(lambda: write_npy(file.name, made.rgba, made.depth)) / pixels
-    worker, move = cluster_rates()
-    with tempfile.TemporaryDirectory() as folder:
-        tiny = Path(folder, "tiny.raw")
-        write_volume(tiny, 16)
-        client = command_seconds(tiny, 16, 32, 1) - worker
+    client, worker = loading_seconds()
     return Rates(
         read=2.0 * side**3 / read, prepare=sum(stages[stage] for stage in PREPARING) / 1e3 / side**3,
-        sample=sample, pixel=max(deep / pixels - sample * side, 0.0), move=move, write=write, client=client,
+        sample=sample, pixel=max(deep / pixels - sample * side, 0.0), move=moving_rate(), write=write, client=client,
         worker=worker, visible=visible,
     )  # fmt: skip
 
 
-def cluster_rates() -> tuple[float, float]:
-    """Seconds of a worker until it has imported the renderer, and bytes per second that come from it."""
+def loading_seconds() -> tuple[float, float]:
+    """Processor seconds of the client, and of each worker, for a picture that takes next to nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        tiny = Path(folder, "tiny.raw")
+        write_volume(tiny, 32)
+        one, three = (command_seconds(tiny, 32, 256, workers, "--tile", 64) for workers in (1, 3))
+    worker = (three - one) / 2
+    return one - worker, worker
+
+
+def moving_rate() -> float:
+    """Bytes per processor second that come from a worker to the client."""
     from distributed import Client, LocalCluster
 
-    def loaded() -> float:
-        import time
-
-        import rle_splat.cli.cluster_worker
-        import rle_splat.pipeline.render  # noqa: F401
-
-        return time.process_time()
-
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as local, Client(local) as client:
-        worker = client.submit(loaded).result()
         taken = []
         for n in range(4):
             future = client.submit(np.full, (1024, 1024, 5), float(n), np.float32)
             there = client.submit(lambda made: made.nbytes and process_time(), future).result()
             here = seconds_of(future.result)
             taken.append(here + client.submit(process_time, pure=False).result() - there)
-        return worker, 1024 * 1024 * PIXEL / float(np.median(taken))
+        return 1024 * 1024 * PIXEL / float(np.median(taken))
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from dataclasses import replace
 from time import perf_counter
 
 from ..scene import RleSplatError
-from .cluster_worker import Job, forget, make_frame, make_tile
+from .cluster_worker import Command, forget, make_frame, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .output import whole_files
@@ -27,7 +27,6 @@ from .rows import row_writer_for
 
 SECONDS = 5  # for an answer from the scheduler
 WORKER_SECONDS = 30  # for the first worker
-LOST = 5  # workers that may be lost over one task, until it is taken for the culprit
 TILES_EACH = 4  # tiles for each thread of the workers, so that all end at about the same time
 SMALLEST, LARGEST, STEP = 64, 1024, 32  # pixels: sides of tiles that are chosen here
 # Options that name files; workers may run in other folders.
@@ -54,7 +53,7 @@ class Cluster:
     def threads(self) -> int:
         return max(sum(self.client.nthreads().values()), 1)
 
-    def results(self, function, job: Job, tasks, line, what: str):
+    def results(self, function, job: Command, tasks, line, what: str):
         """Yield (number of the task, Made) as tasks end.
 
         Parameters
@@ -99,7 +98,7 @@ class Cluster:
             ended.update(submit())
             yield number, made
 
-    def forget(self, job: Job) -> None:
+    def forget(self, job: Command) -> None:
         """Let the workers drop what they kept for a job; without a connection there is nothing to be done."""
         with suppress(OSError):
             self.client.run(forget, job.key, on_error="ignore")
@@ -113,7 +112,7 @@ class Cluster:
             return future.result()
         except KilledWorker:
             raise RleSplatError(
-                f"{LOST} workers were lost over the same part of the picture; they may have too little memory for the "
+                "Several workers were lost over the same part of the picture; they may have too little memory for the "
                 "volume: give them more, or fewer threads."
             ) from None
         except (CancelledError, OSError) as problem:
@@ -139,11 +138,9 @@ def connected(args, job_inputs, line):
     RleSplatError
         If nobody answers, there is no worker, or a worker cannot do the job.
     """
-    from dask import config
     from distributed import Client
 
     with ExitStack() as stack:
-        stack.enter_context(config.set({"distributed.scheduler.allowed-failures": LOST - 1}))
         for name in logging.root.manager.loggerDict:  # what goes wrong is said in one sentence here
             if name.startswith(("distributed", "tornado")):
                 logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -222,14 +219,14 @@ def _absolute(args) -> Namespace:
     return own
 
 
-def _job_of(args, checked) -> tuple[Job, list[str]]:
-    """The Job of a command, and the paths that its workers read."""
+def _job_of(args, checked) -> tuple[Command, list[str]]:
+    """The Command of a command, and the paths that its workers read."""
     own = _absolute(args)
     if args.threads == 0 and args.dask == LOCAL:
         threads = max((os.cpu_count() or 1) // worker_count(args), 1)
         checked = replace(checked, quality=replace(checked.quality, threads=threads))
     paths = [getattr(own, name) for name in PATHS]
-    return Job(uuid.uuid4().hex, own, checked), [path for path in (*paths, *own.channel) if path is not None]
+    return Command(uuid.uuid4().hex, own, checked), [path for path in (*paths, *own.channel) if path is not None]
 
 
 def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
@@ -261,7 +258,7 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
     return report
 
 
-def _put_together(args, job: Job, cluster: Cluster, region, side: int, parts, line):
+def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts, line):
     """Write the tiles of a picture to ``parts``; return a Prepared without its scene, and the renderer's report."""
     from ..pipeline.tiles import Strip, Total, tiles_of
 

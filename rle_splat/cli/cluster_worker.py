@@ -23,7 +23,7 @@ _TOKEN.put(None)
 
 
 @dataclass(frozen=True)
-class Job:
+class Command:
     """What all tasks of a command have in common.
 
     Attributes
@@ -58,7 +58,7 @@ class Made:
     scene_hash: str | None = None
 
 
-def make_tile(job: Job, tile) -> Made:
+def make_tile(job: Command, tile) -> Made:
     """Render a tile, (left, top, right, bottom), of the picture of a job."""
     from ..pipeline.render import render_steps
 
@@ -68,7 +68,7 @@ def make_tile(job: Job, tile) -> Made:
     return Made(replace(prepared, scene=None), drain(steps))
 
 
-def make_frame(job: Job, own: Namespace, made: str | None) -> Made:
+def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
     began = perf_counter()
     series = _kept(job.key, lambda: Series(job.args, job.checked, ProgressLine(False), lambda: None))
@@ -88,7 +88,7 @@ def forget(key: str) -> None:
     _JOBS.pop(key, None)
 
 
-def _picture_of(job: Job) -> tuple:
+def _picture_of(job: Command) -> tuple:
     """The Prepared of a picture, and the cache that its tiles share; the view is checked once."""
     from ..pipeline.stage_cache import StageCache
     from ..pipeline.tiles import check_view

@@ -22,7 +22,7 @@ from .single_rays import traces_steep_pixels, with_neighbors
 from .stage_cache import StageCache
 from .views import seen
 
-SIDES = (1024, 512, 256, 128, 64)  # pixels; larger tiles are no quicker per pixel, smaller ones repeat much work
+SIDES = (1024, 512, 256, 128, 64)  # pixels; the first that fits
 SHARE = 0.5  # of the free memory is for the picture; the other half is for what is made of the volume
 
 
@@ -67,9 +67,7 @@ def tile_side(scene: Scene, quality: Quality) -> int | None:
         return None
     needed = 0
     for side in SIDES:
-        # The tiles of a picture differ in how much of the sheets they need: look at a few.
-        tiles = tiles_of(scene.region, side)
-        some = {tiles[int(share * (len(tiles) - 1))] for share in (0.0, 0.25, 0.5, 0.75, 1.0)}
+        some = _some_of(tiles_of(scene.region, side), -(-width // side))
         needed = max(_picture_bytes(replace(door.scene, crop=tile), door.quality) for tile in some)
         needed += 2 * PICTURE_PIXEL * width * side
         if needed <= free:
@@ -78,6 +76,13 @@ def tile_side(scene: Scene, quality: Quality) -> int | None:
         f"Tiles of {SIDES[-1]} pixels of a picture that is {width} pixels wide need about {bytes_text(needed)} of "
         f"memory, and {bytes_text(free)} are free for them; make the picture narrower, or raise the limit."
     )
+
+
+def _some_of(tiles: list, across: int) -> set:
+    """A corner, the middle and the sides: tiles differ in how much of the sheets they need."""
+    down = len(tiles) // across
+    places = {(row, column) for row in (0, down // 2, down - 1) for column in (0, across // 2, across - 1)}
+    return {tiles[row * across + column] for row, column in places}
 
 
 def _picture_bytes(scene: Scene, quality: Quality) -> int:

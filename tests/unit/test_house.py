@@ -55,7 +55,7 @@ THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
-    "rle_splat.cli.cluster": {"dask", "distributed"},
+    "rle_splat.cli.cluster": {"distributed"},
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
     "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
     "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},
