@@ -224,9 +224,9 @@ def rates_table(rates: Rates) -> str:
     ))  # fmt: skip
 
 
-def checked_table(rates: Rates, volume: Path, side: int, size: int) -> str:
-    """The model against a local cluster of 1, 2 and 4 workers, in processor seconds."""
-    rows = []
+def print_check(rates: Rates, volume: Path, side: int, size: int) -> None:
+    """Print the model against a local cluster of 1, 2 and 4 workers, in processor seconds, row by row."""
+    print(table(("job", "workers", "measured", "model", "of it drawing"), ()), flush=True)
     for name, height, frames, words in (
         (f"picture of {size} x {size}", size, 1, ()),
         (f"{FRAMES} frames of {size // 2} x {size // 2}", size // 2, FRAMES, ("--frames", 1, FRAMES, "--turn", 3)),
@@ -235,8 +235,9 @@ def checked_table(rates: Rates, volume: Path, side: int, size: int) -> str:
             found = command_seconds(volume, side, height, workers, *words)
             expected = processor_seconds(rates, side, height * height, workers, frames)
             share = frames * rates.drawing(side, height * height) / expected
-            rows.append((name, workers, f"{found:.1f} s", f"{expected:.1f} s", f"{100 * share:.0f} %"))
-    return table(("job", "workers", "measured", "model", "of it drawing"), rows)
+            row = name, workers, f"{found:.1f} s", f"{expected:.1f} s", f"{100 * share:.0f} %"
+            print("| " + " | ".join(map(str, row)) + " |", flush=True)
+    print()
 
 
 def prediction_table(rates: Rates, side: int, size: int, nodes: int, cores: int) -> str:
@@ -264,8 +265,8 @@ def main() -> None:
         rates = measured_rates(volume, args.side, args.size // 2)
         print(f"{os.cpu_count()} cores, {args.side}^3 uint16\n")
         print(rates_table(rates), end="\n\n", flush=True)
-        print(checked_table(rates, volume, args.side, args.size), end="\n\n", flush=True)
-    print(prediction_table(rates, 4096, 4096, 64, 16))
+        print(prediction_table(rates, 4096, 4096, 64, 16), end="\n\n", flush=True)
+        print_check(rates, volume, args.side, args.size)
 
 
 if __name__ == "__main__":
