@@ -1,7 +1,7 @@
 """What a picture and an animation cost on a cluster: rates measured on one machine, a model of time and bytes made from
 them, the model against a local Dask cluster, and its prediction for a large volume on many nodes.
 
-Run it where dask and distributed are installed (the extra scale, ``requirements/scale.txt``):
+Run it where dask and distributed are installed (the extra scale, ``requirements/cluster.txt``):
 
     python -m benchmarks.cluster_costs
 

@@ -71,7 +71,7 @@ def make_tile(job: Command, tile) -> Made:
 def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
     began = perf_counter()
-    series = _kept(job.key, lambda: Series(job.args, job.checked, ProgressLine(False), lambda: None))
+    series = _kept(job.key, lambda: Series(job.args, job.checked, ProgressLine(False)))
     _TOKEN.get()  # a Series makes one frame after the other
     try:
         prepared, scene_hash = series.ready(own)

@@ -17,7 +17,6 @@ from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
 from .lighting import check_lighting
 from .made import kept_lines, mark_of, outputs_of, write_mark
-from .memory_limit import add_memory_limit_option, limited_memory
 from .mixing import add_mixing_options, mixed, mixing_inputs, read_mixing
 from .options import (
     add_clip_option,
@@ -52,7 +51,6 @@ def add_arguments(parser) -> None:
     )
     add_image_options(parser)
     add_tile_option(parser)
-    add_memory_limit_option(parser)
     add_mode_option(parser)
     add_mist_option(parser)
     add_report_options(parser)
@@ -156,17 +154,16 @@ def run(args) -> None:
     start = perf_counter()
     frames = each_frame(args)
     checked = _checked(args, frames)
-    with ProgressLine(args.progress) as line, limited_memory(args) as count_memory:
+    with ProgressLine(args.progress) as line:
         if frames[0] is args and args.dask is not None:
             from .cluster import picture_on_cluster
 
             reports = [picture_on_cluster(args, checked, line, start, _report)]
         elif frames[0] is args:
             prepared, _ = prepare(args, checked, line)
-            count_memory()
             reports = [rendered(args, prepared, line, Job(start))]
         else:
-            reports = _rendered_frames(args, frames, checked, line, count_memory)
+            reports = _rendered_frames(args, frames, checked, line)
     made = [report for report in reports if not report.get("kept")]
     for say, report in zip((_say, *[_say_outputs] * len(made)), made):
         say(report)
@@ -174,7 +171,7 @@ def run(args) -> None:
         print(line)
 
 
-def _rendered_frames(args, frames, checked: Checked, line, count_memory) -> list[dict]:
+def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
     """Render several frames; return their reports."""
     if args.dask is not None:
         from .cluster import frames_on_cluster
@@ -183,7 +180,7 @@ def _rendered_frames(args, frames, checked: Checked, line, count_memory) -> list
     else:
         from .series import Series
 
-        series = Series(args, checked, line, count_memory)
+        series = Series(args, checked, line)
         reports = [series.make(own, perf_counter()) for own in frames]
     if args.json:
         with whole_files([args.json]) as parts:

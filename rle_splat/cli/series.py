@@ -20,14 +20,11 @@ class Series:
         Of the command.
     checked : Checked
     line : ProgressLine
-    count_memory : callable
-        Called after a volume was read.
     """
 
     args: object
     checked: Checked
     line: object
-    count_memory: object
 
     def __post_init__(self):
         from ..pipeline.stage_cache import StageCache
@@ -83,7 +80,6 @@ class Series:
         if self._first is not None:
             return seen_anew(own, self.checked, self._first)
         prepared, like = prepare(own, self.checked, self.line, self._like)
-        self.count_memory()
         if self._in_time:
             self._like = like
         else:

@@ -17,7 +17,6 @@ UNLIMITED = 1 << 62
 MEMINFO = Path("/proc/meminfo")  # Linux
 GROUP_OF_PROCESS = Path("/proc/self/cgroup")
 GROUPS = Path("/sys/fs/cgroup")
-STATUS = Path("/proc/self/status")
 ADDRESS_SPACE_USED = Path("/proc/self/statm")
 STATUS = Path("/proc/self/status")
 
@@ -58,14 +57,6 @@ def available_bytes() -> int:
     """
     own = _Limit.of_process if _Limit.of_process == UNLIMITED else _Limit.of_process - _anonymous_bytes()
     return max(min(_machine_free(), _group_free(), _address_space_free(), _Limit.most, own), 0)
-
-
-def held_bytes() -> int:
-    """Memory that this process holds, without copies of files; 0 where the system does not say (other than Linux)."""
-    for line in _lines(STATUS):
-        if line.startswith("RssAnon:"):
-            return 1024 * int(line.split()[1])
-    return 0
 
 
 def refuse_beyond(needed: int, what: str, remedy: str) -> None:
