@@ -21,7 +21,7 @@ from devtools import gallery as pictures
 from devtools import release as releases
 from devtools.build import build as build_zips
 from devtools.environments import CORE, JUDGES, ensure, ensure_bench
-from devtools.places import ROOT, Failure, clean_environ, say
+from devtools.places import OUT, ROOT, Failure, clean_environ, say
 from devtools.wheels import TAG_PATTERNS
 
 # nox reports each session after its end, but the last line of a test run is that of its totals.
@@ -61,6 +61,14 @@ def demo(parser, words) -> int:
     """Splat a scan into a Blender scene, headless, and write the pictures to out/."""
     parser.add_argument("volumes", nargs="*", metavar="VOLUME", help="files to show in place of the sample")
     return demonstration.demo(parser.parse_args(words).volumes)
+
+
+@job
+def practice(parser, words) -> int:
+    """Write a generated CT head as a DICOM folder to out/practice-ct, for the tutorial."""
+    parser.parse_args(words)
+    say("Writing out/practice-ct")
+    return run(ensure(CORE), "-m", "devtools.practice_ct", str(OUT / "practice-ct"))
 
 
 @job

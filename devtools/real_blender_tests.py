@@ -59,7 +59,7 @@ def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Pa
         zip_path = build((this_platform(),), (blender.python,), BUILD / f"zip-{blender.python}")[this_platform()]
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     # With the files, phantoms and scripts that tests show.
-    for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to"):
+    for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to", "devtools"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     if with_pytest:
         shutil.copytree(_lent_pytest(), folder / "pytest")

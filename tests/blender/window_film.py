@@ -7,7 +7,6 @@ keeps them in build/window-shots/window_film and prints how long the volume take
 
 import tempfile
 import time
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -15,7 +14,6 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
-from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -24,31 +22,12 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
-    region_of,
     until,
-    window,
 )
+from tests.blender.window_steps import PATIENCE, drag, middle, press, settled, simulate, viewport
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
 SIDE = 256
-PATIENCE = 600.0  # seconds: kernels may have to be compiled
-
-
-def live():
-    return import_module(f"{MODULE}.bridge.live")
-
-
-def viewport():
-    return next(iter(live().viewports_of(area_of("VIEW_3D"))), None)
-
-
-def settled():
-    """Until the viewport has refined what it shows."""
-    area_of("VIEW_3D").tag_redraw()
-    yield
-    yield
-    yield from until(lambda: viewport() is not None and not viewport().is_busy, PATIENCE)
-    yield
 
 
 def phantom() -> Path:
@@ -66,37 +45,6 @@ def phantom() -> Path:
     labels = (apart < 0.6).astype(np.uint8) + 2 * ((apart >= 0.6) & (apart < 1.0)).astype(np.uint8)
     labels.tofile(FOLDER / f"parts_{SIDE}x{SIDE}x{SIDE}_uint8.raw")
     return path
-
-
-def middle(right=0.0, up=0.0):
-    """The window's pixel in the middle of the viewport, and beside it in pixels."""
-    region = region_of(area_of("VIEW_3D"), "WINDOW")
-    return region.x + region.width * 0.35 + right, region.y + region.height * 0.5 + up
-
-
-def simulate(kind, value, at):
-    window().event_simulate(type=kind, value=value, x=int(at[0]), y=int(at[1]))
-
-
-def drag(button, begin, steps):
-    """Press a button, move in steps of pixels, and release it."""
-    simulate("MOUSEMOVE", "NOTHING", begin)
-    yield
-    simulate(button, "PRESS", begin)
-    yield
-    at = begin
-    for right, up in steps:
-        at = at[0] + right, at[1] + up
-        simulate("MOUSEMOVE", "NOTHING", at)
-        yield
-    simulate(button, "RELEASE", at)
-    yield
-
-
-def press(key, at):
-    simulate(key, "PRESS", at)
-    simulate(key, "RELEASE", at)
-    yield
 
 
 def default_scene():
