@@ -32,6 +32,11 @@ class KeptOutput:
         self._camera = _held(scene.camera)
         self._markers = [(marker.name, marker.frame, _held(marker.camera)) for marker in scene.timeline_markers]
 
+    def adopt_camera(self, camera, always: bool) -> None:
+        """Have ``restore`` set this camera if there was none, or ``always``."""
+        if always or self._camera is None:
+            self._camera = Held(camera)
+
     def restore(self) -> None:
         """Put everything back; nothing is done if the scene was removed."""
         scene = self._scene.find()
@@ -102,6 +107,8 @@ def write_to(scene, output: str, path: str) -> str:
     RleSplatError
         If the folder cannot be made, this Blender cannot write movies, or the picture's size is odd.
     """
+    if not path:
+        raise RleSplatError("The animation has no file name; give a file path.")
     stem, extension = os.path.splitext(path)
     if extension.lower() not in EXTENSIONS.values():
         stem = path

@@ -91,52 +91,47 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
 
     def execute(self, context):
         in_window = getattr(self, "_is_confirmed", False) and context.window is not None and not bpy.app.background
-        scene, earlier = context.scene, context.scene.camera
+        scene, renders = context.scene, self.render or self.path == OWN
+        self._kept = KeptOutput(scene)
         try:
+            if renders:  # before anything is made
+                self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
             camera, frames = self._path(context)
-            scene.camera = camera
-            if not self.render and self.path == TURN:
+            self._kept.adopt_camera(camera, always=not renders)
+            if not renders:
+                self._finish(context)
                 return {"FINISHED"}
+            scene.camera = camera
             self._include(context)
-            scene.camera = earlier or camera
-            self._kept = KeptOutput(scene)
             if self.path == TURN:
                 look_through(scene, camera, frames)
-            self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
             return self._watch(context) if in_window else self._render_through(context)
         except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
             self._finish(context)
-            scene.camera = earlier
             return refuse(self, _sentence(problem))
         except BaseException:
             self._finish(context)
             raise
 
     def _path(self, context) -> tuple:
-        """(camera, frames) of the animation; RleSplatError without a camera or a file name."""
-        scene = context.scene
-        if not self.filepath and (self.render or self.path == OWN):
-            raise RleSplatError("The animation has no file name; give a file path.")
+        """(camera, frames) of the animation; RleSplatError without a camera or a scan."""
+        scene, owner = context.scene, volumes.volume_object(context)
+        volumes.load_volume(owner)
         if self.path == OWN:
             if scene.camera is None:
                 raise RleSplatError("The scene has no active camera; add one and animate it, or choose Turn.")
             return scene.camera, range(scene.frame_start, scene.frame_end + 1)
         frames = range(scene.frame_start, scene.frame_start + self.frames)
         camera, pivot = camera_path.turning_camera(
-            context, volumes.volume_object(context), is_perspective=self.perspective, elevation=self.elevation)
+            context, owner, is_perspective=self.perspective, elevation=self.elevation)
         camera_path.keyframe_turn(pivot, self.azimuth, self.angle, frames)
         context.view_layer.update()
         return camera, frames
 
     def _include(self, context) -> None:
-        """Have renders include the volume, if they include none; say so if they include another one."""
-        settings, owner = context.scene.rle_splat, volumes.volume_object(context)
-        if not settings.use_composite:
+        """Have renders include the scene's volumes, if they include none."""
+        if not context.scene.rle_splat.use_composite:
             bpy.ops.rle_splat.composite()
-            self.report({"INFO"}, f"{owner.name} is now included in every render.")
-        elif settings.composite_object != owner and settings.composite_object is not None:
-            self.report({"WARNING"}, f"Renders include {settings.composite_object.name}, not {owner.name}; press "
-                                     "Include in Renders to change that.")
 
     def _render_through(self, context) -> set:
         """Render in this call, for scripts and background mode."""

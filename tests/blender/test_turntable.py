@@ -147,14 +147,22 @@ def test_what_cannot_be_rendered_is_refused(cube, tmp_path):
         with pytest.raises(RuntimeError, match=words):
             bpy.ops.rle_splat.turntable(frames=2, output="PNG", **options)
         assert settings() == before
+    objects = set(bpy.data.objects)
     scene.render.resolution_x = 25
     before = settings()
     with pytest.raises(RuntimeError, match="even width and height"):
         bpy.ops.rle_splat.turntable(filepath=str(tmp_path / "turn"), frames=2, output="MP4")
     assert settings() == before
+    assert set(bpy.data.objects) == objects
     scene.camera = None
     with pytest.raises(RuntimeError, match="no active camera"):
-        bpy.ops.rle_splat.turntable(filepath=str(tmp_path / "turn"), path="CAMERA")
+        bpy.ops.rle_splat.turntable(filepath=str(tmp_path / "turn"), path="CAMERA", output="PNG")
+
+
+def test_a_scene_without_a_camera_gets_the_new_one(cube, tmp_path):
+    bpy.context.scene.camera = None
+    turn(tmp_path, frames=1, output="PNG")
+    assert bpy.context.scene.camera.name.endswith("Turntable Camera")
 
 
 def test_the_turn_follows_a_tilted_volume_without_patient_axes(cube):
