@@ -1,6 +1,6 @@
 """The tutorial "From a DICOM folder to a rendered figure", step by step: a photograph of each for its page.
 
-    python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x900
+    python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x1100
 
 keeps them in build/window-shots/window_tutorial as JPEG, and prints how long each step took.
 """
@@ -51,7 +51,7 @@ def light_and_floor(volume):
     """A warm key light, a cool rim light and a floor, as a user adds them."""
     middle_of = volume.matrix_world.translation + volume.matrix_world.to_3x3() @ Vector((0.0, 0.0, -0.01))
     for name, place, color, watts in (
-        ("Key", (0.5, -0.7, 0.6), (1.0, 0.85, 0.7), 12.0), ("Rim", (-0.6, 0.5, 0.5), (0.6, 0.75, 1.0), 14.0),
+        ("Key", (0.5, -0.7, 0.6), (1.0, 0.85, 0.7), 16.0), ("Rim", (-0.6, 0.5, 0.5), (0.6, 0.75, 1.0), 20.0),
     ):  # fmt: skip
         data = bpy.data.lights.new(name, "AREA")
         data.energy, data.color, data.size = watts, color, 0.4
@@ -61,6 +61,9 @@ def light_and_floor(volume):
         bpy.context.scene.collection.objects.link(one)
     with in_the_view():
         bpy.ops.mesh.primitive_plane_add(size=2.0, location=middle_of - Vector((0.0, 0.0, 0.13)))
+    floor = bpy.data.materials.new("Floor")
+    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.05, 0.06, 0.08, 1.0)
+    bpy.context.view_layer.objects.active.data.materials.append(floor)
     bpy.context.view_layer.objects.active = volume
 
 
@@ -86,11 +89,12 @@ def scenario():
     # Imported when the extension, which brings pydicom, is installed.
     import_module("devtools.practice_ct").write_series(FOLDER)
     bpy.context.preferences.view.render_display_type = "AREA"
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects", "RLE_SPLAT_PT_picture")
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "picture")))
     yield from new_file()
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
     scene.cycles.use_denoising = False
+    scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
 
@@ -123,9 +127,7 @@ def scenario():
         assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.rle_splat.clip_keep = "OUTSIDE"
-    box.location.x += 0.06
-    box.location.y -= 0.06
-    box.location.z += 0.06
+    box.location += Vector((0.095, -0.115, 0.125))  # the left, front and upper eighth of the head
     yield from settled()
     yield from keep("tutorial-5-cut", began)
 
