@@ -32,6 +32,7 @@ from .preferences import FAILED_FRAME_ITEMS
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .transfer_nodes import is_transfer_tree
+from .translations import OURS
 
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
@@ -176,7 +177,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
     transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
     window_center: LiveFloat(
-        name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2)
+        name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2,
+        translation_context=OURS)
     window_width: LiveFloat(
         name="Window", description="Width of the range of values that the colors and the opacity curve cover",
         default=1.0, min=1e-6, precision=2)
@@ -184,8 +186,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Level of the Preset", description="Level of the transfer function when it was last applied",
         options={"HIDDEN"})
     shift: FloatProperty(
-        name="Shift", description="Move the whole transfer function to higher or lower values, in percent of the range "
-        "of the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
+        name="Shift", translation_context=OURS,
+        description="Move the whole transfer function to higher or lower values, in percent of the range of "
+        "the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
@@ -256,7 +259,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Scene Scale", description="World units per millimeter; with 0.001 a millimeter has its real size in "
         "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
     quality: KnobEnum(
-        name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name)
+        name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
+        translation_context=OURS)
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in levels of 1/255. The fastest settings that keep it are "

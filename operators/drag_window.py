@@ -6,6 +6,7 @@ from bpy.props import FloatProperty
 from ..bridge import transfer, volumes
 from ..bridge.held import Held
 from ..bridge.probe import value_text
+from ..bridge.translations import OURS
 from ..bridge.window_drag import WindowDrag
 from .refusal import refuse, why_no_editable_transfer
 
@@ -20,7 +21,8 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
     bl_label = "Drag Window and Level"
     bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
 
-    center: FloatProperty(name="Level", description="Value at the center of the range")
+    center: FloatProperty(
+        name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
 
     def execute(self, context):

@@ -5,6 +5,7 @@ from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..bridge import transfer, volumes
+from ..bridge.translations import OURS
 from .refusal import has_editable_transfer
 
 # Common CT windows: name, level and window in HU.
@@ -30,7 +31,8 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     preset: EnumProperty(name="Preset", description="Common window", items=ITEMS)
-    center: FloatProperty(name="Level", description="Value at the center of the range")
+    center: FloatProperty(
+        name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
     keep_values: BoolProperty(
         name="Keep Colors", description="Redraw the curves so that every value keeps its color and opacity, and only "

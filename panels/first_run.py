@@ -1,6 +1,7 @@
 """What the tab shows before the first volume: three steps with their buttons, and whether kernels are ready."""
 
 from ..bridge import kernel_preparation
+from ..bridge.translations import OURS
 from .places import paragraph
 
 
@@ -19,7 +20,7 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     step.menu("RLE_SPLAT_MT_presets", icon="PRESET")
-    step.operator("rle_splat.frame_volume", text="Frame", icon="ZOOM_SELECTED")
+    step.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
     if not kernel_preparation.text():

@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import kernel_preparation, read_ahead, volumes
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.translations import OURS
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.volume.volume import PATIENT
@@ -54,7 +55,7 @@ def _draw_views(layout, properties) -> None:
     """Buttons that move the view to the volume, for a patient from each side."""
     is_patient = properties.space == PATIENT
     row = layout.split(factor=0.36, align=True) if is_patient else layout
-    row.operator("rle_splat.frame_volume", text="Frame", icon="ZOOM_SELECTED").side = "NONE"
+    row.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED").side = "NONE"
     if is_patient:
         sides = row.row(align=True)
         for side in "APLRSI":

@@ -13,7 +13,9 @@ import bpy
 from ..paths import EXTENSION
 
 FOLDER = Path(__file__).parent
-CONTEXTS = ("*", "Operator")  # Blender looks the labels of operators up in a context of their own
+# Blender's own translations come first: a word that means something else in them, such as Level, is given this context.
+OURS = "RLE Splat"
+CONTEXTS = ("*", "Operator", OURS)  # Blender looks the labels of operators up in a context of their own
 
 
 def languages() -> dict[str, dict[str, str]]:

@@ -60,7 +60,9 @@ def written(root: Path = ROOT) -> dict:
     paths = sorted(path for folder in FOLDERS for path in (root / folder).rglob("*.py"))
     trees = {path.relative_to(root).as_posix(): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
     constants = [(path, name, text) for path, tree in trees.items() for name, text in _named(tree)]
-    named = {name: text for _, name, text in constants if name not in OF_CLASS}
+    named = {}
+    for _, name, text in constants:
+        named.setdefault(name, []).append(text)
     found = {text: path for path, name, text in constants if name in OF_CLASS and _is_text(text)}
     for path, tree in trees.items():
         for node in ast.walk(tree):
@@ -70,8 +72,13 @@ def written(root: Path = ROOT) -> dict:
 
 
 def _named(tree):
-    """(name, text) of each constant of a module or a class that is a text."""
+    """(name, text) of each constant that is a text, and of what a loop over written tuples gives a name."""
     for node in ast.walk(tree):
+        if isinstance(node, ast.For) and isinstance(node.target, ast.Tuple) and isinstance(node.iter, ast.Tuple):
+            for row in node.iter.elts:
+                for target, value in zip(node.target.elts, getattr(row, "elts", ())):
+                    if target.id == LAYOUT_TEXT and isinstance(value, ast.Constant):
+                        yield target.id, value.value
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             for target in node.targets:
                 if isinstance(target, ast.Name):
@@ -94,7 +101,7 @@ def _constants(node, named: dict) -> list:
         return _constants(node.body, named) + _constants(node.orelse, named)
     if isinstance(node, (ast.Name, ast.Attribute)):
         name = node.id if isinstance(node, ast.Name) else node.attr
-        return [named[name]] if name in named else []
+        return named.get(name, [])
     return [node.value] if isinstance(node, ast.Constant) and isinstance(node.value, str) else []
 
 
