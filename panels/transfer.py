@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge import linked, transfer, transfer_nodes, volumes
+from ..bridge.translations import with_unit
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .histogram import draw_histogram, draw_selected
 from .places import DataTab, OfVolume
@@ -48,11 +49,11 @@ class ColorPanel:
 
 def _draw_window(layout, properties) -> None:
     """Level and window, and the menu of common ones."""
-    unit = f" ({properties.transfer_unit})" if properties.transfer_unit else ""
+    unit = properties.transfer_unit
     row = layout.row(align=True)
     column = row.column(align=True)
-    column.prop(properties, "window_center", text=f"Level{unit}")
-    column.prop(properties, "window_width", text=f"Window{unit}")
+    column.prop(properties, "window_center", text=with_unit("Level", unit), translate=False)
+    column.prop(properties, "window_width", text=with_unit("Window", unit), translate=False)
     row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
     row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
 
@@ -60,7 +61,7 @@ def _draw_window(layout, properties) -> None:
 def _draw_opacity(layout, properties) -> None:
     """The length to which opacities refer, and the opacity of flat regions."""
     column = layout.column(align=True)
-    column.label(text=f"Opacity Distance ({properties.length_unit})")
+    column.label(text=with_unit("Opacity Distance", properties.length_unit), translate=False)
     row = column.row(align=True)
     row.prop(properties, "use_smallest_spacing", toggle=True)
     if not properties.use_smallest_spacing:

@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge import probe, volumes
+from ..bridge.translations import with_unit
 from ..operators.use_window_tool import TOOL
 
 
@@ -26,10 +27,10 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
     def draw_settings(context, layout, _tool):
         owner = volumes.volume_object(context)
         if owner is not None:
-            unit = f" ({owner.rle_splat.value_unit})" if owner.rle_splat.value_unit else ""
+            unit = owner.rle_splat.value_unit
             row = layout.row(align=True)
-            row.prop(owner.rle_splat, "window_center", text=f"Level{unit}")
-            row.prop(owner.rle_splat, "window_width", text=f"Window{unit}")
+            row.prop(owner.rle_splat, "window_center", text=with_unit("Level", unit), translate=False)
+            row.prop(owner.rle_splat, "window_width", text=with_unit("Window", unit), translate=False)
         line = probe.hovered(context.area) if context.area is not None else ""
         layout.label(text=line or "Move the mouse over a volume", icon="EYEDROPPER")
 

@@ -23,6 +23,12 @@ def languages() -> dict[str, dict[str, str]]:
     return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in sorted(FOLDER.glob("*.json"))}
 
 
+def with_unit(label: str, unit: str) -> str:
+    """A label in the language of the interface, with a unit in brackets if there is one."""
+    told = bpy.app.translations.pgettext_iface(label, OURS)
+    return f"{told} ({unit})" if unit else told
+
+
 def register():
     bpy.app.translations.register(EXTENSION, {
         language: {(context, text): told for text, told in texts.items() for context in CONTEXTS}

@@ -21,7 +21,7 @@ FOLDERS = ("bridge", "operators", "panels")
 # A call -> which of its positional arguments is a text for the user.
 POSITIONAL = {
     "report": 1, "poll_message_set": 0, "refuse": 1, "RleSplatError": 0, "paragraph": 2, "tell": 0, "pgettext_tip": 0,
-    "pgettext_iface": 0,
+    "pgettext_iface": 0, "with_unit": 0,
 }  # fmt: skip
 OF_CLASS = ("bl_label", "bl_description")  # also of a tool, which is no registered class
 LAYOUT_TEXT = "text"  # the keyword argument of layout functions
