@@ -7,7 +7,7 @@ import sys
 import time
 from contextlib import contextmanager
 
-from ..runtime.steps import drain
+from ..runtime.steps import drain, forward
 
 REDRAW_INTERVAL = 0.1  # seconds between redraws with the same message; a new message shows at once
 
@@ -75,7 +75,7 @@ class ProgressLine:
             self.show(start + (1.0 - start) * progress.fraction, progress.message)
 
         try:
-            return drain(steps, show)
+            return drain(forward(steps), show)
         finally:
             steps.close()
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 from ..effects.exposure import exposure_steps, exposures
 from ..effects.ray_effects import RayEffects
 from ..runtime.jit import compiled, nothing_compiled_yet, noting_kernels
-from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed, within
+from ..runtime.steps import Clock, Progress, drain, forward, mapped, portion, timed, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..warp.warp import warp_steps
@@ -69,7 +69,7 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     if first_ever:
         steps = mapped(steps, _told_of_compiling)
     try:
-        rendering = yield from steps
+        rendering = yield from forward(steps)  # of several axes or base planes each begins anew
     except MemoryError as problem:
         reason = f" ({problem})" if str(problem) else ""
         raise RleSplatError(

@@ -106,6 +106,18 @@ def mapped(steps, function):
         yield function(step)
 
 
+def forward(steps):
+    """Generator of Progress whose fractions never fall, from one whose fractions may; return its result."""
+    reached = 0.0
+
+    def told(step: Progress) -> Progress:
+        nonlocal reached
+        reached = max(reached, step.fraction)
+        return Progress(reached, step.message)
+
+    return mapped(steps, told)
+
+
 def within(steps, context):
     """Generator: the steps, each made within ``context()``, a context manager; return their result."""
     while True:

@@ -56,8 +56,10 @@ def state_line(is_on, monkeypatch, viewports=()):
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
-    for is_busy, text in ((True, "Refining"), (False, "Up to date")):
-        viewport = SimpleNamespace(is_busy=is_busy, problem="", halvings=0)
+    for is_busy, is_refined, text in (
+        (True, False, "Refining"), (False, True, "Up to date"), (False, False, "Draft, up to date"),
+    ):
+        viewport = SimpleNamespace(is_busy=is_busy, is_refined=is_refined, problem="", halvings=0, pictures=[None])
         assert ("label", text) in state_line(True, monkeypatch, [viewport])
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     picture()
@@ -201,7 +203,7 @@ def test_a_wrong_orientation_is_refused(owner, refused):
 def preferences(bridge):
     found = bridge("preferences").current()
     yield found
-    for name in ("threads", "memory_limit", "failed_frame", "show_live"):
+    for name in ("threads", "memory_limit", "failed_frame", "show_live", "show_imported", "refine_live", "live_pixels"):
         found.property_unset(name)
     found.memory_limit = 0.0
 
@@ -223,6 +225,26 @@ def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, prefe
     assert available() > 1 << 28
     preferences.show_live = False
     assert not bridge("live").is_allowed()
+    assert bridge("preferences").live_habits() == (True, 0)
+    preferences.refine_live, preferences.live_pixels = False, "HALF"
+    assert bridge("preferences").live_habits() == (False, 1)
+
+
+@pytest.mark.parametrize("is_wanted", (True, False))
+def test_an_import_opens_or_closes_the_eyes_of_the_windows_viewports(volume_object, bridge, preferences, is_wanted):
+    """As the end of an import in a window does; a scene that has volumes already keeps its eyes."""
+    window = bpy.context.window_manager.windows[0]
+    (space,) = (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D")
+    preferences.show_imported = is_wanted
+    importer = SimpleNamespace(was_in_window=True)
+    show = import_module(f"{MODULE}.operators.import_volume").ImportsVolumes._show
+    context = SimpleNamespace(window=window, scene=bpy.context.scene)
+    space.show_object_viewport_volume = not is_wanted
+    show(importer, context, 1)
+    assert space.show_object_viewport_volume == is_wanted
+    space.show_object_viewport_volume = not is_wanted
+    show(importer, context, 0)  # the volume was there before
+    assert space.show_object_viewport_volume
 
 
 def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_path):

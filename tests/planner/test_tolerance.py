@@ -141,7 +141,10 @@ def test_rays_that_err_too_much_are_cut_finer_and_sheets_that_do_are_replaced_by
     constants, of_rays = Model.constants, RayCost.error
     monkeypatch.setattr(Model, "constants", lambda model, plan: [0.2 * k for k in constants(model, plan)])
     monkeypatch.setattr(RayCost, "error", lambda cost, slabs: 1e-3 * of_rays(cost, slabs))
-    error = render_within(scene, 0.5, quality, probes=300).report["error"]
+    said = []
+    error = render_within(scene, 0.5, quality, said.append, probes=300).report["error"]
+    fractions = [step.fraction for step in said]
+    assert fractions == sorted(fractions), "progress runs backwards"
     rounds = error["rounds"]
     assert len(rounds) > 1 and rounds[0]["measured"] > 0.5 >= rounds[-1]["measured"] and error["kept"]
     assert rounds[0]["plan"].partition(" + ")[0] == rounds[-1]["plan"].partition(" + ")[0]

@@ -9,7 +9,7 @@ import pytest
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.steps import SETUP, STAGES, Clock, drain, timed
+from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forward, timed
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -118,3 +118,15 @@ def test_the_pictures_of_a_blur_add_up(watch):
     quality = Quality.preset("draft", backend="numpy")
     found = render(replace(scene, camera=camera), quality).report["stages_ms"]
     assert found["total"] == pytest.approx(sum(found[stage] for stage in STAGES)) and found["report"] > 3.0
+
+
+def test_progress_never_runs_backwards():
+    def steps():
+        for fraction in (0.1, 0.4, 0.2, 0.4, 1.0, 0.9):
+            yield Progress(fraction, f"at {fraction}")
+        return "done"
+
+    said = []
+    assert drain(forward(steps()), said.append) == "done"
+    assert [step.fraction for step in said] == [0.1, 0.4, 0.4, 0.4, 1.0, 1.0]
+    assert said[2].message == "at 0.2"

@@ -108,14 +108,16 @@ class PlannerSession:
         """Generator of Progress from ``begin`` to ``end``: render a plan's sheets; returns the Rendering."""
         return picture_steps(self.scene, plan, self.cache, begin, end, message, self.refuse_empty_view)
 
-    def traced_steps(self, columns, rows, slabs: int, plan: Quality, begin: float, end: float):
+    def traced_steps(
+        self, columns, rows, slabs: int, plan: Quality, begin: float, end: float, message: str = TRACING
+    ):
         """Generator of Progress from ``begin`` to ``end``: trace pixels of a plan's picture by single rays.
 
         Returns premultiplied rgba (n, 4) float32 and the milliseconds that the rays took.
         """
         quality = replace(self.quality, termination=plan.termination)
         steps = single_ray_steps(self.shown, quality, columns, rows, slabs, self.cache)
-        rgba, _, spent = yield from portion(steps, begin, end, TRACING)
+        rgba, _, spent = yield from portion(steps, begin, end, message)
         return rgba, spent
 
     def ray_pixels(self, choice: Choice, correction: float = 1.0) -> np.ndarray:

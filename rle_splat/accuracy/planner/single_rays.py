@@ -70,12 +70,14 @@ def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cell
     quality = replace(quality, termination=COST_TERMINATION)
     largest, anywhere = estimate.largest(LARGEST_RAYS), estimate.anywhere(RANDOM_RAYS)
     found, spent = [], []
-    for pixels in (largest, anywhere):  # the first of these may have to load the kernel, so its time does not count
+    # The first of these may have to load the kernel, so its time does not count.  Of the others the shorter one counts:
+    # so few rays take many times as long when other work of the machine keeps a thread waiting.
+    for pixels in (largest, anywhere, anywhere):
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
             rgba, work, took = yield from single_ray_steps(scene, quality, *pixels, slabs, cache)
             found.append(rgba)
             spent.append(took)
-    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:]))
+    differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:4]))
     rays = max(len(work), 1)
     counted = cell_us * float(work.sum()) / rays, slab_us * float(work[:, COMPOSITED].sum()) / rays
-    return RayCost(LEVELS * differs, counted, measured_us(spent[2:], rays))
+    return RayCost(LEVELS * differs, counted, measured_us([min(both) for both in zip(spent[2:4], spent[4:])], rays))

@@ -15,7 +15,7 @@ import numpy as np
 from ...effects.analyze import analyze
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
-from ...runtime.steps import Progress, drain
+from ...runtime.steps import Progress, drain, forward
 from ...scene import Quality, Rendering, Scene
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
@@ -26,7 +26,7 @@ from .features import difference_of
 from .model import default_classification
 from .probe_errors import ProbeErrors
 from .ray_cost import MOST_SLABS
-from .session import PlannerSession, session_steps, with_pixels
+from .session import TRACING, PlannerSession, session_steps, with_pixels
 from .tolerance_report import Round, with_report
 
 # (With two, an X-ray foot for 8 levels was left at 8.8, in 71 ms, where a finer plan keeps them.)
@@ -89,13 +89,23 @@ def tolerance_steps(
     ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is kept as long as it is expected
     to keep the tolerance, so that plans do not change from frame to frame but to finer ones.
     """
+    return forward(_tolerance_steps(
+        scene, tolerance, quality, StageCache() if cache is None else cache, refuse_empty_view, probes, seed,
+        leave_out_shadows, earlier,
+    ))  # fmt: skip
+
+
+def _tolerance_steps(
+    scene: Scene, tolerance: float, quality: Quality, cache: StageCache, refuse_empty_view: bool, probes: int,
+    seed: int, leave_out_shadows: bool, earlier: dict | None,
+):  # fmt: skip
+    """``tolerance_steps``, whose fractions may fall."""
     began = time.perf_counter()
     tolerance = check_tolerance(tolerance)
     left_out = []
     if leave_out_shadows:
         scene, left_out = without_shadows_of(scene, quality)
     check_tolerance_applies(scene, quality)
-    cache = StageCache() if cache is None else cache
     session = yield from session_steps(scene, quality, cache, PILOTS_END, refuse_empty_view)
     probe_errors = ProbeErrors(session.shown, quality, probes, seed) if probes else None
     rounds_of = _plan_rounds if session.estimate is None else _ray_rounds
@@ -160,7 +170,7 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
     """Generator of Progress: rounds that trace more and more pixels of one picture by single rays of more slabs."""
     rounds, correction = [], 1.0
     begin, middle, _ = _span(0)
-    picture = yield from _frame_steps(session, choice, begin, middle)
+    picture = yield from _frame_steps(session, choice, begin, 0.5 * (begin + middle))
     traced, rays_ms = np.zeros(picture.rgba.shape[:2], bool), 0.0
     while True:
         begin, middle, end = _span(len(rounds))
@@ -168,7 +178,8 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
         if new.any():
             rows, columns = np.nonzero(new)
             part = 0.5 * (begin + middle), middle
-            values, spent = yield from session.traced_steps(columns, rows, choice.slabs, choice.plan, *part)
+            message = _told_time(TRACING, session.ray_cost.expected_ms(len(rows), choice.slabs))
+            values, spent = yield from session.traced_steps(columns, rows, choice.slabs, choice.plan, *part, message)
             picture = with_pixels(picture, columns, rows, values)
             rays_ms += spent
             traced |= new
@@ -197,12 +208,15 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
 
 def _frame_steps(session: PlannerSession, choice: Choice, begin: float, end: float):
     """Generator of Progress: the Rendering of a choice's sheets, whose time counts for the session's speed."""
-    message = f"Rendering {name_of(choice.plan)}"
-    if choice.milliseconds > WORTH_SAYING_MS:
-        message += f", about {choice.milliseconds / 1e3:.0f} s"
+    message = _told_time(f"Rendering {name_of(choice.plan)}", choice.splat_ms + choice.warp_ms)
     rendering = yield from session.picture_steps(choice.plan, begin, end, message)
     session.frames.append((choice.plan, rendering.report["stages_ms"]))
     return rendering
+
+
+def _told_time(message: str, milliseconds: float) -> str:
+    """A message of progress, with how long the work is expected to take if that is worth saying."""
+    return f"{message}, about {milliseconds / 1e3:.0f} s" if milliseconds > WORTH_SAYING_MS else message
 
 
 def _is_last(rounds: list[Round], tolerance: float) -> bool:

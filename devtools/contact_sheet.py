@@ -1,0 +1,82 @@
+"""A sheet of photographs of Blender's window: parts of them, numbered and named.
+
+    .venv/bin/python -m devtools.contact_sheet build/window-shots/window_trust docs/images/messages.jpg
+
+makes that of docs/how-to/read-messages.md from the photographs of tests/blender/window_trust.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+WIDTH, ROOM, TEXT = 1320, 12, 18  # pixels of the sheet, between photographs, and for a name
+
+# Photograph -> its name on the sheet, and the part of it (left, top, right, bottom) in shares of the window.
+VIEW, SIDEBAR, EDITOR = (0.0, 0.07, 0.475, 0.97), (0.475, 0.07, 0.685, 0.97), (0.69, 0.03, 1.0, 0.97)
+PARTS = {
+    "01-identity": ("1 beside a user's image of the same name", VIEW),
+    "02-deletion": ("2 the volume was deleted", SIDEBAR),
+    "03-view-layer": ("3 excluded from the view layer", SIDEBAR),
+    "04-failed-frame": ("4 the placeholder of a failed frame", EDITOR),
+    "05-linked": ("5 linked: nothing is edited in vain", SIDEBAR),
+    "06-before-a-scripts-edit": ("6 before a script's edit", VIEW),
+    "06-after-a-scripts-edit": ("6 after it", VIEW),
+    "07-meshes-occlude": ("7 Save Picture beside a mesh", EDITOR),
+    "08-guessing": ("8 big_head, little-endian all the same", SIDEBAR),
+    "09-undone-settings": ("9 undone settings", SIDEBAR),
+    "09-preferences": ("9 where pictures are kept", EDITOR),
+    "10-transfer-function-without-a-node": ("10 a node of the transfer function is gone", SIDEBAR),
+    "11-maximum-error": ("11 what a maximum error leaves out", SIDEBAR),
+}
+
+
+def sheet(folder: Path):
+    """Make the sheet.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the photographs, PNG files named as in PARTS.
+
+    Returns
+    -------
+    PIL.Image.Image
+    """
+    from PIL import Image, ImageDraw
+
+    height = 420
+    parts = []
+    for name, (text, (left, top, right, bottom)) in PARTS.items():
+        with Image.open(folder / f"{name}.png") as whole:
+            wide, high = whole.size
+            part = whole.convert("RGB").crop((int(left * wide), int(top * high), int(right * wide), int(bottom * high)))
+        parts.append((text, part.resize((part.width * height // part.height, height), Image.Resampling.LANCZOS)))
+    rows, across = [[]], 0
+    for text, part in parts:
+        if rows[-1] and across + part.width > WIDTH:
+            rows.append([])
+            across = 0
+        rows[-1].append((text, part))
+        across += part.width + ROOM
+    found = Image.new("RGB", (WIDTH, len(rows) * (height + TEXT + ROOM)), "white")
+    draw = ImageDraw.Draw(found)
+    for number, row in enumerate(rows):
+        top, left = number * (height + TEXT + ROOM), 0
+        for text, part in row:
+            draw.text((left, top), text, fill="black")
+            found.paste(part, (left, top + TEXT))
+            left += part.width + ROOM
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("picture", type=Path)
+    given = parser.parse_args()
+    sheet(given.folder).save(given.picture, quality=85)
+
+
+if __name__ == "__main__":
+    main()
