@@ -153,7 +153,10 @@ class BlenderSurface:
         buffer = np.empty((bottom - top, right - left), np.float32)
         held = gpu.types.Buffer("FLOAT", buffer.shape, buffer)  # copies nothing: the driver writes into the array
         began = perf_counter()
-        self._framebuffer.read_depth(left, view.height - bottom, right - left, bottom - top, data=held)
+        try:
+            self._framebuffer.read_depth(left, view.height - bottom, right - left, bottom - top, data=held)
+        except (RuntimeError, ValueError, SystemError):
+            return None  # a driver that cannot: triangles end rays
         self._waits[:] = [*self._waits, perf_counter() - began][-MOST_WAITS:]
         if not buffer.any():  # nothing has been drawn into it
             return None

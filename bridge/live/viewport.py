@@ -23,9 +23,10 @@ STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
-# Seconds of a draft above which the next one is coarser, and below which it is finer.  With SLOW a redraw takes about
-# 16 ms; QUICK is less than what a draft takes that is coarser by one, or two kinds of drafts would alternate.
-SLOW, QUICK = 0.014, 0.005
+# Seconds of a draft above which the next one has every second pixel; a redraw then takes about 16 ms.  Only above
+# SLOWER are there fewer voxels, too, because that is seen.  Below QUICK the next draft is finer: that is less than a
+# draft takes that is coarser by one than a slow one, or two kinds of drafts would alternate.
+SLOW, SLOWER, QUICK = 0.014, 0.03, 0.005
 OF_FEWER_VOXELS = 0.5  # of QUICK, for drafts of fewer voxels: with twice as many along each side they take much longer
 
 
@@ -275,7 +276,7 @@ class Viewport:
 
     def _choose_coarseness(self, coarseness: int) -> None:
         """Make drafts coarser after two slow ones, as the first may have made tables, and finer after a quick one."""
-        was_slow, self._was_slow = self._was_slow, self._spent > SLOW
+        was_slow, self._was_slow = self._was_slow, self._spent > (SLOWER if coarseness else SLOW)
         if was_slow and self._was_slow:
             self._coarseness, self._was_slow = min(coarseness + 1, MOST_COARSENESS), False
         elif self._spent < QUICK * (OF_FEWER_VOXELS if coarseness > 1 else 1.0):
