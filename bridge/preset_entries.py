@@ -93,9 +93,9 @@ def groups(properties) -> list[Group]:
     for name, label, description in items:
         of = PRESETS[name].modality
         if modality is None or of in (modality, None):
-            suits.append(Entry(name, label.removeprefix(f"{kind} "), description))  # the heading says it
+            suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
         else:
-            others.append(Entry(name, label, description))
+            others.append(Entry(name, _short(label), description))
     own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
     found = [
         Group("SUITS", f"For {kind}" if kind else "All", tuple(suits), True),
@@ -103,6 +103,11 @@ def groups(properties) -> list[Group]:
         Group("OTHERS", "Others", tuple(others), False),
     ]
     return [group for group in found if group.entries]
+
+
+def _short(label: str) -> str:
+    """A label that fits under a picture of three in a row, at the sidebar's default width."""
+    return label.replace("Skin and Bone", "Skin, Bone").replace("Angiography", "Vessels")
 
 
 def transfer_steps(entry: Entry, volume):

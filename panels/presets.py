@@ -5,7 +5,9 @@ import bpy
 from ..bridge import linked, preset_entries, thumbnails, volumes
 from .places import BORDERS, BUTTON, OfVolume
 
-SMALLEST, WITH_BUTTON = 72.0, 100.0  # pixels at interface scale 1: width of a picture, and of one with a second button
+# Pixels at interface scale 1: width of a picture, and of one with a second button or a name of more letters than fit.
+SMALLEST, WIDE = 72.0, 100.0
+LETTERS = 11
 MOST_COLUMNS = 6
 
 
@@ -29,7 +31,8 @@ class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
 
 
 def _draw_grid(context, layout, owner, group) -> None:
-    columns, scale = _columns(context, WITH_BUTTON if group.name == preset_entries.OWN else SMALLEST)
+    is_short = group.name != preset_entries.OWN and max(len(entry.label) for entry in group.entries) <= LETTERS
+    columns, scale = _columns(context, SMALLEST if is_short else WIDE)
     grid = layout.grid_flow(row_major=True, columns=columns, even_columns=True, even_rows=True, align=False)
     for entry in group.entries:
         cell = grid.column(align=True)

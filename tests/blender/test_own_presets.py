@@ -163,3 +163,10 @@ def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, m
     assert suits.label == heading and suits.is_open and not others.is_open
     assert first in [entry.name for entry in suits.entries] and other in [entry.name for entry in others.entries]
     assert {"AUTO", "x-ray"} <= {entry.name for entry in suits.entries}, "those for any modality suit"
+
+
+def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volume_object, bridge):
+    volume_object.rle_splat.value_unit = "HU"
+    first = bridge("preset_entries").groups(volume_object.rle_splat)[0]
+    assert first.label == "For CT" and len(first.entries) > 10
+    assert all(len(entry.label) <= 11 for entry in first.entries), [entry.label for entry in first.entries]
