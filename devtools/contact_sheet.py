@@ -1,19 +1,23 @@
 """A sheet of photographs of Blender's window: parts of them, numbered and named.
 
+    python3 dev.py blender --photograph tests/blender/window_trust.py --size 1280x1400
     .venv/bin/python -m devtools.contact_sheet build/window-shots/window_trust docs/images/messages.jpg
 
-makes that of docs/how-to/read-messages.md from the photographs of tests/blender/window_trust.py.
+makes that of docs/how-to/read-messages.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import textwrap
 from pathlib import Path
 
-WIDTH, ROOM, TEXT = 1320, 12, 18  # pixels of the sheet, between photographs, and for a name
+WIDTH, HEIGHT, ROOM = 1400, 640, 12  # pixels of the sheet, of a photograph, and between photographs
+LINES, LINE, LETTER = 2, 13, 6.5  # lines of a name, their height, and the width of a letter
+TEXT = LINES * LINE + 4
 
 # Photograph -> its name on the sheet, and the part of it (left, top, right, bottom) in shares of the window.
-VIEW, SIDEBAR, EDITOR = (0.0, 0.07, 0.475, 0.97), (0.475, 0.07, 0.685, 0.97), (0.69, 0.03, 1.0, 0.97)
+VIEW, SIDEBAR, EDITOR = (0.12, 0.3, 0.475, 0.75), (0.475, 0.05, 0.685, 0.98), (0.7, 0.15, 1.0, 0.85)
 PARTS = {
     "01-identity": ("1 beside a user's image of the same name", VIEW),
     "02-deletion": ("2 the volume was deleted", SIDEBAR),
@@ -45,13 +49,12 @@ def sheet(folder: Path):
     """
     from PIL import Image, ImageDraw
 
-    height = 420
     parts = []
     for name, (text, (left, top, right, bottom)) in PARTS.items():
         with Image.open(folder / f"{name}.png") as whole:
             wide, high = whole.size
             part = whole.convert("RGB").crop((int(left * wide), int(top * high), int(right * wide), int(bottom * high)))
-        parts.append((text, part.resize((part.width * height // part.height, height), Image.Resampling.LANCZOS)))
+        parts.append((text, part.resize((part.width * HEIGHT // part.height, HEIGHT), Image.Resampling.LANCZOS)))
     rows, across = [[]], 0
     for text, part in parts:
         if rows[-1] and across + part.width > WIDTH:
@@ -59,12 +62,13 @@ def sheet(folder: Path):
             across = 0
         rows[-1].append((text, part))
         across += part.width + ROOM
-    found = Image.new("RGB", (WIDTH, len(rows) * (height + TEXT + ROOM)), "white")
+    found = Image.new("RGB", (WIDTH, len(rows) * (HEIGHT + TEXT + ROOM)), "white")
     draw = ImageDraw.Draw(found)
     for number, row in enumerate(rows):
-        top, left = number * (height + TEXT + ROOM), 0
+        top, left = number * (HEIGHT + TEXT + ROOM), 0
         for text, part in row:
-            draw.text((left, top), text, fill="black")
+            for line, words in enumerate(textwrap.wrap(text, int(part.width / LETTER))[:LINES]):
+                draw.text((left, top + line * LINE), words, fill="black")
             found.paste(part, (left, top + TEXT))
             left += part.width + ROOM
     return found

@@ -1,8 +1,8 @@
 """What a user sees where something would once have been lost or gone blank without a word: a photograph of each case.
 
-    python3 dev.py blender --photograph tests/blender/window_trust.py
+    python3 dev.py blender --photograph tests/blender/window_trust.py --size 1280x1400
 
-keeps them in build/window-shots/window_trust.  Each step also asserts the sentence, where it is a property.
+keeps them in build/window-shots/window_trust; devtools/contact_sheet.py makes docs/images/messages.jpg of them.  Each step also asserts the sentence, where it is a property.
 """
 
 import tempfile
@@ -234,7 +234,7 @@ def show_image(image):
 
 
 def scenario():
-    open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_picture")
+    open_panels("RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_advanced")
     for step in (
         picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,
         guessed_name, undone_settings, preferences, broken_transfer, without_shadows,
