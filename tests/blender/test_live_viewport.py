@@ -205,6 +205,23 @@ def test_a_slow_draft_ends_although_the_view_moves_on(live, made, monkeypatch):
     assert viewport.counts["refinements"] == 1
 
 
+def test_drafts_have_fewer_pixels_above_14_ms_fewer_voxels_above_30_and_become_finer_again(live, made):
+    viewport, _clock, _surface = made
+
+    def after(*seconds):
+        for spent in seconds:
+            viewport._spent = spent
+            viewport._choose_coarseness(viewport._coarseness)
+        return viewport._coarseness
+
+    assert after(0.02) == 0, "the first one may have made tables"
+    assert after(0.02) == 1
+    assert after(0.02, 0.02, 0.02) == 1, "what is seen is not worth it"
+    assert after(0.04, 0.04) == 2
+    assert after(0.01, 0.01) == 2 and after(0.002) == 1
+    assert after(0.006, 0.006) == 1 and after(0.004) == 0
+
+
 def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
     viewport, clock, surface = made
     drafts = live.viewport.Habits(refines=False, least_coarseness=1)
