@@ -10,6 +10,7 @@ import pytest
 from rle_splat.accuracy.planner import machine
 from rle_splat.accuracy.planner.candidates import KEPT_KNOBS
 from rle_splat.accuracy.planner.machine import MachineProfile, profile_steps
+from rle_splat.accuracy.planner.ray_cost import measured_us
 from rle_splat.accuracy.planner.session import session_steps
 from rle_splat.accuracy.planner.tolerance import tolerance_steps
 from rle_splat.accuracy.planner.tolerance_report import CHOSEN, KEPT
@@ -148,3 +149,9 @@ def test_a_plan_that_does_not_serve_a_frame_is_replaced_by_a_finer_one():
     assert after.report["plan"]["why"] == CHOSEN
     assert [after.report["plan"][knob] for knob in KEPT_KNOBS] == [alone.report["plan"][knob] for knob in KEPT_KNOBS]
     np.testing.assert_array_equal(after.rgba, alone.rgba)
+
+
+def test_the_time_of_rays_is_that_of_their_work_scaled_by_what_some_took():
+    found = measured_us((20.0, 40.0), 1000, (2.0, 0.5))  # 4 and 6 ms were counted for 4 and 8 slabs
+    assert found == pytest.approx((10.0, 2.5))
+    assert measured_us((20.0, 24.0), 1000, (2.0, 0.5)) == pytest.approx((8.0, 2.0)), "the lesser ratio counts"

@@ -23,7 +23,8 @@ class RayCost:
         Microseconds of a ray without slabs, and of each slab, by their work and the machine's profile: plans are chosen
         by these.
     measured_us : tuple of float
-        The same by the times of this run, in which the scene's own caches and tables count, for what users are told.
+        The same scaled by the times of this run, in which the scene's own caches and tables count, for what users are
+        told.
     correction : float
         The factor by which rays were found to err more than expected.
     """
@@ -55,11 +56,15 @@ class RayCost:
         return next((slabs for slabs in SLABS if self.error(slabs) <= allowed), MOST_SLABS)
 
 
-def measured_us(spent, rays: int) -> tuple[float, float]:
-    """``RayCost.measured_us`` from milliseconds of ``rays`` rays with FEW_SLABS slabs, and with twice as many."""
-    few, many = (1e3 * ms / max(rays, 1) for ms in spent)
-    each = max(many - few, 0.05 * few) / FEW_SLABS
-    return max(few - FEW_SLABS * each, 0.1 * few), each
+def measured_us(spent, rays: int, counted_us: tuple[float, float]) -> tuple[float, float]:
+    """``RayCost.measured_us`` from milliseconds of ``rays`` rays with FEW_SLABS slabs, and with twice as many.
+
+    They scale what was counted, by the lesser ratio: a slope through both would carry the noise of so short a work to
+    eight times as many slabs.
+    """
+    slabs = FEW_SLABS, 2 * FEW_SLABS
+    ratio = min(ms / max(_milliseconds(counted_us, rays, number), 1e-9) for ms, number in zip(spent, slabs))
+    return counted_us[0] * ratio, counted_us[1] * ratio
 
 
 def _milliseconds(microseconds: tuple[float, float], rays: int, slabs: int) -> float:

@@ -80,4 +80,5 @@ def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cell
     differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:4]))
     rays = max(len(work), 1)
     counted = cell_us * float(work.sum()) / rays, slab_us * float(work[:, COMPOSITED].sum()) / rays
-    return RayCost(LEVELS * differs, counted, measured_us([min(both) for both in zip(spent[2:4], spent[4:])], rays))
+    shorter = [min(both) for both in zip(spent[2:4], spent[4:])]
+    return RayCost(LEVELS * differs, counted, measured_us(shorter, rays, counted))
