@@ -43,6 +43,26 @@ def write_exr(path, rgba, depth, background=None) -> None:
         picture.write(str(path))
 
 
+def read_exr(path) -> np.ndarray:
+    """(H, W, 3) float32 scene-linear colors of an EXR file, row 0 on top; RleSplatError where there are none."""
+    try:
+        import OpenEXR
+    except ImportError:
+        raise RleSplatError(f"Reading {path} needs the package OpenEXR; install it.") from None
+    try:
+        with OpenEXR.File(str(path)) as picture:
+            channels = picture.channels()
+            found = next((channels[name].pixels for name in ("RGB", "RGBA") if name in channels), None)
+    except Exception as problem:  # the package raises types of its own
+        raise RleSplatError(f"Cannot read {path} as an EXR picture: {problem}; check the file.") from None
+    if found is None:
+        raise RleSplatError(f"{path} has the channels {', '.join(channels)}, but no R, G and B; give a color picture.")
+    colors = np.asarray(found, np.float32)[..., :3]
+    if not np.isfinite(colors).all():
+        raise RleSplatError(f"{path} holds colors that are not finite; replace them in the picture.")
+    return colors
+
+
 def write_npy(path, rgba, depth, background=None) -> None:
     """Write (H, W, 4) float32, premultiplied scene-linear; the background is ignored."""
     with open(path, "wb") as file:

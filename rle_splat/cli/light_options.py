@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..scene import RleSplatError, Scene
+from ..shade.environment import panorama_moments
+from .images import read_exr
 
 
 def add_light_effect_options(parser, with_pass: bool = True) -> None:
@@ -17,6 +21,11 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     group.add_argument(
         "--world", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear radiance from all directions, like the color of Blender's world",
+    )
+    group.add_argument(
+        "--environment", metavar="FILE.exr",
+        help="an equirectangular picture of the radiance from all directions, as of Blender's environment texture: row "
+        "0 is +Z, the middle +X; it replaces the default headlight",
     )
     group.add_argument(
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
@@ -32,8 +41,11 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
 def check_light_effects(args) -> None:
     """Refuse options that contradict each other or have no effect, before any file is read."""
     wanted = {
-        "shadows": args.shadows, "world": args.world is not None, "ambient-occlusion": args.ambient_occlusion != 0.0,
+        "shadows": args.shadows, "world": args.world is not None, "environment": args.environment is not None,
+        "ambient-occlusion": args.ambient_occlusion != 0.0,
     }
+    if wanted["world"] and wanted["environment"]:
+        raise RleSplatError("--world and --environment are both the light from all directions; give one of the two.")
     name = next((name for name, given in wanted.items() if given), None)
     if name is not None and args.no_shading:
         raise RleSplatError(f"--no-shading and --{name} contradict each other; give one of the two.")
@@ -48,14 +60,19 @@ def check_light_effects(args) -> None:
 
 def refuse_light_effects(args) -> None:
     """Refuse these options for a .rle file, whose light is already encoded."""
-    if args.shadows or args.world is not None or args.ambient_occlusion != 0.0:
+    world = args.world is not None or args.environment is not None
+    if args.shadows or world or args.ambient_occlusion != 0.0:
         raise RleSplatError(
-            f"The light of {args.volume} is already encoded; remove --shadows, --world and --ambient-occlusion, or "
-            "render the original volume."
+            f"The light of {args.volume} is already encoded; remove --shadows, --world, --environment and "
+            "--ambient-occlusion, or render the original volume."
         )
 
 
 def with_light_effects(args, scene: Scene) -> Scene:
     """The scene with the shadows, world light and ambient occlusion of the options."""
-    world = None if args.world is None else tuple(args.world)
-    return replace(scene, volume_shadows=args.shadows, world=world, ambient_occlusion=args.ambient_occlusion)
+    scene = replace(scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion)
+    if args.environment is None:
+        return replace(scene, world=None if args.world is None else tuple(args.world))
+    mean, environment = panorama_moments(np.maximum(read_exr(args.environment), 0.0), np.eye(3))
+    headlight = scene.headlight and args.headlight is not None
+    return replace(scene, world=mean, environment=environment, headlight=headlight)

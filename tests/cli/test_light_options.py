@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from rle_splat.cli.images import write_exr
 from rle_splat.cli.main import main
 
 SUN = {"type": "SUN", "energy": 4.0, "matrix_world": [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]}
@@ -53,6 +54,18 @@ def test_each_option_changes_the_light_and_nothing_else(render):
     np.testing.assert_allclose(render("--world", "0.2", "0.1", "0")[0][..., 2], plain[..., 2], atol=1e-3)
 
 
+def test_an_environment_lights_by_direction_in_place_of_the_headlight(render, tmp_path):
+    picture = np.zeros((16, 32, 4), np.float32)
+    picture[:8, :, :3], picture[..., 3] = 2.0, 1.0  # light from above
+    write_exr(tmp_path / "sky.exr", picture, picture[..., 0])
+    rgba, effects = render("--environment", str(tmp_path / "sky.exr"), lights=False)
+    assert effects["world light"]["on"] and "order 2" in effects["world light"]["reason"]
+    assert not effects["headlight"]["on"]
+    assert rgba[5:9, 10:14, 0].mean() > 1.5 * rgba[15:19, 10:14, 0].mean() > 0.0
+    both, effects = render("--environment", str(tmp_path / "sky.exr"), "--headlight", lights=False)
+    assert effects["headlight"]["on"] and both.sum() > rgba.sum()
+
+
 def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
     plain, _ = render()
     rgba, _ = render("--shadows", "--shadow-pass", str(tmp_path / "pass.npy"))
@@ -70,6 +83,8 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
     [
         (["--shadows"], {"lights": False}, "a headlight casts none"),
         (["--world", "-1", "0", "0"], {}, "three finite numbers"),
+        (["--environment", "none.exr"], {}, "Cannot read none.exr"),
+        (["--environment", "none.exr", "--world", "1", "1", "1"], {}, "give one of the two"),
         (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
         (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
         (["--shadows", "--tolerance", "2"], {}, "turn off shadows"),
