@@ -33,6 +33,7 @@ STILL, BUSY = 0.5, 0.2  # seconds without a change before a world is rendered, a
 MOST_KEPT = 64
 STALE = "The world has changed since its light was rendered; the volume shows the earlier light."
 NOT_YET = "The world's light is not rendered yet, so it is left out; press Save Picture to render it."
+SOON = "The world's light is rendered as soon as the world is still."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
 
@@ -71,7 +72,9 @@ def light_of(scene) -> tuple[tuple | None, str]:
     if key in _Now.failed:
         return None, _Now.failed[key]
     earlier = _Now.known.get(_Now.last.get(scene.world.session_uid))
-    return earlier, NOT_YET if earlier is None else STALE
+    if earlier is not None:
+        return earlier, STALE
+    return None, NOT_YET if bpy.app.background else SOON
 
 
 def _kept(scene, key: str) -> tuple | None:

@@ -18,9 +18,10 @@ from ..runtime.steps import part
 from ..scene import MODES, NO_DEPTH, Rendering, Scene
 from ..scene.changed import changed
 from ..view.box_order import box_of, near_to_far
-from ..view.projection import depth_row
+from ..view.projection import depth_row, world_to_pixel
 
-MOST_SLABS = 32  # in which overlapping volumes are mixed
+MOST_SLABS = 16  # in which overlapping volumes are mixed
+MARGIN = 4  # pixels by which the warp reaches beyond a box
 VOXELS = 2.0  # depth of a slab, in sides of the smallest voxel
 OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
 SLICED = "volumes that overlap are rendered in slabs of depth"
@@ -51,25 +52,102 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
     groups = near_to_far([_box(scene) for scene in scenes], camera)
     reason = _unmixed_because(scenes) if most_slabs > 1 else "a maximum error is set"
     overlap = any(len(group) > 1 for group in groups)
-    parts: list[tuple] = []  # from near to far: (numbers of scenes, depths or None)
-    for group in groups:
-        if len(group) > 1 and not reason:
-            parts += slabs([scenes[n] for n in group], group, most_slabs)
-        else:
-            parts += [([n], None) for n in sorted(group, key=lambda n: float(_depths(scenes[n]).mean()))]
-    total, picture, reports = sum(len(numbers) for numbers, _ in parts), None, []
-    for numbers, span in parts:
-        made = []
-        for n in numbers:
-            scene = scenes[n] if span is None else replace(scenes[n], camera=_between(camera, span))
-            done = len(reports)
-            rendering = yield from part(make(scene, n), done / total, (done + 1) / total)
-            reports.append((n, rendering.report))
-            made.append((rendering.rgba, rendering.depth))
-        found = made[0] if len(made) == 1 else _mixed(made, span)
-        picture = found if picture is None else _laid_over(picture, found, span if len(numbers) > 1 else None)
+    layers = [_Layer(scenes, group, 0 if reason else most_slabs) for group in groups]
+    total, picture, reports = sum(layer.pictures for layer in layers), None, []
+
+    def make_next(scene: Scene, n: int):
+        done = len(reports)
+        rendering = yield from part(make(scene, n), done / total, (done + 1) / total)
+        reports.append((n, rendering.report))
+        return rendering.rgba, rendering.depth
+
+    for layer in layers:
+        found = yield from layer.steps(make_next)
+        picture = found if picture is None else _laid_over(picture, found, None)
     about = {"count": len(scenes), "pictures": total, "mixed": overlap and not reason}
     return Rendering(*picture, _report_of(reports, about, f"{LAID} {reason}." if overlap and reason else ""))
+
+
+class _Layer:
+    """Volumes of a group: laid over one another, and mixed in slabs in the pixels that show several.
+
+    ``numbers``: of the group, in ``scenes``.  ``most_slabs``: 0 mixes none.
+    """
+
+    def __init__(self, scenes: list[Scene], numbers: list[int], most_slabs: int):
+        self._scenes = scenes
+        self._order = sorted(numbers, key=lambda n: float(_depths(scenes[n]).mean()))
+        self._shared = shared_pixels([scenes[n] for n in numbers]) if most_slabs and len(numbers) > 1 else None
+        self._slabs = slabs([scenes[n] for n in numbers], numbers, most_slabs) if self._shared else []
+        if self._shared == scenes[0].region:
+            self._order = []
+
+    @property
+    def pictures(self) -> int:
+        """How many pictures of single volumes it takes."""
+        return len(self._order) + sum(len(inside) for inside, _ in self._slabs)
+
+    def steps(self, make: Callable):
+        """Generator of Progress: the picture and its depth."""
+        whole = mixed = None
+        for n in self._order:
+            found = yield from make(self._scenes[n], n)
+            whole = found if whole is None else _laid_over(whole, found, None)
+        for inside, span in self._slabs:
+            made = []
+            for n in inside:
+                of_slab = replace(self._scenes[n], crop=self._shared)
+                if span is not None:
+                    of_slab = replace(of_slab, camera=_between(of_slab.camera, span))
+                made.append((yield from make(of_slab, n)))
+            found = made[0] if len(made) == 1 else _mixed(made, span)
+            mixed = found if mixed is None else _laid_over(mixed, found, span if len(made) > 1 else None)
+        if whole is None or mixed is None:
+            return whole or mixed
+        left, top, right, bottom = self._shared
+        x, y = self._scenes[0].region[:2]
+        held = slice(top - y, bottom - y), slice(left - x, right - x)
+        for picture, patch in zip(whole, mixed):
+            picture[held] = patch
+        return whole
+
+
+def shared_pixels(scenes: list[Scene]) -> tuple[int, int, int, int] | None:
+    """The pixels that may show more than one of several volumes.
+
+    Parameters
+    ----------
+    scenes : list of Scene
+
+    Returns
+    -------
+    (left, top, right, bottom) or None
+        Within the region that is rendered, with a margin; None where no pixel shows several.
+    """
+    found = [_pixels_of(scene) for scene in scenes]
+    pairs = [
+        (*np.maximum(one[:2], other[:2]), *np.minimum(one[2:], other[2:]))
+        for n, one in enumerate(found) for other in found[n + 1 :]
+    ]  # fmt: skip
+    pairs = [(left, top, right, bottom) for left, top, right, bottom in pairs if left < right and top < bottom]
+    if not pairs:
+        return None
+    sides = np.array(pairs)
+    return *(int(side) for side in sides[:, :2].min(axis=0)), *(int(side) for side in sides[:, 2:].max(axis=0))
+
+
+def _pixels_of(scene: Scene) -> np.ndarray:
+    """(4,) int64 left, top, right, bottom of the pixels of the region that a volume's box covers."""
+    region = np.array(scene.region)
+    corners = np.column_stack((_box(scene), np.ones(8)))
+    column, row, depth = world_to_pixel(scene.camera, scene.width, scene.height) @ corners.T
+    if (depth <= 1e-6 * np.abs(depth).max()).any():  # the eye is inside, or beside
+        return region
+    across, down = column / depth, row / depth
+    low = np.floor((across.min(), down.min())) - MARGIN
+    high = np.ceil((across.max(), down.max())) + MARGIN
+    held = np.clip((*low, *high), -1e9, 1e9).astype(np.int64)
+    return np.concatenate((np.maximum(held[:2], region[:2]), np.minimum(held[2:], region[2:])))
 
 
 def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
