@@ -42,7 +42,7 @@ def sky(sharpness=6.0):
 def received(pixels, normals):
     """Radiance of white Lambert surfaces: the integral of radiance times cosine over the hemisphere, over pi."""
     cosines = np.maximum(TOWARDS @ normals.T, 0.0) * ANGLES[..., None]
-    return np.einsum("hwn,hwc->nc", cosines, pixels) / np.pi
+    return np.tensordot(cosines, pixels, axes=((0, 1), (0, 1))) / np.pi
 
 
 def normals(count=200):
@@ -113,9 +113,9 @@ def test_a_ball_has_the_light_of_the_hemisphere_outside_it(ball, backend):
     np.testing.assert_allclose(VoxelLight(lit).color(indices), colors, atol=2e-5)  # written apart, in float64
     place = np.stack(indices[::-1], axis=1) - 9.0
     radius = np.linalg.norm(place, axis=1)
-    even = (radius > 4.0) & (radius < 8.0)
+    even = np.flatnonzero((radius > 4.0) & (radius < 8.0))[::12]
     expected = 0.1 + 0.8 * received(sky(), place[even] / radius[even, None])
-    assert even.sum() > 1000 and np.ptp(expected) > 0.5
+    assert len(even) > 100 and np.ptp(expected) > 0.5
     np.testing.assert_allclose(colors[even], expected, atol=0.02 * expected.max())
 
 
