@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import render_scene
+from . import channels, render_scene
 
 
 class Placement(NamedTuple):
@@ -58,7 +58,7 @@ def placements(depsgraph) -> list[Placement]:
 
 
 def shown(depsgraph) -> list[Placement]:
-    """The volumes that a view layer shows in a render, by the rules of Cycles, sorted by name.
+    """The volumes that a view layer shows in a render, by the rules of Cycles, sorted by name; channels of others not.
 
     Parameters
     ----------
@@ -70,7 +70,22 @@ def shown(depsgraph) -> list[Placement]:
     list of Placement
     """
     found = [one for one in placements(depsgraph) if why_hidden(one, depsgraph) is None]
+    added = as_channels([one.owner for one in found])
+    found = [one for one in found if one.owner not in added]
     return sorted(found, key=lambda one: (one.instancer is not None, one.owner.name, one.stands_for.name))
+
+
+def as_channels(owners: list) -> list:
+    """Of volume objects that are visible, those that others of them show as channels, so that they are not drawn twice.
+
+    Of two that are each other's channels one is left.
+    """
+    added: list = []
+    for owner in dict.fromkeys(owners):
+        others = [one for one in owners if one != owner and one not in added]
+        if any(owner in channels.sources_of(other) for other in others):
+            added.append(owner)
+    return added
 
 
 def why_hidden(placed: Placement, depsgraph) -> str | None:

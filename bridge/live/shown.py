@@ -138,6 +138,9 @@ def visible_volumes(scene, view_layer, space) -> tuple:
         instancer = find(key[2])
         if instancer is not None and instancer.visible_get(view_layer=view_layer, viewport=space):
             found.append(key)
+    if len(found) > 1:
+        added = [_key(one) for one in placements.as_channels([find(key) for key in found])]
+        found = [key for key in found if key[:2] not in added]
     return tuple(found)
 
 

@@ -84,6 +84,19 @@ def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown):
     assert shown.visible_volumes(scene, layer, space) == ()
 
 
+def test_a_channel_is_not_drawn_twice(volume_object, shown):
+    other = volume_object.copy()
+    bpy.context.scene.collection.objects.link(other)
+    update()
+    assert len(visible(shown)) == 2
+    other.rle_splat.channels.add().source = volume_object
+    update()
+    assert visible(shown) == [other.name]
+    volume_object.rle_splat.channels.add().source = other
+    update()
+    assert len(visible(shown)) == 1
+
+
 def test_the_switch_survives_undo_and_saving(volume_object, shown, tmp_path):
     switch_off(volume_object)
     bpy.ops.ed.undo_push(message="one")
