@@ -80,11 +80,11 @@ def docs(parser, words) -> int:
 
 @job
 def gallery(parser, words) -> int:
-    """Make five scenes in Blender, headless, and write them with the times of their effects to out/gallery/."""
+    """Make the pictures of the gallery in Blender, headless, with the times of their effects, in out/gallery/."""
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these")
-    parser.add_argument("--size", default="960x720", metavar="WxH", help="pixels")
+    parser.add_argument("--percent", type=float, default=100.0, help="of the full size in pixels")
     known = parser.parse_args(words)
-    return pictures.gallery(known.scenes, known.size)
+    return pictures.gallery(known.scenes, known.percent)
 
 
 @job

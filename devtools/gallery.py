@@ -1,63 +1,91 @@
-"""dev.py gallery: five scenes made by script in Blender, headless, each with its picture, .blend and priced effects."""
+"""dev.py gallery: scenes made by script in Blender, headless, each with its picture, .blend and priced effects."""
 
 from __future__ import annotations
 
 import json
 import shutil
 import time
+from dataclasses import dataclass
 
 from .blender_job import run_job
-from .environments import any_bpy
-from .places import OUT, ROOT, Failure, pixels, say
+from .environments import CORE, any_bpy, ensure
+from .places import OUT, ROOT, Failure, clean_environ, run, say
+from .sample import sample
 
 FOLDER = OUT / "gallery"
-SECONDS = 400  # of one scene
-SCRIPTS = ("gallery_scene.py", "gallery_sets.py", "gallery_data.py", "demo_scene.py", "phantom.py")
-# Name -> what the page says of it.
-SCENES = {
-    "plate": "CT head with a titanium plate",
-    "chest": "chest CT with a clip box and organ labels",
-    "brain": "MR brain under three lights",
-    "angiography": "angiography, the largest value along each ray",
-    "smoke": "smoke around a mesh",
+SECONDS = 1200  # of one scene
+PARTS = ("scene", "sets", "objects", "studio", "plate", "data", "grids")
+SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture of the gallery: what the page says of it, its pixels, and how its parts are put together."""
+
+    title: str
+    size: tuple[int, int]  # of each part
+    layout: str = "single"  # or "row", "grid", "turn"
+    samples: int = 8
+    suffix: str = ".jpg"
+
+
+SHOTS = {
+    "plate": Shot("CT head, the skin peeled off one side, with a titanium plate on the bone", (1440, 1600)),
+    "chest": Shot("chest CT: bones, and the heart and great vessels as a label, with a clip box", (1440, 1600)),
+    "vessels": Shot("angiography, as the largest value along each ray and shaded", (1000, 1200), "row"),
+    "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
+    "looks": Shot("one head under four transfer functions", (800, 800), "grid"),
+    "smoke": Shot("smoke around a ring and an ember", (1200, 1600)),
+    "engine": Shot("CT of an engine block, a quarter cut away", (1600, 1200)),
+    "lobster": Shot("CT of a lobster", (1600, 1200)),
+    "bonsai": Shot("CT of a bonsai", (1440, 1600)),
+    "turntable": Shot("a turn around the brain", (560, 480), "turn", 1, ".gif"),
 }
 
 
-def gallery(names=(), size: str = "960x720") -> int:
+def gallery(names=(), percent: float = 100.0) -> int:
     """Make the scenes named, all when none is; the pictures and a page that lists them go to out/gallery."""
-    unknown = [name for name in names if name not in SCENES]
+    unknown = [name for name in names if name not in SHOTS]
     if unknown:
-        raise Failure(f"The gallery has no scene {unknown[0]!r}; choose {', '.join(SCENES)}.")
-    width, height = pixels(size)
+        raise Failure(f"The gallery has no scene {unknown[0]!r}; choose {', '.join(SHOTS)}.")
+    if not 1.0 <= percent <= 400.0:
+        raise Failure(f"--percent takes a number from 1 to 400, not {percent:g}.")
     started = time.monotonic()
     version = any_bpy()
-    for name in names or SCENES:
-        _make(name, version, width, height)
+    sample()  # the brain is the demo's own volume
+    for name in names or SHOTS:
+        _make(name, version, percent)
     page = FOLDER / "README.md"
     page.write_text(_page(), encoding="utf-8")
     say(f"{page}\nDone in {time.monotonic() - started:.0f} s.")
     return 0
 
 
-def _make(name: str, version: str, width: int, height: int) -> None:
+def _make(name: str, version: str, percent: float) -> None:
     """One scene, in a Blender process of its own."""
-    began, folder = time.monotonic(), FOLDER / name
+    began, folder, shot = time.monotonic(), FOLDER / name, SHOTS[name]
     folder.mkdir(parents=True, exist_ok=True)
     for script in SCRIPTS:  # what makes the .blend, beside it
         shutil.copyfile(ROOT / "devtools" / script, folder / script)
-    say(f"{SCENES[name]} ...")
-    run_job(version, "gallery_scene.py", folder, SECONDS, scene=name, size=[width, height])
-    say(f"  {folder / 'render.png'}  {time.monotonic() - began:.0f} s")
+    say(f"{shot.title} ...")
+    size = [max(round(0.01 * percent * pixels), 1) for pixels in shot.size]
+    run_job(version, "gallery_scene.py", folder, SECONDS, scene=name, size=size, samples=shot.samples)
+    picture = FOLDER / (name + shot.suffix)
+    run(
+        [ensure(CORE), "-m", "devtools.gallery_pictures", folder, shot.layout, picture],
+        f"{picture.name} could not be put together.", cwd=ROOT, env=clean_environ(),
+    )  # fmt: skip
+    say(f"  {picture}  {time.monotonic() - began:.0f} s")
 
 
 def _page() -> str:
     """Every scene that is there, with its picture and its effects."""
     parts = ["# Gallery\n"]
-    for name, title in SCENES.items():
+    for name, shot in SHOTS.items():
         report = FOLDER / name / "report.json"
         if report.is_file():
             found = json.loads(report.read_text(encoding="utf-8"))
-            parts.append(f"## {title}\n\n![{title}]({name}/render.png)\n\n{effect_table(found)}\n")
+            parts.append(f"## {shot.title}\n\n![{shot.title}]({name}{shot.suffix})\n\n{effect_table(found)}\n")
     return "\n".join(parts)
 
 

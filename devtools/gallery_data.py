@@ -6,11 +6,14 @@ from).  Runs in an environment with numpy.
 
 from __future__ import annotations
 
+import gzip
+import json
 import os
 import zlib
 from pathlib import Path
 
 import numpy as np
+from gallery_grids import connected, doubled, share, smoothed
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or ROOT.parent / "shared" / "data")
@@ -31,66 +34,101 @@ def _raw(folder: Path, name: str, voxels: np.ndarray, spacing, **options) -> tup
 
 
 def head(folder: Path):
-    """A CT head in Hounsfield units; ``upside down`` tells whether its z runs from the crown down."""
+    """A CT head in Hounsfield units, with twice the scan's slices; its z runs from the crown down."""
     path = _scan("cthead_256x256x113_uint16be.raw.gz")
     if path is not None:
-        options = {"spacing": (1.0, 1.0, 2.0), "use_calibration": True, "intercept": -1024.0, "value_unit": "HU",
-                   "modality": "CT", "preset": "ct-bone"}  # fmt: skip
-        return path, options, path.name
+        slices = np.frombuffer(gzip.decompress(path.read_bytes()), ">u2").reshape(113, 256, 256) - 1024.0
+        fine = np.rint(smoothed(doubled(slices, 0))).astype(np.int16)
+        return *_raw(folder, "head", fine, (1.0, 1.0, 1.0), **IN_HU), path.name
     from phantom import SPACING_MM, head_phantom
 
-    return *_raw(folder, "head", head_phantom(), (SPACING_MM,) * 3, modality="CT", value_unit="HU",
-                 preset="ct-bone"), MADE  # fmt: skip
+    return *_raw(folder, "head", head_phantom()[::-1, ::-1], (SPACING_MM,) * 3, **IN_HU), MADE
 
 
-def chest(folder: Path):
-    """A chest with contrast in its vessels, 8 bit: soft tissue from 20, blood from 60, bone from 150; z upwards, y to
-    the back."""
+IN_HU = {"modality": "CT", "value_unit": "HU", "preset": "ct-bone"}
+PEELED, STRAY = 1, 2  # labels of a head: soft tissue over the bone of one side; noise and rests around the head
+FIRMEST_FLESH = 90  # HU
+
+
+def peel(folder: Path, head_file: Path, shape_xyz) -> Path:
+    """A file of the labels of a head as ``head`` gives it: the soft tissue on one side, and what is not the head."""
+    voxels = np.fromfile(head_file, np.int16).reshape(tuple(reversed(shape_xyz)))
+    nx = voxels.shape[2]
+    x = np.arange(nx)[None, None, :]
+    labels = np.zeros(voxels.shape, np.uint8)
+    labels[(voxels < FIRMEST_FLESH) & (x < 0.43 * nx)] = PEELED
+    body = voxels > -450
+    thick = share(body, 2) > 0.7  # so that no thin thing links the head to what it lies on
+    middle = np.zeros(voxels.shape, bool)
+    middle[tuple(slice(n // 2 - 2, n // 2 + 2) for n in voxels.shape)] = True
+    near = share(connected(thick, middle), 4) > 0.0
+    labels[body & ~near] = STRAY
+    path = folder / "peel.raw"
+    path.write_bytes(labels.tobytes())
+    return path
+
+
+def _chest_voxels() -> tuple[np.ndarray, tuple, str]:
+    """(nz, ny, nx) uint8 of a chest with contrast in its vessels, its spacing, and where it is from.
+
+    Soft tissue from 20, blood from 50 to 150, bone from 150; z upwards, y to the back.
+    """
     path = _scan("ct_chest_256x256x133_uint8.mha")
     if path is None:
-        return *_raw(folder, "chest", _made_chest(), (2.5, 2.5, 2.5), modality="CT", preset="x-ray"), MADE
+        return _made_chest(), (2.5, 2.5, 2.5), MADE
     header, _, data = path.read_bytes().partition(b"ElementDataFile = LOCAL\n")
     facts = dict(line.split(" = ", 1) for line in header.decode("ascii").splitlines())
     voxels = np.frombuffer(zlib.decompress(data), np.uint8)
     voxels = voxels.reshape([int(n) for n in reversed(facts["DimSize"].split())])
     spacing = tuple(round(float(s), 5) for s in facts["ElementSpacing"].split())
-    upright = voxels[::-1, ::-1]  # its slices run from the head down, its rows from the back
-    return *_raw(folder, "chest", upright, spacing, modality="CT", preset="x-ray"), path.name
+    return voxels[::-1, ::-1], spacing, path.name  # its slices run from the head down, its rows from the back
 
 
-LUNGS, HEART, BONE = 1, 2, 3  # labels of a chest's organs; 0 for all else
+def chest(folder: Path):
+    """The chest with twice its slices."""
+    voxels, spacing, source = _chest_voxels()
+    return *_raw(folder, "chest", _fine(voxels), _halved(spacing), modality="CT", preset="x-ray"), source
 
 
-def organs(folder: Path, chest_file: Path, shape_xyz) -> Path:
-    """A file of the labels of a chest as ``chest`` gives it: by its values and by what is around them."""
-    voxels = np.fromfile(chest_file, np.uint8).reshape(tuple(reversed(shape_xyz)))
-    body, air_or_lung = voxels > 12, np.ones(voxels.shape, bool)
-    for axis in (1, 2):  # what has the body on either side of it, across and from front to back
-        before = np.maximum.accumulate(body, axis)
-        air_or_lung &= before & np.flip(np.maximum.accumulate(np.flip(body, axis), axis), axis)
-    labels = np.zeros(voxels.shape, np.uint8)
-    bone = voxels > 150
-    # Vessels in the lungs have air around them and are far from ribs; marrow has bone around it, blood has not.
-    labels[(_share(air_or_lung & ~body, 5) > 0.65) & (_share(bone, 7) < 0.004)] = LUNGS
-    blood = (voxels > 55) & (voxels < 160)
-    labels[blood & (_share(blood, 4) > 0.6) & (_share(bone, 4) < 0.02)] = HEART
-    far_from_blood = _share(labels == HEART, 6) < 0.1  # dense contrast in a vein is as bright as bone
-    labels[(_share(bone, 5) > 0.01) & far_from_blood & (labels != HEART)] = BONE
+def vessels(folder: Path):
+    """The heart and the great vessels alone, as when bone is subtracted from an angiography."""
+    voxels, spacing, source = _chest_voxels()
+    near = smoothed(doubled(255.0 * blood(voxels), 0), 1) / 255.0
+    alone = np.rint(_fine(voxels) * np.clip(2.0 * near, 0.0, 1.0)).astype(np.uint8)
+    return *_raw(folder, "vessels", alone, _halved(spacing), modality="CT", preset="x-ray"), source
+
+
+def _fine(voxels) -> np.ndarray:
+    return np.rint(smoothed(doubled(voxels, 0))).astype(np.uint8)
+
+
+def _halved(spacing) -> tuple:
+    return *spacing[:2], 0.5 * spacing[2]
+
+
+def blood(voxels: np.ndarray) -> np.ndarray:
+    """Where a chest's heart and great vessels are, with a rim of two voxels."""
+    values = smoothed(voxels)
+    bright = (values > 50) & (values < 150)
+    inner = share(bright, 1) > 0.85
+    nz, ny, _ = voxels.shape
+    # The widest of what is bright in the front of the middle is the heart.
+    heart = np.zeros(voxels.shape, bool)
+    heart[3 * nz // 10 : 8 * nz // 10, ny // 4 : ny // 2] = True
+    found = connected(inner, heart & (share(inner, 4) > 0.8))
+    return (share(found, 2) > 0.0) & (values > 25)
+
+
+HEART = 1  # label of a chest's heart and great vessels; 0 for all else
+
+
+def organs(folder: Path) -> Path:
+    """A file of the labels of a chest as ``chest`` gives it."""
+    voxels, _, _ = _chest_voxels()
+    labels = np.rint(np.clip(doubled(blood(voxels), 0), 0.0, 1.0)).astype(np.uint8) * HEART
     path = folder / "organs.raw"
     path.write_bytes(labels.tobytes())
     return path
-
-
-def _share(mask, reach: int) -> np.ndarray:
-    """What share of the voxels up to ``reach`` away along each axis is in a mask, float32."""
-    share = mask.astype(np.float32)
-    for axis in range(3):
-        padded = np.pad(share, [(reach + 1, reach) if a == axis else (0, 0) for a in range(3)], mode="edge")
-        total = np.cumsum(padded, axis, dtype=np.float32)
-        high = np.take(total, range(2 * reach + 1, total.shape[axis]), axis)
-        low = np.take(total, range(total.shape[axis] - 2 * reach - 1), axis)
-        share = (high - low) / (2 * reach + 1)
-    return share
 
 
 def brain(folder: Path):
@@ -117,6 +155,35 @@ def smoke(folder: Path):
 
     voxels = plume((72, 72, 112)).voxels.transpose(1, 0, 2)[::-1]  # z up to y up
     return *_raw(folder, "smoke", voxels, (4.0, 4.0, 4.0), modality="SMOKE", preset="smoke"), MADE
+
+
+def _paper(folder: Path, name: str, shape, spacing=(1.0, 1.0, 1.0)):
+    """One of the bare 8-bit files of the data folder."""
+    path = _scan(name)
+    if path is None:
+        raise RuntimeError(f"There is no {name} in the data folder; set RLE_SPLAT_DATA to the folder that holds it.")
+    return path, {"shape": shape, "dtype": "uint8", "byte_order": "little", "header_bytes": 0, "spacing": spacing,
+                  "modality": "CT", "preset": "ct-industrial"}, path.name  # fmt: skip
+
+
+def engine(folder: Path):
+    """An engine block: aluminium from 80, steel from 170."""
+    return _paper(folder, "engine_256x256x110_uint8.raw.gz", (256, 256, 110))
+
+
+def lobster(folder: Path):
+    return _paper(folder, "lobster_301x324x56_uint8.raw.gz", (301, 324, 56), (1.0, 1.0, 1.4))
+
+
+def bonsai(folder: Path):
+    return _paper(folder, "bonsai_256x256x256_uint8.raw.gz", (256, 256, 256))
+
+
+def template(folder: Path):
+    """The sample volume, an average of 152 brains, which dev.py has put there."""
+    facts = json.loads((ROOT / "out" / "sample" / "sample.json").read_text())
+    options = {key: facts[key] for key in ("shape", "dtype", "byte_order", "spacing", "modality", "preset")}
+    return ROOT / "out" / "sample" / facts["file"], {"header_bytes": 0, **options}, facts["title"]
 
 
 # --- stand-ins ----------------------------------------------------------------------------------------------------

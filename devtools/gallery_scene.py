@@ -1,20 +1,21 @@
 """One scene of the gallery, made headless (runs in an environment with bpy; one JSON job as argument).
 
-Job: {"zip", "install": bool, "scene": a name of gallery_sets.SETS, "folder", "size": [width, height]}.  Beside its
-picture the folder gets the .blend and these scripts; with the extension installed, and another zip to install or not,
-they make it anew.
+Job: {"zip", "install": bool, "scene": a name of gallery_sets.SETS, "folder", "size": [width, height], "samples"}.
+Beside its pictures the folder gets the .blend and these scripts; with the extension installed, and another zip to
+install or not, they make it anew.
 """
 
 from __future__ import annotations
 
 import json
-from importlib import import_module
+import time
 from pathlib import Path
 
 import bpy
 import gallery_data
-from demo_scene import MODULE, enable, finish, render_settings, run
+from demo_scene import enable, finish, render_settings, run
 from gallery_sets import DATA_OF, SETS
+from gallery_studio import Stage
 
 
 def main(job: dict) -> int:
@@ -27,23 +28,30 @@ def main(job: dict) -> int:
     bpy.ops.rle_splat.import_volume(filepath=str(path), at_cursor=True, **options)
     volume_object = bpy.context.view_layer.objects.active
     render_settings(scene)
+    scene.cycles.samples = job["samples"]
     scene.render.resolution_x, scene.render.resolution_y = job["size"]
-    SETS[name](volume_object, folder)
-    bpy.context.view_layer.objects.active = volume_object
-    bpy.context.view_layer.update()
-
-    # The second picture, made from nothing once more, has the prices: the first one also loads kernels.
-    bpy.ops.rle_splat.render_image(use_meshes=True)
-    import_module(f"{MODULE}.bridge.render_scene").forget_stages()
-    bpy.ops.rle_splat.render_image(use_meshes=True)
-    report = json.loads(scene.rle_splat.last_report_json)
-    report["source"] = source
-    bpy.ops.rle_splat.composite()
-    scene.render.filepath = str(folder / "render.png")
-    bpy.ops.render.render(write_still=True)
+    reports, parts = [], []
+    for picture in SETS[name](Stage.of(volume_object, folder)):
+        bpy.context.view_layer.objects.active = volume_object
+        bpy.context.view_layer.update()
+        if not reports:
+            reports.append(_priced(scene))
+            bpy.ops.rle_splat.composite()
+        began = time.monotonic()
+        scene.render.filepath = str(folder / f"{picture}.png")
+        bpy.ops.render.render(write_still=True)
+        parts.append(picture)
+        print(f"{picture} {time.monotonic() - began:.1f} s", flush=True)
+    (folder / "parts.json").write_text(json.dumps(parts) + "\n")
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
-    return finish(folder, report)
+    return finish(folder, {**reports[0], "source": source})
+
+
+def _priced(scene) -> dict:
+    """The report of the volume's picture, made from nothing; a first picture also loads its kernels."""
+    bpy.ops.rle_splat.render_image(use_meshes=True)
+    return json.loads(scene.rle_splat.last_report_json)
 
 
 if __name__ == "__main__":

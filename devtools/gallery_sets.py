@@ -1,271 +1,206 @@
-"""The five scenes of the gallery, each a function of the imported volume (runs in an environment with bpy).
-
-Lengths are parts of the volume's largest side, so that the scans and what stands in for them look alike.
-"""
+"""The sets of the gallery that show the body, each a generator that takes the stage with an imported volume and yields
+the name of a picture whenever the scene is ready for it (runs in an environment with bpy)."""
 
 from __future__ import annotations
 
-import json
 import math
-from importlib import import_module
-from pathlib import Path
 
 import bpy
-import numpy as np
-from demo_scene import MODULE, SMOKE_OPACITY, add_light, box_of, material, named, stand_upright
-from gallery_data import BONE, HEART, LUNGS, organs
-from mathutils import Matrix, Vector
+from demo_scene import material, named, rod
+from gallery_data import HEART, PEELED, STRAY, organs, peel
+from gallery_objects import bonsai, engine, lobster, smoke
+from gallery_plate import bend_plate
+from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
+from mathutils import Vector
 
-BONE_HU = 300.0
-PLATE_SCREWS = 6
-# Of a chest of 8 bits with contrast: muscle and fat as a veil, blood red, bone ivory.
-CHEST_FUNCTION = {
-    "name": "chest with contrast", "unit": None,
-    "opacity": [[0, 0], [16, 0], [24, 0.01], [40, 0.04], [62, 0.4], [140, 0.5], [165, 0.7], [255, 0.95]],
-    "color": [[0, 0.5, 0.3, 0.22], [30, 0.62, 0.36, 0.26], [58, 0.66, 0.2, 0.14], [120, 0.76, 0.1, 0.07],
-              [150, 0.8, 0.45, 0.3], [180, 0.88, 0.8, 0.66], [255, 0.97, 0.94, 0.88]],
-    "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "shininess": 25},
+# Nothing is shown between flesh and bone: where flesh is hidden, bone then begins at one value, not at voxels.
+SKIN_AND_BONE = {
+    "name": "skin and bone", "unit": "HU",
+    "opacity": [[-1000, 0], [-420, 0], [-300, 0.35], [-150, 0.85], [90, 0.9], [90, 0], [220, 0], [330, 0.9],
+                [600, 0.97], [2000, 0.98]],
+    "color": [[-1000, 0.78, 0.5, 0.37], [-120, 0.78, 0.5, 0.37], [-60, 0.75, 0.45, 0.28], [20, 0.5, 0.13, 0.09],
+              [150, 0.55, 0.17, 0.12], [180, 0.87, 0.79, 0.64], [800, 0.9, 0.83, 0.7], [2500, 0.98, 0.97, 0.94]],
+    "shade": {"ambient": 0.22, "diffuse": 0.8, "specular": 0.22, "shininess": 22},
 }  # fmt: skip
-ORGAN_COLORS = {
-    LUNGS: ("Lungs", (0.25, 0.5, 0.8)), HEART: ("Heart and great vessels", (0.7, 0.07, 0.05)),
-    BONE: ("Bones", (0.86, 0.77, 0.62)),
+# The four looks of one view.
+LOOKS = {
+    "skin": SKIN_AND_BONE,
+    "glass": {
+        **SKIN_AND_BONE, "name": "bone under clear skin",
+        "opacity": [[-1000, 0], [-450, 0], [-300, 0.02], [-150, 0.02], [-50, 0.004], [180, 0.004], [330, 0.5],
+                    [700, 0.9], [2000, 0.97]],
+    },
+    "bone": {
+        **SKIN_AND_BONE, "name": "bone",
+        "opacity": [[-1000, 0], [200, 0], [330, 0.85], [700, 0.97], [2000, 0.98]],
+    },
 }  # fmt: skip
-# Along each ray the largest value counts; bone is not to outshine blood by far.
-VESSEL_FUNCTION = {
-    "name": "vessels", "unit": None, "opacity": [[0, 0], [25, 0.05], [60, 0.55], [120, 0.9], [255, 1.0]],
-    "color": [[0, 0.0, 0.0, 0.0], [40, 0.06, 0.006, 0.006], [90, 0.24, 0.03, 0.02], [150, 0.5, 0.17, 0.08],
-              [220, 0.72, 0.46, 0.27], [255, 0.85, 0.7, 0.52]],
-    "shade": False,
+BONES = {
+    "name": "bones", "unit": None, "opacity": [[0, 0], [60, 0], [100, 0.25], [170, 0.75], [255, 0.95]],
+    "color": [[0, 0.8, 0.62, 0.45], [110, 0.84, 0.72, 0.55], [190, 0.9, 0.83, 0.7], [255, 0.97, 0.94, 0.88]],
+    "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.25, "shininess": 22},
+}  # fmt: skip
+BLOOD = {
+    "name": "vessels", "unit": None, "opacity": [[0, 0], [28, 0], [50, 0.45], [90, 0.85], [255, 0.97]],
+    "color": [[0, 0.55, 0.16, 0.1], [50, 0.62, 0.15, 0.09], [90, 0.72, 0.14, 0.08], [130, 0.78, 0.2, 0.12],
+              [200, 0.92, 0.62, 0.45]],
+    "shade": {"ambient": 0.18, "diffuse": 0.82, "specular": 0.4, "shininess": 40},
 }  # fmt: skip
 
 
-def _sized(volume_object) -> tuple[Vector, float]:
-    """Middle and largest side of a volume's box."""
-    bpy.context.view_layer.update()
-    low, high = box_of(volume_object)
-    return (low + high) / 2, max(high - low)
+def _mounted_head(stage: Stage) -> None:
+    """The head upright, without what it lies on and without the slices that metal in the teeth has streaked."""
+    stage.turn(180.0, "X")  # the scan's z runs from the crown down
+    stage.show(SKIN_AND_BONE)
+    shape = tuple(stage.volume.rle_splat.shape)
+    stage.hide_labels(peel(stage.folder, stage.folder / "head.raw", shape), {STRAY: "Head rest and noise"})
+    stage.clip_plane("Head Rest", stage.at(0.0, -0.418, 0.0), (0.0, -1.0, 0.0))
+    stage.clip_plane("Below the Nose", stage.at(0.0, 0.44, -0.09), (0.0, 0.1, -1.0))
 
 
-def _camera(middle, size: float, toward, lens: float = 70.0, aim=(0.0, 0.0, 0.0)):
-    """The active camera, as far along ``toward`` as that is long, looking at ``aim`` from the middle."""
-    target, eye = middle + size * Vector(aim), middle + size * Vector(toward)
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    bpy.context.scene.collection.objects.link(camera)
-    camera.matrix_world = Matrix.Translation(eye) @ (target - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    camera.data.lens = lens
-    camera.data.clip_start, camera.data.clip_end = 0.01 * size, 100.0 * size
-    bpy.context.scene.camera = camera
-    return camera
+def plate(stage: Stage):
+    """A head whose skin is peeled off on one side, where a plate of titanium is screwed to the bone."""
+    _mounted_head(stage)
+    for row in stage.volume.rle_splat.labels:
+        if row.label == PEELED:
+            row.label_name, row.show = "Peeled", False
+    toward = (-1.75, 3.2, 0.7)
+    stage.camera(toward, lens=118.0, aim=(0.0, 0.0, 0.06))
+    titanium = material("Titanium", (0.62, 0.62, 0.64), roughness=0.3, metallic=1.0)
+    screws = material("Screws", (0.5, 0.5, 0.53), roughness=0.25, metallic=1.0)
+    bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
+    steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
+    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.02, 0.022, 0.026), 0.3))
+    rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
+    stage.sweep(-0.41, facing=toward[:2], color=(0.014, 0.017, 0.022))
+    stage.key(2.6, (-1.2, 2.6, 2.2))
+    stage.area("Rim", 110.0, (1.3, -1.9, 1.2), COLD, side=0.7)
+    stage.area("Left Rim", 45.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
+    stage.area("Fill", 8.0, (1.8, 2.6, 0.0), WARM, side=2.0)
+    plain_world((0.06, 0.07, 0.09), 0.6)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+    yield RENDER
 
 
-def _world(color, strength: float) -> None:
-    world = bpy.data.worlds.new("World")
-    if bpy.app.version < (5, 0, 0):
-        world.use_nodes = True
-    background = world.node_tree.nodes["Background"]
-    background.inputs["Color"].default_value = (*color, 1.0)
-    background.inputs["Strength"].default_value = strength
-    bpy.context.scene.world = world
+def looks(stage: Stage):
+    """One view of a head under four transfer functions, the last as an X-ray."""
+    _mounted_head(stage)
+    stage.camera((-2.0, 3.2, 0.5), lens=112.0, aim=(0.0, -0.01, 0.13))
+    stage.without_background()
+    stage.key(2.6, (-1.2, 2.6, 2.2))
+    stage.area("Rim", 90.0, (1.6, -1.6, 1.0), COLD, side=0.8)
+    plain_world((0.06, 0.07, 0.09), 0.5)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+    for name, function in LOOKS.items():
+        stage.show(function)
+        yield name
+    plain_world((0.0, 0.0, 0.0), 0.0)
+    stage.settings.display = "xray"
+    stage.volume.rle_splat.window_center, stage.volume.rle_splat.window_width = 500.0, 2600.0
+    yield "xray"
 
 
-def _set_function(volume_object, function: dict, folder: Path) -> None:
-    path = folder / "transfer_function.json"
-    path.write_text(json.dumps(function) + "\n")
-    bpy.context.view_layer.objects.active = volume_object
-    bpy.ops.rle_splat.load_transfer(filepath=str(path))
-
-
-def _turned(volume_object, degrees: float, axis: str, middle) -> None:
-    turn = Matrix.Translation(middle) @ Matrix.Rotation(math.radians(degrees), 4, axis) @ Matrix.Translation(-middle)
-    volume_object.matrix_world = turn @ volume_object.matrix_world
-
-
-# --- a plate on the skull -----------------------------------------------------------------------------------------
-
-
-def plate(volume_object, folder: Path) -> None:
-    middle, size = _sized(volume_object)
-    if volume_object.rle_splat.intercept:  # the scan, whose z runs from the crown down
-        _turned(volume_object, 180.0, "X", middle)
-        _without_wire()
-    _camera(middle, size, (-1.5, 2.1, 0.75), aim=(0.0, 0.0, 0.02))
-    titanium = material("Titanium", (0.58, 0.57, 0.56), roughness=0.5, metallic=0.6)
-    steel = material("Screws", (0.86, 0.86, 0.88), roughness=0.35, metallic=0.7)
-    _bend_plate(volume_object, middle, (-0.75, 0.45, 0.5), titanium, steel)
-    add_light("Key", "SUN", 3.0, middle + size * Vector((-0.6, 2.0, 2.2)), middle, (1.0, 0.96, 0.9))
-    add_light(
-        "Rim", "AREA", 22.0 * size**2, middle + size * Vector((2.2, -0.8, 1.4)), middle, (0.7, 0.82, 1.0), size=size
-    )
-    _world((0.05, 0.06, 0.08), 0.4)
-
-
-def _without_wire() -> None:
-    """Cut away the wire of the head rest that runs upright through the scan, and stands out above the crown."""
-    bpy.context.view_layer.update()
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
-    box = bpy.context.view_layer.objects.active
-    box.name = "Wire"
-    bpy.context.view_layer.update()
-    # In the scan's own box, from -1 to 1: about column 193, row 238 of 256.
-    box.matrix_world @= Matrix.Translation((0.514, 0.867, 0.0)) @ Matrix.Diagonal((0.055, 0.039, 1.1, 1.0))
-
-
-def _bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
-    """A strip with screws, bent to the outermost bone that lies ``toward`` from the middle."""
-    read_scene = import_module(f"{MODULE}.bridge.render_scene").read_scene
-    plain, _ = read_scene(volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    scale = float(np.linalg.norm(plain.index_to_world[:3, 0]) / plain.volume.spacing[0])  # world units in a millimeter
-    ahead = Vector(toward).normalized()
-    along = ahead.cross(Vector((0.0, 0.0, 1.0))).normalized()
-    across = along.cross(ahead)
-    frame = np.array((ahead, along, across))
-
-    def way(u, v):
-        return np.stack((np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)), axis=-1) @ frame
-
-    columns = np.linspace(-0.5, 0.5, 121)
-    u, side = np.meshgrid(columns, np.linspace(-1.0, 1.0, 9), indexing="ij")
-    half_width = 0.045 * (0.62 + 0.38 * np.abs(np.cos(math.pi * PLATE_SCREWS * (u + 0.5 - 0.5 / PLATE_SCREWS))))
-    ends = np.sqrt(np.clip(1.0 - np.clip((np.abs(u) - 0.46) / 0.04, 0.0, 1.0) ** 2, 0.0, 1.0))
-    v = side * half_width * np.maximum(ends, 0.05)
-    found = _outermost(plain, np.array(middle), way(u, v))
-    terms = np.stack([u**i * v**j for i in range(5) for j in range(2)], axis=-1)
-    good = np.isfinite(found)
-    for _ in range(3):  # sutures and thin bone must not dent the plate
-        fit = np.linalg.lstsq(terms[good], found[good], rcond=None)[0]
-        off = found - terms @ fit
-        good = np.isfinite(found) & (np.abs(off) < 2.5 * np.nanstd(off[good]) + 1e-9)
-    lift = np.quantile(off[good], 0.97) + 0.3 * scale
-    places = np.array(middle) + (terms @ fit + lift)[..., None] * way(u, v)
-    rows, count = places.shape[:2]
-    faces = [(r * count + c, (r + 1) * count + c, (r + 1) * count + c + 1, r * count + c + 1)
-             for r in range(rows - 1) for c in range(count - 1)]  # fmt: skip
-    mesh = bpy.data.meshes.new("Plate")
-    mesh.from_pydata([tuple(p) for p in places.reshape(-1, 3)], [], faces)
-    made = bpy.data.objects.new("Plate", mesh)
-    bpy.context.scene.collection.objects.link(made)
-    mesh.materials.append(coat)
-    mesh.shade_smooth()
-    thick = made.modifiers.new("Thickness", "SOLIDIFY")
-    thick.thickness, thick.offset = 1.6 * scale, 1.0 if _faces_out(places, np.array(middle)) else -1.0
-    for screw in (np.arange(PLATE_SCREWS) + 0.5) / PLATE_SCREWS - 0.5:
-        place = Vector(places[int(np.abs(columns - screw).argmin()), count // 2])
-        out = (place - middle).normalized()
-        bpy.ops.mesh.primitive_cylinder_add(radius=2.3 * scale, depth=2.4 * scale, vertices=48)
-        head = named("Screw", screw_coat)
-        head.matrix_world = Matrix.Translation(place + 1.3 * scale * out) @ out.to_track_quat("Z", "Y").to_matrix(
-        ).to_4x4()  # fmt: skip
-
-
-def _outermost(plain, center, ways) -> np.ndarray:
-    """Distance from ``center`` of the outermost bone along world directions (..., 3), NaN where there is none."""
-    inverse = np.linalg.inv(plain.index_to_world)
-    shape = np.array(plain.volume.shape_xyz)
-    corner = (plain.index_to_world @ np.append(shape - 1.0, 1.0))[:3]
-    far = float(np.linalg.norm(corner - center))
-    away = np.linspace(far, 0.0, 2 * int(shape.max()))
-    points = center + away[:, None] * ways[..., None, :]
-    index = np.rint(points @ inverse[:3, :3].T + inverse[:3, 3]).astype(int)
-    inside = ((index >= 0) & (index < shape)).all(axis=-1)
-    x, y, z = np.moveaxis(np.clip(index, 0, shape - 1), -1, 0)
-    bone = inside & (plain.volume.physical(plain.volume.voxels[z, y, x]) > BONE_HU)
-    bone[..., :-2] &= bone[..., 1:-1] & bone[..., 2:]  # a speck of noise is no bone
-    return np.where(bone.any(axis=-1), away[bone.argmax(axis=-1)], np.nan)
-
-
-def _faces_out(places, middle) -> bool:
-    """Whether the first face's normal points away from the middle."""
-    a, b, c = places[0, 0], places[1, 0], places[1, 1]
-    return float(np.cross(b - a, c - a) @ (a - middle)) > 0.0
-
-
-# --- the others ---------------------------------------------------------------------------------------------------
-
-
-def chest(volume_object, folder: Path) -> None:
-    """The right front of the chest is cut away; lungs, heart and bones have colors of their own by labels."""
-    middle, size = _sized(volume_object)
-    properties = volume_object.rle_splat
-    properties.label_file = str(organs(folder, folder / "chest.raw", tuple(properties.shape)))
+def chest(stage: Stage):
+    """The bones of the chest; the heart and its vessels are a label with its own color, and the front is cut away."""
+    stage.show(BONES)
+    bpy.context.view_layer.objects.active = stage.volume
+    stage.volume.rle_splat.label_file = str(organs(stage.folder))
     bpy.ops.rle_splat.read_labels()
-    for row in properties.labels:
-        if row.label in ORGAN_COLORS:
-            row.label_name, row.color = ORGAN_COLORS[row.label]
-            row.use_color = True
-    _set_function(volume_object, CHEST_FUNCTION, folder)
-    # Labels are classified voxel by voxel: a wider footprint than the tent rounds their steps off.
-    settings = bpy.context.scene.rle_splat
-    settings.classification, settings.kernel = "pre", "bspline2"
-    _camera(middle, size, (-1.0, -2.5, 0.55), aim=(0.02, 0.0, 0.0))
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
-    box = bpy.context.scene.rle_splat.clip_objects.objects[0]
-    low = box_of(volume_object)[0]
-    box.location = (low.x + 0.22 * size, low.y + 0.22 * size, middle.z + 0.16 * size)
-    box.rotation_euler = (0.0, 0.0, 0.0)
-    box.scale = (0.3 * size, 0.3 * size, 0.6 * size)
-    bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")  # what the patient lies on
-    arrow = next(one for one in bpy.context.scene.rle_splat.clip_objects.objects if one is not box)
-    arrow.location, arrow.rotation_euler = middle + size * Vector((0.0, 0.33, 0.0)), (math.radians(-90.0), 0.0, 0.0)
-    add_light("Key", "SUN", 3.2, middle + size * Vector((-1.4, -2.0, 2.0)), middle, (1.0, 0.95, 0.88))
-    add_light(
-        "Fill", "AREA", 14.0 * size**2, middle + size * Vector((2.2, -1.2, 0.6)), middle, (0.66, 0.8, 1.0), size=size
-    )
-    _world((0.05, 0.06, 0.08), 0.4)
+    for row in stage.volume.rle_splat.labels:
+        if row.label == HEART:
+            row.label_name, row.use_color, row.color = "Heart and great vessels", True, (0.72, 0.07, 0.05)
+    stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
+    stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
+    stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
+    stage.camera((-1.3, -3.0, 0.5), lens=88.0)
+    stage.without_background()
+    stage.key(2.8, (-1.8, -2.2, 2.0))
+    stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
+    stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
+    plain_world((0.06, 0.07, 0.09), 0.6)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+    yield RENDER
 
 
-def brain(volume_object, folder: Path) -> None:
-    """Three lights of three colors: an area light, a spot and a point."""
-    middle, size = _sized(volume_object)
-    volume_object.rle_splat.ambient = 0.06
-    _camera(middle, size, (1.7, 1.6, 1.1))
-    warm, cold, green = (1.0, 0.45, 0.16), (0.14, 0.36, 1.0), (0.25, 1.0, 0.45)
-    add_light("Warm", "AREA", 60.0 * size**2, middle + size * Vector((0.3, 2.0, 1.0)), middle, warm, size=0.5 * size)
-    add_light(
-        "Cold", "SPOT", 180.0 * size**2, middle + size * Vector((2.0, -1.0, 0.5)), middle, cold,
-        spot_size=math.radians(50.0), spot_blend=0.3, shadow_soft_size=0.05 * size,
-    )  # fmt: skip
-    add_light(
-        "Green", "POINT", 45.0 * size**2, middle + size * Vector((-0.5, 0.3, 1.4)), middle, green,
-        shadow_soft_size=0.02 * size,
-    )  # fmt: skip
-    _world((0.02, 0.022, 0.03), 0.5)
+def vessels(stage: Stage):
+    """The same angiography twice: the largest value along each ray, and shaded under three lights."""
+    stage.show(BLOOD)
+    stage.camera((0.9, -3.0, 0.25), lens=126.0, aim=(0.02, -0.03, -0.02))
+    stage.without_background()
+    stage.key(2.8, (-1.6, -2.2, 1.9))
+    stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
+    stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)
+    plain_world((0.03, 0.034, 0.042), 0.6)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+    yield "shaded"
+    plain_world((0.0, 0.0, 0.0), 0.0)
+    stage.settings.display = "mip"
+    stage.volume.rle_splat.window_center, stage.volume.rle_splat.window_width = 120.0, 250.0
+    yield "mip"
 
 
-def angiography(volume_object, folder: Path) -> None:
-    """The largest value along each ray, the spine cut off by a plane."""
-    middle, size = _sized(volume_object)
-    _set_function(volume_object, VESSEL_FUNCTION, folder)
-    settings = bpy.context.scene.rle_splat
-    settings.mode = "mip"
-    _camera(middle, size, (0.35, -2.55, 0.12))
-    bpy.ops.rle_splat.add_clip(kind="PLANE", keep="INSIDE")
-    arrow = settings.clip_objects.objects[0]
-    arrow.location, arrow.rotation_euler = middle + size * Vector((0.0, 0.1, 0.0)), (math.radians(-90.0), 0.0, 0.0)
-    _world((0.0, 0.0, 0.0), 0.0)
+def _brain_in_a_studio(stage: Stage) -> None:
+    """A brain on a stem, with two balls that show the light: a world of softboxes, and lamps where they are."""
+    stage.volume.rle_splat.two_sided = False
+    low = stage.low
+    top = Vector((stage.middle.x, stage.middle.y, low.z - 0.1 * stage.size))
+    brass = material("Brass", (0.9, 0.62, 0.28), roughness=0.22, metallic=1.0)
+    stage.disk("Plinth", top, 0.34, 0.16, material("Plinth", (0.03, 0.032, 0.036), roughness=0.25))
+    rod("Stem", top, stage.middle, 0.02 * stage.size, brass)
+    boxes = (((1.3, 1.6, 1.1), 20.0, (9.0, 8.2, 7.2)), ((-1.6, -0.9, 0.9), 16.0, (5.0, 6.4, 8.5)),
+             ((-1.2, 1.5, 0.1), 14.0, (1.6, 1.5, 1.4)))  # fmt: skip
+    softbox_world(((0.03, 0.03, 0.035), (0.16, 0.17, 0.19), (0.32, 0.36, 0.42)), boxes, 0.6)
+    stage.key(2.4, (1.3, 1.6, 1.3))
+    stage.area("Rim", 60.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
+    stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
 
 
-def smoke(volume_object, folder: Path) -> None:
-    """A glowing knot and a rod of brass in the plume."""
-    stand_upright(volume_object)
-    volume_object.rle_splat.opacity_scale = 2.0 * SMOKE_OPACITY
-    middle, size = _sized(volume_object)
-    _camera(middle, size, (1.3, -1.7, 0.3), lens=66.0)
-    brass = material("Brass", (0.95, 0.66, 0.27), roughness=0.3, metallic=1.0)
-    bpy.ops.mesh.primitive_torus_add(
-        major_radius=0.14 * size, minor_radius=0.018 * size, major_segments=160, minor_segments=32,
-        location=middle + size * Vector((0.0, 0.0, -0.08)), rotation=(math.radians(68.0), 0.0, math.radians(60.0)),
-    )  # fmt: skip
-    named("Ring", brass)
-    bpy.ops.mesh.primitive_ico_sphere_add(
-        radius=0.055 * size, subdivisions=5, location=middle + size * Vector((0.0, 0.0, -0.08))
-    )
-    named("Ember", material("Ember", (1.0, 0.25, 0.05), glow=5.0))
-    add_light("Key", "SUN", 3.5, middle + size * Vector((2.0, -0.8, 2.2)), middle, (1.0, 0.93, 0.84))
-    add_light(
-        "Rim", "AREA", 30.0 * size**2, middle + size * Vector((-1.8, 1.4, 0.8)), middle, (0.5, 0.7, 1.0), size=size
-    )
-    _world((0.05, 0.06, 0.08), 0.4)
+def brain(stage: Stage):
+    _brain_in_a_studio(stage)
+    toward = (1.5, 3.1, 0.9)
+    floor = stage.low.z - 0.26 * stage.size
+    for name, place, coat in (
+        ("Chrome Ball", (0.56, 0.25), material("Chrome", (0.9, 0.9, 0.9), roughness=0.03, metallic=1.0)),
+        ("Gray Ball", (-0.4, 0.5), material("Gray", (0.18, 0.18, 0.18), roughness=0.9)),
+    ):
+        radius = 0.12 * stage.size
+        bpy.ops.mesh.primitive_uv_sphere_add(
+            radius=radius, segments=96, ring_count=48, location=(
+                stage.middle.x + place[0] * stage.size, stage.middle.y + place[1] * stage.size, floor + radius),
+        )  # fmt: skip
+        named(name, coat)
+    stage.sweep((floor - stage.middle.z) / stage.size, facing=toward[:2], color=(0.09, 0.095, 0.1))
+    stage.camera(toward, lens=82.0, aim=(0.0, 0.0, -0.16))
+    yield RENDER
 
 
-SETS = {"plate": plate, "chest": chest, "brain": brain, "angiography": angiography, "smoke": smoke}
-DATA_OF = {"plate": "head", "chest": "chest", "brain": "brain", "angiography": "chest", "smoke": "smoke"}
+def turntable(stage: Stage, frames: int = 36):
+    """The camera's way around the brain, a picture for each step."""
+    stage.volume.rle_splat.two_sided = False
+    stage.without_background()
+    stage.key(2.6, (1.3, 1.6, 1.6))
+    stage.area("Rim", 60.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
+    stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
+    plain_world((0.06, 0.07, 0.09), 0.8)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+    for frame in range(frames):
+        angle = 2.0 * math.pi * frame / frames
+        stage.camera((3.3 * math.sin(angle), 3.3 * math.cos(angle), 0.7), lens=88.0)
+        yield f"turn{frame:02d}"
+
+
+SETS = {
+    "plate": plate, "chest": chest, "vessels": vessels, "brain": brain, "looks": looks, "smoke": smoke,
+    "engine": engine, "lobster": lobster, "bonsai": bonsai, "turntable": turntable,
+}  # fmt: skip
+DATA_OF = {
+    "plate": "head", "chest": "chest", "vessels": "vessels", "brain": "template", "looks": "head", "smoke": "smoke",
+    "engine": "engine", "lobster": "lobster", "bonsai": "bonsai", "turntable": "template",
+}  # fmt: skip

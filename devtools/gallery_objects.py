@@ -1,0 +1,101 @@
+"""The sets of the gallery that show other things than the body: smoke, an engine, a lobster, a small tree (runs in an
+environment with bpy)."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+from demo_scene import material, named, stand_upright
+from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, view_transform
+
+CASTING = {
+    "name": "aluminium and steel", "unit": None,
+    "opacity": [[0, 0], [75, 0], [100, 0.5], [150, 0.9], [255, 0.98]],
+    "color": [[0, 0.5, 0.52, 0.55], [150, 0.56, 0.58, 0.61], [178, 0.62, 0.6, 0.56], [205, 0.9, 0.42, 0.09],
+              [255, 0.98, 0.6, 0.2]],
+    "shade": {"ambient": 0.15, "diffuse": 0.8, "specular": 0.55, "shininess": 45},
+}  # fmt: skip
+SHELL = {
+    "name": "shell", "unit": None, "opacity": [[0, 0], [36, 0], [55, 0.4], [90, 0.85], [255, 0.95]],
+    "color": [[0, 0.72, 0.2, 0.07], [60, 0.75, 0.2, 0.07], [110, 0.86, 0.34, 0.13], [180, 0.95, 0.62, 0.36],
+              [255, 1.0, 0.85, 0.65]],
+    "shade": {"ambient": 0.18, "diffuse": 0.8, "specular": 0.5, "shininess": 40},
+}  # fmt: skip
+TREE = {
+    "name": "tree", "unit": None,
+    "opacity": [[0, 0], [30, 0], [42, 0.35], [65, 0.6], [80, 0.9], [255, 0.95]],
+    "color": [[0, 0.12, 0.3, 0.05], [48, 0.15, 0.34, 0.06], [66, 0.3, 0.4, 0.1], [85, 0.42, 0.26, 0.13],
+              [130, 0.52, 0.33, 0.18], [255, 0.75, 0.6, 0.42]],
+    "shade": {"ambient": 0.2, "diffuse": 0.85, "specular": 0.12, "shininess": 14},
+}  # fmt: skip
+
+
+def smoke(stage: Stage):
+    """A glowing ember in a ring of brass, in the plume; its light is in the smoke."""
+    stand_upright(stage.volume)
+    stage = Stage.of(stage.volume, stage.folder)
+    stage.volume.rle_splat.opacity_scale = 6.0
+    stage.camera((1.3, -1.7, 0.1), lens=62.0, aim=(0.0, 0.0, 0.0))
+    heart = stage.at(0.0, 0.0, -0.1)
+    bpy.ops.mesh.primitive_torus_add(
+        major_radius=0.15 * stage.size, minor_radius=0.016 * stage.size, major_segments=192, minor_segments=48,
+        location=heart, rotation=(math.radians(68.0), 0.0, math.radians(60.0)),
+    )  # fmt: skip
+    named("Ring", material("Brass", (0.95, 0.66, 0.27), roughness=0.2, metallic=1.0))
+    bpy.ops.mesh.primitive_ico_sphere_add(radius=0.045 * stage.size, subdivisions=6, location=heart)
+    named("Ember", material("Ember", (1.0, 0.3, 0.06), glow=8.0))
+    # From just outside the ember, so that the ember itself does not shade what it lights.
+    stage.lamp("Glow", "POINT", 14.0, (0.0, 0.0, -0.1), (1.0, 0.38, 0.1), shadow_soft_size=0.01, use_shadow=False)
+    stage.area("Rim", 60.0, (-1.6, 1.0, 0.9), COLD, side=0.8)
+    stage.key(1.0, (1.8, -0.4, 1.6))
+    stage.without_background()
+    plain_world((0.03, 0.035, 0.045), 0.5)
+    view_transform("AgX", look="AgX - Medium High Contrast")
+    yield RENDER
+
+
+def _lit(stage: Stage, toward) -> None:
+    """Three lights around what a camera ``toward`` sees."""
+    stage.without_background()
+    away = math.atan2(toward[1], toward[0])
+
+    def around(degrees, far, up):
+        angle = away + math.radians(degrees)
+        return far * math.cos(angle), far * math.sin(angle), up
+
+    stage.key(2.8, around(-50.0, 2.3, 2.4))
+    stage.area("Rim", 95.0, around(150.0, 2.2, 1.5), COLD, side=0.9)
+    stage.area("Fill", 12.0, around(60.0, 3.0, 0.8), WARM, side=2.0)
+    plain_world((0.06, 0.07, 0.09), 0.6)
+    stage.settings.ambient_occlusion = 0.8
+    view_transform("Standard")
+
+
+def engine(stage: Stage):
+    """A casting with its steel parts, a quarter of it cut away."""
+    stage.show(CASTING)
+    toward = (-1.7, -2.4, 1.5)
+    stage.cut_box("Quarter", stage.at(-0.5, -0.5, 0.3), (0.42, 0.42, 0.3))
+    stage.camera(toward, lens=72.0, aim=(0.0, 0.0, -0.02))
+    _lit(stage, toward)
+    yield RENDER
+
+
+def lobster(stage: Stage):
+    """A lobster."""
+    stage.show(SHELL)
+    toward = (0.9, -1.7, 1.9)
+    stage.camera(toward, lens=76.0)
+    _lit(stage, toward)
+    yield RENDER
+
+
+def bonsai(stage: Stage):
+    """A small tree in its pot."""
+    stage.turn(-90.0, "X")
+    stage.show(TREE)
+    toward = (0.8, -3.0, 0.5)
+    stage.camera(toward, lens=88.0)
+    _lit(stage, toward)
+    yield RENDER

@@ -1,0 +1,257 @@
+"""The studio of the gallery: camera, lights, worlds made of nodes, backdrops, plinths, clip objects (runs in an
+environment with bpy).
+
+Lengths are parts of the volume's largest side, so that scans of any size look alike.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+from demo_scene import bevelled, box_of, material, named
+from mathutils import Matrix, Vector
+
+SLATE = (0.035, 0.042, 0.052)
+WARM, COLD = (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
+RENDER = "render"  # the usual name of a picture
+
+
+@dataclass
+class Stage:
+    """A volume object with the middle and the largest side of its box, and the folder for files."""
+
+    volume: bpy.types.Object
+    folder: Path
+    middle: Vector
+    size: float
+
+    @classmethod
+    def of(cls, volume_object, folder: Path) -> Stage:
+        bpy.context.view_layer.update()
+        low, high = box_of(volume_object)
+        return cls(volume_object, folder, (low + high) / 2, max(high - low))
+
+    @property
+    def settings(self):
+        return bpy.context.scene.rle_splat
+
+    @property
+    def low(self) -> Vector:
+        bpy.context.view_layer.update()
+        return box_of(self.volume)[0]
+
+    def at(self, *place) -> Vector:
+        """A place given from the middle, in sizes."""
+        return self.middle + self.size * Vector(place)
+
+    # --- the volume ---------------------------------------------------------------------------------------------------
+
+    def turn(self, degrees: float, axis: str) -> None:
+        """Turn the volume about its middle."""
+        to_middle = Matrix.Translation(self.middle)
+        turned = to_middle @ Matrix.Rotation(math.radians(degrees), 4, axis) @ to_middle.inverted()
+        self.volume.matrix_world = turned @ self.volume.matrix_world
+        bpy.context.view_layer.update()
+
+    def show(self, function: dict) -> None:
+        """Give the volume a transfer function."""
+        path = self.folder / "transfer_function.json"
+        path.write_text(json.dumps(function) + "\n")
+        bpy.context.view_layer.objects.active = self.volume
+        bpy.ops.rle_splat.load_transfer(filepath=str(path))
+        self.volume.rle_splat.two_sided = False
+
+    def hide_labels(self, path: Path, hidden: dict) -> None:
+        """Read a label file and hide some of its labels, given as {label: name}."""
+        bpy.context.view_layer.objects.active = self.volume
+        self.volume.rle_splat.label_file = str(path)
+        bpy.ops.rle_splat.read_labels()
+        for row in self.volume.rle_splat.labels:
+            if row.label in hidden:
+                row.label_name, row.show = hidden[row.label], False
+
+    def clip_plane(self, name: str, place: Vector, toward) -> bpy.types.Object:
+        """Cut away what lies beyond a plane through ``place``, on the side that ``toward`` points to."""
+        return self._clip("PLANE", "INSIDE", name, Matrix.Translation(place) @ Vector(toward).to_track_quat(
+            "Z", "Y").to_matrix().to_4x4() @ Matrix.Scale(0.5 * self.size, 4))  # fmt: skip
+
+    def cut_box(self, name: str, middle: Vector, half) -> bpy.types.Object:
+        """Cut away what is inside a box of the world's axes, given by its middle and half its sides in sizes."""
+        return self._clip("BOX", "OUTSIDE", name, Matrix.Translation(middle) @ Matrix.Diagonal(
+            (*(self.size * Vector(half)), 1.0)))  # fmt: skip
+
+    def _clip(self, kind: str, keep: str, name: str, matrix) -> bpy.types.Object:
+        bpy.context.view_layer.objects.active = self.volume
+        bpy.ops.rle_splat.add_clip(kind=kind, keep=keep)
+        made = bpy.context.view_layer.objects.active
+        made.name = name
+        made.matrix_world = matrix
+        bpy.context.view_layer.update()
+        return made
+
+    # --- camera and light ---------------------------------------------------------------------------------------------
+
+    def camera(self, toward, lens: float = 85.0, aim=(0.0, 0.0, 0.0)) -> bpy.types.Object:
+        """The active camera, as far along ``toward`` as that is long, looking at ``aim`` from the middle."""
+        target, eye = self.at(*aim), self.at(*toward)
+        camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        bpy.context.scene.collection.objects.link(camera)
+        camera.matrix_world = Matrix.Translation(eye) @ (target - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+        camera.data.lens = lens
+        camera.data.clip_start, camera.data.clip_end = 0.01 * self.size, 100.0 * self.size
+        bpy.context.scene.camera = camera
+        return camera
+
+    def area(self, name: str, watts: float, place, color, side: float = 1.0, aim=(0.0, 0.0, 0.0), **settings):
+        """An area light without shadows; ``watts`` are those of a volume of size one.  Only the key casts shadows:
+        ambient occlusion darkens what is hidden from the others, and they light no back sides."""
+        spot, target = self.at(*place), self.at(*aim)
+        data = bpy.data.lights.new(name, "AREA")
+        data.energy, data.color, data.size = watts * self.size**2, color, side * self.size
+        data.use_shadow = False
+        for key, value in settings.items():
+            setattr(data, key, value)
+        return _placed(name, data, spot, target)
+
+    def key(self, strength: float, place, color=WARM) -> bpy.types.Object:
+        """The sun of the studio, small enough for the shadows of contact to be dark."""
+        return self.lamp("Key", "SUN", strength, place, color, angle=math.radians(3.0))
+
+    def lamp(self, name: str, kind: str, energy: float, place, color, **settings):
+        """A sun, point or spot light that shines toward the middle; lengths among its settings are in sizes."""
+        data = bpy.data.lights.new(name, kind)
+        data.energy, data.color = energy * (1.0 if kind == "SUN" else self.size**2), color
+        if "shadow_soft_size" in settings:
+            settings["shadow_soft_size"] *= self.size
+        for key, value in settings.items():
+            setattr(data, key, value)
+        return _placed(name, data, self.at(*place), self.middle)
+
+    def without_background(self) -> None:
+        """Leave the background to what puts the picture together; Cycles then has nothing to do."""
+        scene = bpy.context.scene
+        scene.render.film_transparent = True
+        scene.cycles.samples = 1
+
+    # --- what stands around -------------------------------------------------------------------------------------------
+
+    def sweep(self, floor: float, color=SLATE, roughness: float = 0.55, back: float = 2.6, facing=(0.0, -1.0)):
+        """A floor that bends up into a wall behind the volume, seen by a camera in the horizontal direction
+        ``facing``; ``floor`` and ``back`` are from the middle, in sizes."""
+        radius, wide, high = 1.6, 14.0, 9.0
+        profile = [(-12.0, floor)]
+        steps = 24
+        for step in range(steps + 1):
+            angle = 0.5 * math.pi * step / steps
+            profile.append((back - radius + radius * math.sin(angle), floor + radius * (1.0 - math.cos(angle))))
+        profile.append((back, high))
+        away = -Vector((*facing, 0.0)).normalized()
+        across = Vector((away.y, -away.x, 0.0))
+        vertices = [
+            self.at(*(away * along + across * side + Vector((0.0, 0.0, up))))
+            for along, up in profile for side in (-wide, wide)
+        ]  # fmt: skip
+        faces = [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(len(profile) - 1)]
+        mesh = bpy.data.meshes.new("Sweep")
+        mesh.from_pydata(vertices, [], faces)
+        mesh.materials.append(material("Sweep", color, roughness=roughness))
+        mesh.shade_smooth()
+        made = bpy.data.objects.new("Sweep", mesh)
+        bpy.context.scene.collection.objects.link(made)
+        return made
+
+    def disk(self, name: str, place: Vector, radius: float, height: float, coat) -> bpy.types.Object:
+        """A round plinth whose top is at ``place``; radius and height in sizes."""
+        bpy.ops.mesh.primitive_cylinder_add(
+            radius=radius * self.size, depth=height * self.size, vertices=192,
+            location=place - Vector((0.0, 0.0, 0.5 * height * self.size)),
+        )  # fmt: skip
+        return bevelled(named(name, coat), 0.012 * self.size)
+
+
+def _placed(name: str, data, spot, target):
+    holder = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(holder)
+    holder.matrix_world = Matrix.Translation(spot) @ (target - spot).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+    return holder
+
+
+def plain_world(color, strength: float) -> None:
+    """The same light from everywhere."""
+    background = _new_world().nodes["Background"]
+    background.inputs["Color"].default_value = (*color, 1.0)
+    background.inputs["Strength"].default_value = strength
+
+
+def _new_world():
+    world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0, 0):
+        world.use_nodes = True
+    bpy.context.scene.world = world
+    return world.node_tree
+
+
+def view_transform(name: str, look: str = "None", exposure: float = 0.0) -> None:
+    settings = bpy.context.scene.view_settings
+    settings.view_transform = name
+    settings.look = look
+    settings.exposure = exposure
+
+
+def softbox_world(stage_colors, boxes, strength: float = 1.0) -> None:
+    """A world as an HDRI of a photographer's studio has it, of nodes: a sky that goes from dark below to light above,
+    and lamps with soft edges.
+
+    ``stage_colors`` are the radiances straight down, at the horizon and straight up; each box is (direction, half angle
+    in degrees, radiance).
+    """
+    tree = _new_world()
+    background = tree.nodes["Background"]
+    background.inputs["Strength"].default_value = strength
+    direction = tree.nodes.new("ShaderNodeTexCoord").outputs["Generated"]
+    upward = _dot(tree, direction, (0.0, 0.0, 1.0))
+    spread = tree.nodes.new("ShaderNodeMapRange")
+    spread.inputs["From Min"].default_value = -1.0
+    tree.links.new(upward, spread.inputs["Value"])
+    ramp = tree.nodes.new("ShaderNodeValToRGB")
+    below, above = ramp.color_ramp.elements
+    middle = ramp.color_ramp.elements.new(0.5)
+    for element, color in zip((below, middle, above), stage_colors):
+        element.color = (*color, 1.0)
+    tree.links.new(spread.outputs["Result"], ramp.inputs["Fac"])
+    total = ramp.outputs["Color"]
+    for toward, degrees, radiance in boxes:
+        total = _added(tree, total, _lamp_in_the_sky(tree, direction, toward, degrees), radiance)
+    tree.links.new(total, background.inputs["Color"])
+
+
+def _dot(tree, direction, toward):
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = "DOT_PRODUCT"
+    node.inputs[1].default_value = Vector(toward).normalized()
+    tree.links.new(direction, node.inputs[0])
+    return node.outputs["Value"]
+
+
+def _lamp_in_the_sky(tree, direction, toward, degrees: float):
+    """1 within an angle around a direction, 0 outside of it, with a soft edge."""
+    edge = tree.nodes.new("ShaderNodeMapRange")
+    edge.interpolation_type = "SMOOTHSTEP"
+    edge.inputs["From Min"].default_value = math.cos(math.radians(1.15 * degrees))
+    edge.inputs["From Max"].default_value = math.cos(math.radians(0.85 * degrees))
+    tree.links.new(_dot(tree, direction, toward), edge.inputs["Value"])
+    return edge.outputs["Result"]
+
+
+def _added(tree, color, factor, radiance):
+    """A color plus ``factor`` times a radiance."""
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = "MULTIPLY_ADD"
+    tree.links.new(factor, node.inputs[0])
+    node.inputs[1].default_value = radiance
+    tree.links.new(color, node.inputs[2])
+    return node.outputs["Vector"]
