@@ -25,13 +25,13 @@ class Shot:
     title: str
     size: tuple[int, int]  # of each part
     layout: str = "single"  # or "row", "grid", "turn"
-    samples: int = 8
+    samples: int = 6
     suffix: str = ".jpg"
 
 
 SHOTS = {
-    "plate": Shot("CT head, the skin peeled off one side, with a titanium plate on the bone", (1440, 1600)),
-    "chest": Shot("chest CT: bones, and the heart and great vessels as a label, with a clip box", (1440, 1600)),
+    "plate": Shot("CT head, the skin peeled off one side, with a titanium plate on the bone", (1280, 1600)),
+    "chest": Shot("chest CT: bones, and the heart and great vessels as a label, with a clip box", (1280, 1600)),
     "vessels": Shot("angiography, as the largest value along each ray and shaded", (1000, 1200), "row"),
     "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
     "looks": Shot("one head under four transfer functions", (800, 800), "grid"),

@@ -46,17 +46,16 @@ def head(folder: Path):
 
 
 IN_HU = {"modality": "CT", "value_unit": "HU", "preset": "ct-bone"}
-PEELED, STRAY = 1, 2  # labels of a head: soft tissue over the bone of one side; noise and rests around the head
-FIRMEST_FLESH = 90  # HU
+PEELED, STRAY = 1, 2  # labels of a head: one side of it; noise, and what it lies on
 
 
 def peel(folder: Path, head_file: Path, shape_xyz) -> Path:
-    """A file of the labels of a head as ``head`` gives it: the soft tissue on one side, and what is not the head."""
+    """A file of the labels of a head as ``head`` gives it: one side, and what is not the head."""
     voxels = np.fromfile(head_file, np.int16).reshape(tuple(reversed(shape_xyz)))
     nx = voxels.shape[2]
     x = np.arange(nx)[None, None, :]
     labels = np.zeros(voxels.shape, np.uint8)
-    labels[(voxels < FIRMEST_FLESH) & (x < 0.43 * nx)] = PEELED
+    labels[np.broadcast_to(x < 0.43 * nx, voxels.shape)] = PEELED
     body = voxels > -450
     thick = share(body, 2) > 0.7  # so that no thin thing links the head to what it lies on
     middle = np.zeros(voxels.shape, bool)

@@ -7,7 +7,7 @@ import math
 
 import bpy
 from demo_scene import material, named, stand_upright
-from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, view_transform
+from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
 
 CASTING = {
     "name": "aluminium and steel", "unit": None,
@@ -32,26 +32,32 @@ TREE = {
 
 
 def smoke(stage: Stage):
-    """A glowing ember in a ring of brass, in the plume; its light is in the smoke."""
+    """Smoke from a bowl of brass, through a ring; an ember lights it from within."""
     stand_upright(stage.volume)
     stage = Stage.of(stage.volume, stage.folder)
-    stage.volume.rle_splat.opacity_scale = 6.0
-    stage.camera((1.3, -1.7, 0.1), lens=62.0, aim=(0.0, 0.0, 0.0))
-    heart = stage.at(0.0, 0.0, -0.1)
+    look = stage.volume.rle_splat
+    look.opacity_scale, look.ambient, look.diffuse = 5.0, 0.2, 1.0
+    stage.camera((1.35, -1.75, 0.12), lens=64.0)
+    brass = material("Brass", (0.9, 0.55, 0.2), roughness=0.25, metallic=1.0)
+    heart = stage.at(0.0, 0.0, -0.08)
     bpy.ops.mesh.primitive_torus_add(
-        major_radius=0.15 * stage.size, minor_radius=0.016 * stage.size, major_segments=192, minor_segments=48,
+        major_radius=0.16 * stage.size, minor_radius=0.014 * stage.size, major_segments=192, minor_segments=48,
         location=heart, rotation=(math.radians(68.0), 0.0, math.radians(60.0)),
     )  # fmt: skip
-    named("Ring", material("Brass", (0.95, 0.66, 0.27), roughness=0.2, metallic=1.0))
-    bpy.ops.mesh.primitive_ico_sphere_add(radius=0.045 * stage.size, subdivisions=6, location=heart)
-    named("Ember", material("Ember", (1.0, 0.3, 0.06), glow=8.0))
-    # From just outside the ember, so that the ember itself does not shade what it lights.
-    stage.lamp("Glow", "POINT", 14.0, (0.0, 0.0, -0.1), (1.0, 0.38, 0.1), shadow_soft_size=0.01, use_shadow=False)
-    stage.area("Rim", 60.0, (-1.6, 1.0, 0.9), COLD, side=0.8)
-    stage.key(1.0, (1.8, -0.4, 1.6))
+    named("Ring", brass)
+    bpy.ops.mesh.primitive_ico_sphere_add(radius=0.035 * stage.size, subdivisions=6, location=heart)
+    named("Ember", material("Ember", (1.0, 0.2, 0.02), glow=2.5))
+    stage.disk("Bowl", stage.at(0.0, 0.0, -0.44), 0.13, 0.1, brass)
+    # The ember itself must not shade what it lights.
+    stage.lamp("Glow", "POINT", 9.0, (0.0, 0.0, -0.08), (1.0, 0.3, 0.06), shadow_soft_size=0.01, use_shadow=False)
+    stage.key(2.6, (1.9, 0.6, 1.4))
+    stage.area("Rim", 40.0, (-1.6, 0.6, 0.6), (0.4, 0.62, 1.0), side=0.8)
+    softbox_world(((0.02, 0.022, 0.03), (0.1, 0.11, 0.13), (0.2, 0.22, 0.26)),
+                  (((1.3, -1.0, 1.2), 22.0, (6.0, 5.4, 4.6)), ((-1.6, -0.4, 0.4), 15.0, (1.5, 2.2, 3.4))), 1.0)
+    stage.settings.ambient_occlusion = 0.5
     stage.without_background()
-    plain_world((0.03, 0.035, 0.045), 0.5)
-    view_transform("AgX", look="AgX - Medium High Contrast")
+    bpy.context.scene.cycles.samples = 24  # the meshes
+    view_transform("Standard")
     yield RENDER
 
 
@@ -64,7 +70,7 @@ def _lit(stage: Stage, toward) -> None:
         angle = away + math.radians(degrees)
         return far * math.cos(angle), far * math.sin(angle), up
 
-    stage.key(2.8, around(-50.0, 2.3, 2.4))
+    stage.key(3.8, around(-50.0, 2.3, 2.4))
     stage.area("Rim", 95.0, around(150.0, 2.2, 1.5), COLD, side=0.9)
     stage.area("Fill", 12.0, around(60.0, 3.0, 0.8), WARM, side=2.0)
     plain_world((0.06, 0.07, 0.09), 0.6)
@@ -77,7 +83,7 @@ def engine(stage: Stage):
     stage.show(CASTING)
     toward = (-1.7, -2.4, 1.5)
     stage.cut_box("Quarter", stage.at(-0.5, -0.5, 0.3), (0.42, 0.42, 0.3))
-    stage.camera(toward, lens=72.0, aim=(0.0, 0.0, -0.02))
+    stage.camera(toward, lens=90.0, aim=(0.0, 0.0, -0.02))
     _lit(stage, toward)
     yield RENDER
 

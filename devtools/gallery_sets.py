@@ -13,11 +13,9 @@ from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
 from mathutils import Vector
 
-# Nothing is shown between flesh and bone: where flesh is hidden, bone then begins at one value, not at voxels.
 SKIN_AND_BONE = {
     "name": "skin and bone", "unit": "HU",
-    "opacity": [[-1000, 0], [-420, 0], [-300, 0.35], [-150, 0.85], [90, 0.9], [90, 0], [220, 0], [330, 0.9],
-                [600, 0.97], [2000, 0.98]],
+    "opacity": [[-1000, 0], [-420, 0], [-300, 0.35], [-150, 0.85], [200, 0.9], [600, 0.97], [2000, 0.98]],
     "color": [[-1000, 0.78, 0.5, 0.37], [-120, 0.78, 0.5, 0.37], [-60, 0.75, 0.45, 0.28], [20, 0.5, 0.13, 0.09],
               [150, 0.55, 0.17, 0.12], [180, 0.87, 0.79, 0.64], [800, 0.9, 0.83, 0.7], [2500, 0.98, 0.97, 0.94]],
     "shade": {"ambient": 0.22, "diffuse": 0.8, "specular": 0.22, "shininess": 22},
@@ -36,7 +34,7 @@ LOOKS = {
     },
 }  # fmt: skip
 BONES = {
-    "name": "bones", "unit": None, "opacity": [[0, 0], [60, 0], [100, 0.25], [170, 0.75], [255, 0.95]],
+    "name": "bones", "unit": None, "opacity": [[0, 0], [112, 0], [140, 0.3], [175, 0.8], [255, 0.95]],
     "color": [[0, 0.8, 0.62, 0.45], [110, 0.84, 0.72, 0.55], [190, 0.9, 0.83, 0.7], [255, 0.97, 0.94, 0.88]],
     "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.25, "shininess": 22},
 }  # fmt: skip
@@ -63,19 +61,22 @@ def plate(stage: Stage):
     _mounted_head(stage)
     for row in stage.volume.rle_splat.labels:
         if row.label == PEELED:
-            row.label_name, row.show = "Peeled", False
+            row.label_name, row.look = "Peeled", "ct-bone"
+    # Labels with a transfer function of their own are pre-classified: a wider footprint than the tent is smoother.
+    stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     toward = (-1.75, 3.2, 0.7)
     stage.camera(toward, lens=118.0, aim=(0.0, 0.0, 0.06))
-    titanium = material("Titanium", (0.62, 0.62, 0.64), roughness=0.3, metallic=1.0)
-    screws = material("Screws", (0.5, 0.5, 0.53), roughness=0.25, metallic=1.0)
+    titanium = material("Titanium", (0.42, 0.42, 0.44), roughness=0.38, metallic=1.0)
+    screws = material("Screws", (0.3, 0.3, 0.33), roughness=0.3, metallic=1.0)
     bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
     steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
     stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.02, 0.022, 0.026), 0.3))
     rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
-    stage.sweep(-0.41, facing=toward[:2], color=(0.014, 0.017, 0.022))
+    stage.without_background()
+    bpy.context.scene.cycles.samples = 24  # the meshes
     stage.key(2.6, (-1.2, 2.6, 2.2))
-    stage.area("Rim", 110.0, (1.3, -1.9, 1.2), COLD, side=0.7)
-    stage.area("Left Rim", 45.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
+    stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
+    stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
     stage.area("Fill", 8.0, (1.8, 2.6, 0.0), WARM, side=2.0)
     plain_world((0.06, 0.07, 0.09), 0.6)
     stage.settings.ambient_occlusion = 0.8
@@ -114,9 +115,9 @@ def chest(stage: Stage):
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
     stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
-    stage.camera((-1.3, -3.0, 0.5), lens=88.0)
+    stage.camera((-1.3, -3.0, 0.5), lens=102.0)
     stage.without_background()
-    stage.key(2.8, (-1.8, -2.2, 2.0))
+    stage.key(3.8, (-1.8, -2.2, 2.0))
     stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
     stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
     plain_world((0.06, 0.07, 0.09), 0.6)
@@ -130,7 +131,7 @@ def vessels(stage: Stage):
     stage.show(BLOOD)
     stage.camera((0.9, -3.0, 0.25), lens=126.0, aim=(0.02, -0.03, -0.02))
     stage.without_background()
-    stage.key(2.8, (-1.6, -2.2, 1.9))
+    stage.key(3.4, (-1.6, -2.2, 1.9))
     stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)
     plain_world((0.03, 0.034, 0.042), 0.6)
@@ -175,7 +176,8 @@ def brain(stage: Stage):
                 stage.middle.x + place[0] * stage.size, stage.middle.y + place[1] * stage.size, floor + radius),
         )  # fmt: skip
         named(name, coat)
-    stage.sweep((floor - stage.middle.z) / stage.size, facing=toward[:2], color=(0.09, 0.095, 0.1))
+    bpy.ops.mesh.primitive_plane_add(size=60 * stage.size, location=(stage.middle.x, stage.middle.y, floor))
+    named("Floor", material("Floor", (0.07, 0.074, 0.08), roughness=0.35))
     stage.camera(toward, lens=82.0, aim=(0.0, 0.0, -0.16))
     yield RENDER
 

@@ -1,4 +1,4 @@
-"""The studio of the gallery: camera, lights, worlds made of nodes, backdrops, plinths, clip objects (runs in an
+"""The studio of the gallery: camera, lights, worlds made of nodes, plinths, clip objects (runs in an
 environment with bpy).
 
 Lengths are parts of the volume's largest side, so that scans of any size look alike.
@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from demo_scene import bevelled, box_of, material, named
+from demo_scene import bevelled, box_of, named
 from mathutils import Matrix, Vector
 
-SLATE = (0.035, 0.042, 0.052)
 WARM, COLD = (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
 RENDER = "render"  # the usual name of a picture
 
@@ -138,31 +137,6 @@ class Stage:
         scene.cycles.samples = 1
 
     # --- what stands around -------------------------------------------------------------------------------------------
-
-    def sweep(self, floor: float, color=SLATE, roughness: float = 0.55, back: float = 2.6, facing=(0.0, -1.0)):
-        """A floor that bends up into a wall behind the volume, seen by a camera in the horizontal direction
-        ``facing``; ``floor`` and ``back`` are from the middle, in sizes."""
-        radius, wide, high = 1.6, 14.0, 9.0
-        profile = [(-12.0, floor)]
-        steps = 24
-        for step in range(steps + 1):
-            angle = 0.5 * math.pi * step / steps
-            profile.append((back - radius + radius * math.sin(angle), floor + radius * (1.0 - math.cos(angle))))
-        profile.append((back, high))
-        away = -Vector((*facing, 0.0)).normalized()
-        across = Vector((away.y, -away.x, 0.0))
-        vertices = [
-            self.at(*(away * along + across * side + Vector((0.0, 0.0, up))))
-            for along, up in profile for side in (-wide, wide)
-        ]  # fmt: skip
-        faces = [(2 * k, 2 * k + 1, 2 * k + 3, 2 * k + 2) for k in range(len(profile) - 1)]
-        mesh = bpy.data.meshes.new("Sweep")
-        mesh.from_pydata(vertices, [], faces)
-        mesh.materials.append(material("Sweep", color, roughness=roughness))
-        mesh.shade_smooth()
-        made = bpy.data.objects.new("Sweep", mesh)
-        bpy.context.scene.collection.objects.link(made)
-        return made
 
     def disk(self, name: str, place: Vector, radius: float, height: float, coat) -> bpy.types.Object:
         """A round plinth whose top is at ``place``; radius and height in sizes."""
