@@ -55,8 +55,7 @@ def smoke(stage: Stage):
     softbox_world(((0.02, 0.022, 0.03), (0.1, 0.11, 0.13), (0.2, 0.22, 0.26)),
                   (((1.3, -1.0, 1.2), 22.0, (6.0, 5.4, 4.6)), ((-1.6, -0.4, 0.4), 15.0, (1.5, 2.2, 3.4))), 1.0)
     stage.settings.ambient_occlusion = 0.5
-    stage.without_background()
-    bpy.context.scene.cycles.samples = 24  # the meshes
+    stage.without_background(samples=24)
     view_transform("Standard")
     yield RENDER
 

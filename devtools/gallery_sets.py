@@ -72,8 +72,7 @@ def plate(stage: Stage):
     steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
     stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.02, 0.022, 0.026), 0.3))
     rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
-    stage.without_background()
-    bpy.context.scene.cycles.samples = 24  # the meshes
+    stage.without_background(samples=24)
     stage.key(2.6, (-1.2, 2.6, 2.2))
     stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
     stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)

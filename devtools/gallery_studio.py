@@ -130,11 +130,13 @@ class Stage:
             setattr(data, key, value)
         return _placed(name, data, self.at(*place), self.middle)
 
-    def without_background(self) -> None:
-        """Leave the background to what puts the picture together; Cycles then has nothing to do."""
+    def without_background(self, samples: int = 1) -> None:
+        """Leave the background to what puts the picture together.  Without meshes Cycles then has nothing to do, and
+        one sample is enough."""
         scene = bpy.context.scene
         scene.render.film_transparent = True
-        scene.cycles.samples = 1
+        scene.cycles.samples = samples
+        scene.cycles.use_denoising = scene.cycles.use_denoising and samples > 1
 
     # --- what stands around -------------------------------------------------------------------------------------------
 
