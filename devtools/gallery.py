@@ -37,9 +37,7 @@ SHOTS = {
     "looks": Shot("one head under four transfer functions", (800, 800), "grid"),
     "smoke": Shot("smoke around a ring and an ember", (1200, 1600)),
     "engine": Shot("CT of an engine block, a quarter cut away", (1600, 1200)),
-    "lobster": Shot("CT of a lobster", (1600, 1200)),
-    "bonsai": Shot("CT of a bonsai", (1440, 1600)),
-    "turntable": Shot("a turn around the brain", (560, 480), "turn", 1, ".gif"),
+    "turntable": Shot("a turn around the brain", (480, 420), "turn", 1, ".gif"),
 }
 
 

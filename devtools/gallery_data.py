@@ -130,18 +130,6 @@ def organs(folder: Path) -> Path:
     return path
 
 
-def brain(folder: Path):
-    """A brain by magnetic resonance."""
-    path = _scan("flair_brain_124x160x140_uint8.nrrd")
-    if path is None:
-        return *_raw(folder, "brain", _made_brain(), (1.2, 1.2, 1.2), modality="MR", preset="mr-brain"), MADE
-    header, _, data = path.read_bytes().partition(b"\n\n")
-    sizes = next(line for line in header.decode("ascii").splitlines() if line.startswith("sizes:"))
-    shape = [int(n) for n in reversed(sizes.split()[1:])]
-    voxels = np.frombuffer(zlib.decompress(data, 16 + zlib.MAX_WBITS), np.uint8).reshape(shape)
-    return *_raw(folder, "brain", voxels, (1.0, 1.0, 1.0), modality="MR", preset="mr-brain"), path.name
-
-
 def smoke(folder: Path):
     """Smoke whose y axis points up, as simulations have it."""
     path = _scan("smoke_fog.vdb")
@@ -156,26 +144,13 @@ def smoke(folder: Path):
     return *_raw(folder, "smoke", voxels, (4.0, 4.0, 4.0), modality="SMOKE", preset="smoke"), MADE
 
 
-def _paper(folder: Path, name: str, shape, spacing=(1.0, 1.0, 1.0)):
-    """One of the bare 8-bit files of the data folder."""
-    path = _scan(name)
-    if path is None:
-        raise RuntimeError(f"There is no {name} in the data folder; set RLE_SPLAT_DATA to the folder that holds it.")
-    return path, {"shape": shape, "dtype": "uint8", "byte_order": "little", "header_bytes": 0, "spacing": spacing,
-                  "modality": "CT", "preset": "ct-industrial"}, path.name  # fmt: skip
-
-
 def engine(folder: Path):
     """An engine block: aluminium from 80, steel from 170."""
-    return _paper(folder, "engine_256x256x110_uint8.raw.gz", (256, 256, 110))
-
-
-def lobster(folder: Path):
-    return _paper(folder, "lobster_301x324x56_uint8.raw.gz", (301, 324, 56), (1.0, 1.0, 1.4))
-
-
-def bonsai(folder: Path):
-    return _paper(folder, "bonsai_256x256x256_uint8.raw.gz", (256, 256, 256))
+    path = _scan("engine_256x256x110_uint8.raw.gz")
+    if path is None:
+        raise RuntimeError("The data folder has no engine; set RLE_SPLAT_DATA to the folder that holds it.")
+    return path, {"shape": (256, 256, 110), "dtype": "uint8", "byte_order": "little", "header_bytes": 0,
+                  "spacing": (1.0, 1.0, 1.0), "modality": "CT", "preset": "ct-industrial"}, path.name  # fmt: skip
 
 
 def template(folder: Path):
@@ -219,14 +194,3 @@ def _made_chest(shape_zyx=(96, 112, 128)) -> np.ndarray:
     paint(np.minimum(0.07 - arch, z - 0.2), 120.0)
     paint(np.minimum(0.07 - np.hypot(x + 0.04, y - 0.34), 0.25 - z), 120.0)
     return np.rint(values).astype(np.uint8)
-
-
-def _made_brain(shape_zyx=(110, 128, 104)) -> np.ndarray:
-    """Two halves, folded, with a lighter inside."""
-    z, y, x = _grid(shape_zyx)
-    radius = np.sqrt((x / 0.8) ** 2 + (y / 0.92) ** 2 + (z / 0.72) ** 2)
-    folds = np.sin(17.0 * x + 5.0 * np.sin(7.0 * z)) * np.sin(15.0 * y + 4.0 * np.sin(9.0 * x)) * np.sin(16.0 * z)
-    outside = 0.95 + 0.05 * folds - radius - 0.06 * np.exp(-((x / 0.03) ** 2)) * (z > -0.2)
-    half = 0.5 * shape_zyx[2]
-    gray, white = _cover(outside, half), _cover(outside - 0.09 + 0.03 * folds, half)
-    return np.rint(gray * 130.0 + white * 60.0).astype(np.uint8)

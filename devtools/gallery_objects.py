@@ -1,4 +1,4 @@
-"""The sets of the gallery that show other things than the body: smoke, an engine, a lobster, a small tree (runs in an
+"""The sets of the gallery that show other things than the body: smoke and an engine (runs in an
 environment with bpy)."""
 
 from __future__ import annotations
@@ -15,19 +15,6 @@ CASTING = {
     "color": [[0, 0.5, 0.52, 0.55], [150, 0.56, 0.58, 0.61], [178, 0.62, 0.6, 0.56], [205, 0.9, 0.42, 0.09],
               [255, 0.98, 0.6, 0.2]],
     "shade": {"ambient": 0.15, "diffuse": 0.8, "specular": 0.55, "shininess": 45},
-}  # fmt: skip
-SHELL = {
-    "name": "shell", "unit": None, "opacity": [[0, 0], [36, 0], [55, 0.4], [90, 0.85], [255, 0.95]],
-    "color": [[0, 0.72, 0.2, 0.07], [60, 0.75, 0.2, 0.07], [110, 0.86, 0.34, 0.13], [180, 0.95, 0.62, 0.36],
-              [255, 1.0, 0.85, 0.65]],
-    "shade": {"ambient": 0.18, "diffuse": 0.8, "specular": 0.5, "shininess": 40},
-}  # fmt: skip
-TREE = {
-    "name": "tree", "unit": None,
-    "opacity": [[0, 0], [30, 0], [42, 0.35], [65, 0.6], [80, 0.9], [255, 0.95]],
-    "color": [[0, 0.12, 0.3, 0.05], [48, 0.15, 0.34, 0.06], [66, 0.3, 0.4, 0.1], [85, 0.42, 0.26, 0.13],
-              [130, 0.52, 0.33, 0.18], [255, 0.75, 0.6, 0.42]],
-    "shade": {"ambient": 0.2, "diffuse": 0.85, "specular": 0.12, "shininess": 14},
 }  # fmt: skip
 
 
@@ -55,7 +42,7 @@ def smoke(stage: Stage):
     softbox_world(((0.02, 0.022, 0.03), (0.1, 0.11, 0.13), (0.2, 0.22, 0.26)),
                   (((1.3, -1.0, 1.2), 22.0, (6.0, 5.4, 4.6)), ((-1.6, -0.4, 0.4), 15.0, (1.5, 2.2, 3.4))), 1.0)
     stage.settings.ambient_occlusion = 0.5
-    stage.without_background(samples=24)
+    stage.without_background(samples=12)
     view_transform("Standard")
     yield RENDER
 
@@ -83,24 +70,5 @@ def engine(stage: Stage):
     toward = (-1.7, -2.4, 1.5)
     stage.cut_box("Quarter", stage.at(-0.5, -0.5, 0.3), (0.42, 0.42, 0.3))
     stage.camera(toward, lens=90.0, aim=(0.0, 0.0, -0.02))
-    _lit(stage, toward)
-    yield RENDER
-
-
-def lobster(stage: Stage):
-    """A lobster."""
-    stage.show(SHELL)
-    toward = (0.9, -1.7, 1.9)
-    stage.camera(toward, lens=76.0)
-    _lit(stage, toward)
-    yield RENDER
-
-
-def bonsai(stage: Stage):
-    """A small tree in its pot."""
-    stage.turn(-90.0, "X")
-    stage.show(TREE)
-    toward = (0.8, -3.0, 0.5)
-    stage.camera(toward, lens=88.0)
     _lit(stage, toward)
     yield RENDER

@@ -8,7 +8,7 @@ import math
 import bpy
 from demo_scene import material, named, rod
 from gallery_data import HEART, PEELED, STRAY, organs, peel
-from gallery_objects import bonsai, engine, lobster, smoke
+from gallery_objects import engine, smoke
 from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
 from mathutils import Vector
@@ -30,7 +30,7 @@ LOOKS = {
     },
     "bone": {
         **SKIN_AND_BONE, "name": "bone",
-        "opacity": [[-1000, 0], [200, 0], [330, 0.85], [700, 0.97], [2000, 0.98]],
+        "opacity": [[-1000, 0], [180, 0], [330, 0.4], [700, 0.85], [2000, 0.97]],
     },
 }  # fmt: skip
 BONES = {
@@ -70,9 +70,9 @@ def plate(stage: Stage):
     screws = material("Screws", (0.3, 0.3, 0.33), roughness=0.3, metallic=1.0)
     bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
     steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
-    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.02, 0.022, 0.026), 0.3))
+    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.012, 0.013, 0.015), 0.55))
     rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
-    stage.without_background(samples=24)
+    stage.without_background(samples=12)
     stage.key(2.6, (-1.2, 2.6, 2.2))
     stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
     stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
@@ -143,9 +143,14 @@ def vessels(stage: Stage):
     yield "mip"
 
 
+def _glossy(stage: Stage) -> None:
+    look = stage.volume.rle_splat
+    look.two_sided, look.specular, look.shininess = False, 0.35, 30.0
+
+
 def _brain_in_a_studio(stage: Stage) -> None:
     """A brain on a stem, with two balls that show the light: a world of softboxes, and lamps where they are."""
-    stage.volume.rle_splat.two_sided = False
+    _glossy(stage)
     low = stage.low
     top = Vector((stage.middle.x, stage.middle.y, low.z - 0.1 * stage.size))
     brass = material("Brass", (0.9, 0.62, 0.28), roughness=0.22, metallic=1.0)
@@ -153,9 +158,9 @@ def _brain_in_a_studio(stage: Stage) -> None:
     rod("Stem", top, stage.middle, 0.02 * stage.size, brass)
     boxes = (((1.3, 1.6, 1.1), 20.0, (9.0, 8.2, 7.2)), ((-1.6, -0.9, 0.9), 16.0, (5.0, 6.4, 8.5)),
              ((-1.2, 1.5, 0.1), 14.0, (1.6, 1.5, 1.4)))  # fmt: skip
-    softbox_world(((0.03, 0.03, 0.035), (0.16, 0.17, 0.19), (0.32, 0.36, 0.42)), boxes, 0.6)
-    stage.key(2.4, (1.3, 1.6, 1.3))
-    stage.area("Rim", 60.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
+    softbox_world(((0.02, 0.02, 0.024), (0.06, 0.066, 0.076), (0.2, 0.23, 0.28)), boxes, 0.8)
+    stage.key(3.6, (1.5, 1.2, 1.6))
+    stage.area("Rim", 80.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
     stage.settings.ambient_occlusion = 0.8
     view_transform("Standard")
@@ -166,8 +171,8 @@ def brain(stage: Stage):
     toward = (1.5, 3.1, 0.9)
     floor = stage.low.z - 0.26 * stage.size
     for name, place, coat in (
-        ("Chrome Ball", (0.56, 0.25), material("Chrome", (0.9, 0.9, 0.9), roughness=0.03, metallic=1.0)),
-        ("Gray Ball", (-0.4, 0.5), material("Gray", (0.18, 0.18, 0.18), roughness=0.9)),
+        ("Chrome Ball", (0.54, -0.12), material("Chrome", (0.9, 0.9, 0.9), roughness=0.03, metallic=1.0)),
+        ("Gray Ball", (-0.46, 0.35), material("Gray", (0.18, 0.18, 0.18), roughness=0.9)),
     ):
         radius = 0.12 * stage.size
         bpy.ops.mesh.primitive_uv_sphere_add(
@@ -176,16 +181,16 @@ def brain(stage: Stage):
         )  # fmt: skip
         named(name, coat)
     bpy.ops.mesh.primitive_plane_add(size=60 * stage.size, location=(stage.middle.x, stage.middle.y, floor))
-    named("Floor", material("Floor", (0.07, 0.074, 0.08), roughness=0.35))
+    named("Floor", material("Floor", (0.035, 0.038, 0.043), roughness=0.4))
     stage.camera(toward, lens=82.0, aim=(0.0, 0.0, -0.16))
     yield RENDER
 
 
-def turntable(stage: Stage, frames: int = 36):
+def turntable(stage: Stage, frames: int = 30):
     """The camera's way around the brain, a picture for each step."""
-    stage.volume.rle_splat.two_sided = False
+    _glossy(stage)
     stage.without_background()
-    stage.key(2.6, (1.3, 1.6, 1.6))
+    stage.key(3.6, (1.3, 1.6, 1.6))
     stage.area("Rim", 60.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
     plain_world((0.06, 0.07, 0.09), 0.8)
@@ -199,9 +204,9 @@ def turntable(stage: Stage, frames: int = 36):
 
 SETS = {
     "plate": plate, "chest": chest, "vessels": vessels, "brain": brain, "looks": looks, "smoke": smoke,
-    "engine": engine, "lobster": lobster, "bonsai": bonsai, "turntable": turntable,
+    "engine": engine, "turntable": turntable,
 }  # fmt: skip
 DATA_OF = {
     "plate": "head", "chest": "chest", "vessels": "vessels", "brain": "template", "looks": "head", "smoke": "smoke",
-    "engine": "engine", "lobster": "lobster", "bonsai": "bonsai", "turntable": "template",
+    "engine": "engine", "turntable": "template",
 }  # fmt: skip

@@ -56,10 +56,9 @@ def test_where_there_are_no_scans_numbers_stand_in_for_them(data, tmp_path, name
     assert 0.002 < seen.mean() < 0.5
 
 
-@pytest.mark.parametrize("name", ["engine", "lobster", "bonsai"])
-def test_a_scan_without_a_stand_in_is_asked_for(data, tmp_path, name):
+def test_a_scan_without_a_stand_in_is_asked_for(data, tmp_path):
     with pytest.raises(RuntimeError, match="RLE_SPLAT_DATA"):
-        getattr(data, name)(tmp_path)
+        data.engine(tmp_path)
 
 
 def test_the_made_chest_has_a_heart_without_bones(data, tmp_path):
