@@ -15,7 +15,7 @@ from mathutils import Vector
 
 SKIN_AND_BONE = {
     "name": "skin and bone", "unit": "HU",
-    "opacity": [[-1000, 0], [-420, 0], [-300, 0.35], [-150, 0.85], [200, 0.9], [600, 0.97], [2000, 0.98]],
+    "opacity": [[-1000, 0], [-650, 0], [-200, 0.5], [50, 0.9], [200, 0.9], [600, 0.97], [2000, 0.98]],
     "color": [[-1000, 0.78, 0.5, 0.37], [-120, 0.78, 0.5, 0.37], [-60, 0.75, 0.45, 0.28], [20, 0.5, 0.13, 0.09],
               [150, 0.55, 0.17, 0.12], [180, 0.87, 0.79, 0.64], [800, 0.9, 0.83, 0.7], [2500, 0.98, 0.97, 0.94]],
     "shade": {"ambient": 0.22, "diffuse": 0.8, "specular": 0.22, "shininess": 22},
@@ -65,7 +65,7 @@ def plate(stage: Stage):
     # Labels with a transfer function of their own are pre-classified: a wider footprint than the tent is smoother.
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     toward = (-1.75, 3.2, 0.7)
-    stage.camera(toward, lens=118.0, aim=(0.0, 0.0, 0.06))
+    stage.camera(toward, lens=114.0, aim=(-0.075, -0.04, 0.05))
     titanium = material("Titanium", (0.42, 0.42, 0.44), roughness=0.38, metallic=1.0)
     screws = material("Screws", (0.3, 0.3, 0.33), roughness=0.3, metallic=1.0)
     bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
@@ -73,7 +73,7 @@ def plate(stage: Stage):
     stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.012, 0.013, 0.015), 0.55))
     rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
     stage.without_background(samples=12)
-    stage.key(2.6, (-1.2, 2.6, 2.2))
+    stage.key(3.2, (0.6, 2.6, 2.2))
     stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
     stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
     stage.area("Fill", 8.0, (1.8, 2.6, 0.0), WARM, side=2.0)
@@ -88,7 +88,7 @@ def looks(stage: Stage):
     _mounted_head(stage)
     stage.camera((-2.0, 3.2, 0.5), lens=112.0, aim=(0.0, -0.01, 0.13))
     stage.without_background()
-    stage.key(2.6, (-1.2, 2.6, 2.2))
+    stage.key(3.2, (0.6, 2.6, 2.2))
     stage.area("Rim", 90.0, (1.6, -1.6, 1.0), COLD, side=0.8)
     plain_world((0.06, 0.07, 0.09), 0.5)
     stage.settings.ambient_occlusion = 0.8
