@@ -37,7 +37,7 @@ SHOTS = {
     "looks": Shot("one head under four transfer functions", (800, 800), "grid"),
     "smoke": Shot("smoke around a ring and an ember", (1200, 1600)),
     "engine": Shot("CT of an engine block, a quarter cut away", (1600, 1200)),
-    "turntable": Shot("a turn around the brain", (480, 420), "turn", 1, ".gif"),
+    "turntable": Shot("a turn around the brain", (480, 420), "turn", suffix=".gif"),
 }
 
 

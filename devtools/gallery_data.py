@@ -61,7 +61,7 @@ def peel(folder: Path, head_file: Path, shape_xyz) -> Path:
     middle = np.zeros(voxels.shape, bool)
     middle[tuple(slice(n // 2 - 2, n // 2 + 2) for n in voxels.shape)] = True
     near = share(connected(thick, middle), 4) > 0.0
-    labels[body & ~near] = STRAY
+    labels[(voxels > -700) & ~near] = STRAY
     path = folder / "peel.raw"
     path.write_bytes(labels.tobytes())
     return path

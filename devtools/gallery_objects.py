@@ -19,7 +19,7 @@ CASTING = {
 
 
 def smoke(stage: Stage):
-    """Smoke from a bowl of brass, through a ring; an ember lights it from within."""
+    """Smoke over a stone, through a ring of brass; an ember lights it from within."""
     stand_upright(stage.volume)
     stage = Stage.of(stage.volume, stage.folder)
     look = stage.volume.rle_splat
@@ -33,11 +33,11 @@ def smoke(stage: Stage):
     )  # fmt: skip
     named("Ring", brass)
     bpy.ops.mesh.primitive_ico_sphere_add(radius=0.035 * stage.size, subdivisions=6, location=heart)
-    named("Ember", material("Ember", (1.0, 0.2, 0.02), glow=2.5))
-    stage.disk("Bowl", stage.at(0.0, 0.0, -0.44), 0.13, 0.1, brass)
+    named("Ember", material("Ember", (1.0, 0.2, 0.02), glow=1.6))
+    stage.disk("Stone", stage.at(0.06, 0.04, -0.475), 0.2, 0.09, material("Stone", (0.02, 0.022, 0.026), 0.5))
     # The ember itself must not shade what it lights.
-    stage.lamp("Glow", "POINT", 9.0, (0.0, 0.0, -0.08), (1.0, 0.3, 0.06), shadow_soft_size=0.01, use_shadow=False)
-    stage.key(2.6, (1.9, 0.6, 1.4))
+    stage.lamp("Glow", "POINT", 0.9, (0.0, 0.0, -0.08), (1.0, 0.3, 0.06), shadow_soft_size=0.01, use_shadow=False)
+    stage.key(2.2, (1.9, 0.6, 1.4))
     stage.area("Rim", 40.0, (-1.6, 0.6, 0.6), (0.4, 0.62, 1.0), side=0.8)
     softbox_world(((0.02, 0.022, 0.03), (0.1, 0.11, 0.13), (0.2, 0.22, 0.26)),
                   (((1.3, -1.0, 1.2), 22.0, (6.0, 5.4, 4.6)), ((-1.6, -0.4, 0.4), 15.0, (1.5, 2.2, 3.4))), 1.0)

@@ -86,7 +86,7 @@ def plate(stage: Stage):
 def looks(stage: Stage):
     """One view of a head under four transfer functions, the last as an X-ray."""
     _mounted_head(stage)
-    stage.camera((-2.0, 3.2, 0.5), lens=112.0, aim=(0.0, -0.01, 0.13))
+    stage.camera((-2.0, 3.2, 0.5), lens=158.0, aim=(-0.08, -0.05, 0.12))
     stage.without_background()
     stage.key(3.2, (0.6, 2.6, 2.2))
     stage.area("Rim", 90.0, (1.6, -1.6, 1.0), COLD, side=0.8)
@@ -98,7 +98,8 @@ def looks(stage: Stage):
         yield name
     plain_world((0.0, 0.0, 0.0), 0.0)
     stage.settings.display = "xray"
-    stage.volume.rle_splat.window_center, stage.volume.rle_splat.window_width = 500.0, 2600.0
+    look = stage.volume.rle_splat
+    look.window_center, look.window_width, look.opacity_scale = 1300.0, 2600.0, 0.25
     yield "xray"
 
 
