@@ -34,7 +34,7 @@ LOOKS = {
     },
 }  # fmt: skip
 BONES = {
-    "name": "bones", "unit": None, "opacity": [[0, 0], [112, 0], [140, 0.3], [175, 0.8], [255, 0.95]],
+    "name": "bones", "unit": None, "opacity": [[0, 0], [60, 0], [100, 0.25], [170, 0.75], [255, 0.95]],
     "color": [[0, 0.8, 0.62, 0.45], [110, 0.84, 0.72, 0.55], [190, 0.9, 0.83, 0.7], [255, 0.97, 0.94, 0.88]],
     "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.25, "shininess": 22},
 }  # fmt: skip
@@ -115,7 +115,7 @@ def chest(stage: Stage):
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
     stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
-    stage.camera((-1.3, -3.0, 0.5), lens=102.0)
+    stage.camera((-1.3, -3.0, 0.5), lens=92.0, aim=(-0.02, 0.0, 0.0))
     stage.without_background()
     stage.key(3.8, (-1.8, -2.2, 2.0))
     stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
