@@ -14,7 +14,7 @@ from .build import build, version
 from .places import DIST, ROOT, Failure, say
 
 LISTING = ROOT / "devtools" / "listing.md"
-PICTURES = ("demo.jpg", "panel.png", "gallery-angiography.jpg", "gallery-brain.jpg", "gallery-plate.jpg")
+PICTURES = ("panel.png", *(f"gallery-{name}.jpg" for name in ("brain", "plate", "vessels", "engine", "smoke")))
 CHECKSUMS = "SHA256SUMS"
 
 
