@@ -274,8 +274,8 @@ def test_numba_missing_is_said_beside_the_slow_picture(call, raw, raw_options, t
 
 
 def test_commands_and_words(refused, raw):
-    assert "render, info, encode, convert" in refused("measure", raw)
-    assert "render, info, encode, convert" in refused()
+    assert "render, info, figure, encode, convert" in refused("measure", raw)
+    assert "render, info, figure, encode, convert" in refused()
     assert "--nonsense" in refused("info", raw, "--nonsense", "3")
     assert "extra" in refused("info", raw, "extra")
     assert "VOLUME" in refused("render")
