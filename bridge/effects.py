@@ -12,6 +12,13 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ..rle_splat.effects.analyze import EFFECTS
 
+# An effect on what Blender renders, not on our pictures.
+SHADOWS_ON_MESHES = "shadows on meshes"
+# Name of an effect -> what it does, for tooltips.
+TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
+    SHADOWS_ON_MESHES: "lets Blender's render show the volume's shadow on meshes and its reflection in them, where "
+    "renders include the volume",
+}
 AUTO = "AUTO"
 STATES = {AUTO: None, "ON": True, "OFF": False}
 STATE_ITEMS = [
@@ -48,8 +55,8 @@ class EffectOverrideProperties(bpy.types.PropertyGroup):
     """One enum property for each effect."""
 
     __annotations__ = {
-        property_of(name): _Override(name=name.capitalize(), description=kind.text[0].upper() + kind.text[1:])
-        for name, kind in EFFECTS.items()
+        property_of(name): _Override(name=name.capitalize(), description=text[0].upper() + text[1:])
+        for name, text in TEXTS.items()
     }
 
 
@@ -63,7 +70,7 @@ class EffectRowProperties(bpy.types.PropertyGroup):
 
 
 def overrides_of(scene) -> dict[str, bool]:
-    """The effects that a scene forces on or off.
+    """The effects of our pictures that a scene forces on or off.
 
     Parameters
     ----------
@@ -75,8 +82,13 @@ def overrides_of(scene) -> dict[str, bool]:
     dict of str to bool
         Name of an effect to its forced state; effects left at Auto are missing.
     """
-    chosen = {name: STATES[getattr(scene.rle_splat.effect_overrides, property_of(name))] for name in EFFECTS}
+    chosen = {name: forced(scene, name) for name in EFFECTS}
     return {name: on for name, on in chosen.items() if on is not None}
+
+
+def forced(scene, name: str) -> bool | None:
+    """The state that a scene forces an effect to, one of TEXTS; None at Auto."""
+    return STATES[getattr(scene.rle_splat.effect_overrides, property_of(name))]
 
 
 def note_report(settings, report: dict) -> None:

@@ -62,7 +62,7 @@ def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> Mad
         The record.
     """
     plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
-    return MadeFrom(_digest((plain, quality, tolerance)), _digest(plain.transfer_function), meshes)
+    return MadeFrom(digest((plain, quality, tolerance)), digest(plain.transfer_function), meshes)
 
 
 def note(image, made_from: MadeFrom) -> None:
@@ -175,7 +175,7 @@ def _has_new_transfer_function(scene, row) -> bool:
     known = made_from(row.image)
     try:
         shown = transfer.shown_transfer(row.volume, scene)
-        return bool(known.transfer_function) and known.transfer_function != _digest(shown)
+        return bool(known.transfer_function) and known.transfer_function != digest(shown)
     except RleSplatError:
         return True
 
@@ -189,8 +189,19 @@ def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
         return None
 
 
-def _digest(value) -> str:
-    """Hash of plain data, as a hexadecimal string."""
+def digest(value) -> str:
+    """Hash of plain data.
+
+    Parameters
+    ----------
+    value : object
+        A dataclass such as Scene, an array, a dict, a tuple, a list or a plain value, nested in any way.
+
+    Returns
+    -------
+    str
+        Hexadecimal.
+    """
     total = hashlib.blake2b(digest_size=16)
     _feed(total, value)
     return total.hexdigest()

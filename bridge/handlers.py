@@ -10,6 +10,7 @@ from . import (
     following,
     freshness,
     live,
+    mesh_shadows,
     migration,
     over_render,
     picture_files,
@@ -47,6 +48,7 @@ def _forget_worlds() -> None:
 HANDLERS = (
     *world_render.HANDLERS,  # before over_render.HANDLERS, because it renders
     *over_render.HANDLERS,
+    *mesh_shadows.HANDLERS,
     *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
     *watch.HANDLERS,
     *follow_slices.HANDLERS,

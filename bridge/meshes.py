@@ -32,14 +32,10 @@ def read_triangles(depsgraph, without=(), instead=None) -> np.ndarray:
     ndarray, shape (n, 3, 3), float64
         Triangle, corner, and x, y, z in world space; n may be 0.
     """
-    view_layer = depsgraph.view_layer
     local_triangles: dict[int, np.ndarray] = {}
     pieces = []
-    for instance in depsgraph.object_instances:
+    for instance in seen_meshes(depsgraph, without):
         evaluated = instance.object
-        # Curves, text, metaballs and geometry nodes that evaluate to a mesh are listed as separate MESH instances.
-        if evaluated.type != "MESH" or not _is_seen(instance, view_layer) or evaluated.original in without:
-            continue
         triangles = (instead or {}).get(evaluated.original)
         if triangles is None:
             data_pointer = evaluated.data.as_pointer()
@@ -54,6 +50,15 @@ def read_triangles(depsgraph, without=(), instead=None) -> np.ndarray:
         return np.empty((0, 3, 3), dtype=np.float64)
     world = np.concatenate(pieces)
     return world[np.isfinite(world).all(axis=(1, 2))]
+
+
+def seen_meshes(depsgraph, without=()):
+    """Generator of the instances that ``read_triangles`` takes, in the depsgraph's order; parameters as of it."""
+    for instance in depsgraph.object_instances:
+        # Curves, text, metaballs and geometry nodes that evaluate to a mesh are listed as separate MESH instances.
+        if instance.object.type == "MESH" and _is_seen(instance, depsgraph.view_layer):
+            if instance.object.original not in without:
+                yield instance
 
 
 def _is_seen(instance, view_layer) -> bool:

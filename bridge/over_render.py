@@ -19,7 +19,7 @@ from ..rle_splat.pipeline.report import EMPTY_REMARKS
 from ..rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
-from . import compositor, following, images, messages, pictures, placements, presence, render_scene
+from . import compositor, following, images, mesh_shadows, messages, pictures, placements, presence, render_scene
 from .camera import frame_crop, image_size
 from .placeholder import placeholder
 from .render_log import RenderLog
@@ -40,6 +40,8 @@ def _on_render_init(scene, *_arguments):
         _logs.clear()  # a render that Blender aborted before its first frame sends no event at its end
     if scene.session_uid not in _logs:
         _logs[scene.session_uid] = RenderLog(scene)
+    if not scene.rle_splat.use_composite:
+        mesh_shadows.show(scene)
 
 
 @persistent
@@ -168,27 +170,31 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             )
         placed = placements.shown(depsgraph)
         if not placed:
+            mesh_shadows.show(scene)
             images.clear(image)
             why = placements.why_hidden(placements.Placement(volume_object), depsgraph)
             log.hidden.append(why or "it is no volume")
             return
-        rendering = drain(_picture_steps(placed, depsgraph, settings.meshes_occlude and layer.use_solid, log))
+        with_meshes = settings.meshes_occlude and layer.use_solid
+        scenes, quality = render_scene.read_scenes(placed, depsgraph, with_meshes=with_meshes)
+        rendering = drain(_picture_steps(placed, scenes, quality, tolerance_of(depsgraph.scene_eval), log))
         pictures.show(image, rendering)
-        log.report = {**rendering.report, "view_layer": layer.name}
+        themselves = [(one.owner, plain) for one, plain in zip(placed, scenes) if one.instancer is None]
+        effects = [*rendering.report["effects"], _shadows_on_meshes(themselves, depsgraph, quality, log)]
+        log.report = {**rendering.report, "effects": effects, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():
             for remark in rendering.report["remarks"]:
                 if remark in EMPTY_REMARKS:
                     log.note(scene, remark)
     except Exception as problem:  # one sentence for the whole render instead of a traceback for every frame
         log.fail(scene, messages.sentence_of(problem))
+        mesh_shadows.show(scene)
         _show_placeholder(image, depsgraph.scene_eval.render)
     log.drawn.append(image)
 
 
-def _picture_steps(placed: list, depsgraph, with_meshes: bool, log: RenderLog):
+def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None, log: RenderLog):
     """Generator of Progress: one picture of all volumes that a view layer shows."""
-    scenes, quality = render_scene.read_scenes(placed, depsgraph, with_meshes=with_meshes)
-    tolerance = tolerance_of(depsgraph.scene_eval)
 
     def make(plain, n):
         """The picture of volume number ``n``, or of a slab of it, by the plan of its first picture."""
@@ -203,6 +209,15 @@ def _picture_steps(placed: list, depsgraph, with_meshes: bool, log: RenderLog):
     if len(scenes) == 1:
         return make(scenes[0], 0)
     return several_steps(scenes, make, 1 if tolerance is not None else MOST_SLABS)
+
+
+def _shadows_on_meshes(volumes: list, depsgraph, quality, log: RenderLog) -> dict:
+    """Set what casts the shadows of ``volumes``, (object, Scene) each, on meshes; return the effect for the report."""
+    try:
+        return mesh_shadows.update(volumes, depsgraph, quality)
+    except RleSplatError as problem:  # the volume is drawn all the same
+        log.note(depsgraph.scene, f"The volume casts no shadow on meshes: {problem}")
+        return mesh_shadows.row(False, str(problem))
 
 
 def _show_placeholder(image, render) -> None:

@@ -170,6 +170,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
         options={"HIDDEN"})
+    is_shadow_grid: BoolProperty(
+        name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
+        "of, and its reflection", default=False, options={"HIDDEN"})
     slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),

@@ -12,6 +12,9 @@ from ..rle_splat.scene import RleSplatError
 GROUP_COMPOSITOR = bpy.app.version >= (5, 0, 0)
 OUTPUT_NODE = "NodeGroupOutput" if GROUP_COMPOSITOR else "CompositorNodeComposite"
 
+# The index that a voxel's value is for, as Cycles places the grids of a VDB.
+GRID_SAMPLE_AT = 0.5 if bpy.app.version < (5, 0) else 0.0
+
 
 def compositor_tree(scene):
     """The active compositor tree of a scene, or None."""

@@ -11,7 +11,7 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, pictures, presence, read_ahead
+from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead
 from .camera import marked_camera
 from .canvas import redraw
 
@@ -53,7 +53,8 @@ HANDLERS = (
 
 
 def attend(scene, depsgraph) -> None:
-    """Check a scene: copies of scenes, deleted objects, the followed backdrop, and outdated pictures.
+    """Check a scene: copies of scenes, deleted objects, grids for shadows, the followed backdrop, and outdated
+    pictures.
 
     Parameters
     ----------
@@ -70,6 +71,7 @@ def attend(scene, depsgraph) -> None:
                 follow_scene.remove_deleted(one)
                 _release_composited(one)
                 pictures.release_deleted(one, presence.is_deleted)
+                mesh_shadows.settle(one)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.update_status(scene, depsgraph):
             redraw(bpy.context)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import compositor, images, pictures, preferences, versions, volumes, world_render
+from ..bridge import compositor, images, mesh_shadows, pictures, preferences, versions, volumes, world_render
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
 from ..rle_splat.scene import RleSplatError
@@ -51,6 +51,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         if not settings.is_property_set("on_failed_frame"):
             settings.on_failed_frame = preferences.failed_frame()
         settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
+        mesh_shadows.settle(scene)
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(f"So are {', '.join(others)}; disable a volume in renders (Outliner) to leave it out.")
@@ -80,6 +81,7 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
         compositor.remove(context.scene)
         for image in made:
             compositor.drop(image)
+        mesh_shadows.settle(context.scene)
         return {"FINISHED"}
 
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import effects, freshness, render_scene, volumes
+from ..bridge import effects, freshness, mesh_shadows, render_scene, volumes
 from ..bridge.settings import tolerance_of
 from ..rle_splat.accuracy.planner.tolerance import without_shadows_of
 from ..rle_splat.effects.analyze import analyze
@@ -23,9 +23,10 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
 
     def execute(self, context):
         settings = context.scene.rle_splat
+        owner, depsgraph = volumes.volume_object(context), context.evaluated_depsgraph_get()
         try:
             plain, quality = render_scene.read_scene(
-                volumes.volume_object(context), context.evaluated_depsgraph_get(),
+                owner, depsgraph,
                 with_meshes=settings.meshes_occlude,
                 warn=lambda sentence: self.report({"WARNING"}, sentence))
             if tolerance_of(context.scene) is not None:
@@ -34,9 +35,11 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         except RleSplatError as problem:
             return refuse(self, problem)
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
+        listed.append(mesh_shadows.row(*mesh_shadows.why(owner, depsgraph, plain), ms=None))
         effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
         freshness.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
-        self.report({"INFO"}, f"On: {', '.join(found.on) or 'none'}.")
+        names = [entry["name"] for entry in listed if entry["on"]]
+        self.report({"INFO"}, f"On: {', '.join(names) or 'none'}.")
         return {"FINISHED"}
 
 

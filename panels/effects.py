@@ -2,8 +2,7 @@
 
 import bpy
 
-from ..bridge.effects import property_of
-from ..rle_splat.effects.analyze import EFFECTS
+from ..bridge.effects import TEXTS, property_of
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the effect's name takes
@@ -19,7 +18,7 @@ class EffectsPanel:
         layout, settings = self.layout, context.scene.rle_splat
         layout.operator("rle_splat.list_effects", icon="FILE_REFRESH")
         rows = {row.name: row for row in settings.effect_rows}
-        used = [name for name in EFFECTS if name in rows and rows[name].on]
+        used = [name for name in TEXTS if name in rows and rows[name].on]
         column = layout.column(align=True)
         for name in used:
             split = column.split(factor=NAME_SHARE)
@@ -37,7 +36,7 @@ class EffectsPanel:
 
 def _draw_all(context, layout, rows: dict) -> None:
     """Every effect with the choice that forces it on or off, and why it is on or off."""
-    for name in EFFECTS:
+    for name in TEXTS:
         box = layout.box().column(align=True)
         split = box.split(factor=NAME_SHARE)
         split.label(text=title(name))
@@ -48,7 +47,7 @@ def _draw_all(context, layout, rows: dict) -> None:
 
 def title(name: str) -> str:
     """The name of an effect in Title Case: Depth of Field."""
-    return name.title().replace(" Of ", " of ")
+    return name.title().replace(" Of ", " of ").replace(" On ", " on ")
 
 
 def row_text(row) -> str:

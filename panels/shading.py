@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import first_light, volumes
+from ..bridge import effects, first_light, volumes
 from ..bridge.world import state as world_state
 from .places import OfVolume, paragraph
 
@@ -27,6 +27,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         row = column.row()
         row.active = not settings.max_error  # with a maximum error shadows are left out
         row.prop(settings, "use_shadows")
+        column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
         column.prop(settings, "use_world")
         paragraph(context, layout, world_state(context.scene), icon="WORLD")
         row = layout.row()

@@ -1,0 +1,254 @@
+"""The volume's shadow and reflection on meshes: a Volume object that all rays see but the camera's.
+
+Renders combine our picture with that of the engine, which knows nothing of the volume.  So a child of the volume object
+holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.  The
+object is there as long as renders include the volume.  What it shows is set before each rendered frame, on the render
+thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  The object is disabled in
+viewports, so it is neither drawn nor framed nor selected there.
+
+Files are named after a hash of all that decides their content.  They are beside the .blend, or in the extension's
+folder before its first save.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from pathlib import Path
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..rle_splat.effects.lighting_kinds import BAKED
+from ..rle_splat.pipeline.medium_grid import for_any_view, shadow_factors
+from ..rle_splat.runtime.steps import drain
+from ..rle_splat.scene import MODES, Scene
+from . import effects, freshness, linked, medium_volumes, paths, presence
+from .clip_objects import clip_objects
+from .lights import read_lights
+from .meshes import seen_meshes
+from .source_paths import kept_path
+
+ENGINES = ("CYCLES",)  # that cast shadows of grids and hide them from the camera
+FOLDER = "volume shadows"
+PREFIX, SUFFIX = "shadow-", ".vdb"
+KEPT = 4  # files that no object shows any more; an earlier state of the scene may want them again
+
+_saved: dict = {}  # session id of a grid -> its file, while the .blend is saved
+
+
+def grids(scene) -> list:
+    """The objects of a scene that hold a volume's medium for shadows, sorted by name."""
+    return sorted((one for one in scene.objects if one.rle_splat.is_shadow_grid), key=lambda one: one.name)
+
+
+def settle(scene) -> None:
+    """Give the volume in renders its grid, and remove grids of other volumes and of deleted ones.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        A local scene.
+    """
+    owner = _wanted_for(scene)
+    mine = [one for one in grids(scene) if linked.is_own(one)]
+    kept = next((one for one in mine if owner is not None and one.parent == owner), None)
+    for one in mine:
+        if one != kept:
+            _remove(one)
+    if owner is None:
+        return
+    if kept is None:
+        _add(scene, owner)
+    elif kept.data.users > 1:  # of a copied volume
+        kept.data = kept.data.copy()
+
+
+def _wanted_for(scene):
+    """The volume object that needs a grid; None if there is none, or the effect is off by hand."""
+    settings = scene.rle_splat
+    owner = settings.composite_object if settings.use_composite else None
+    is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
+    return None if owner is None or is_off or presence.is_deleted(owner) else owner
+
+
+def _add(scene, owner) -> None:
+    title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Shadow"
+    one = medium_volumes.new_object(title, medium_volumes.emitting_material(title))
+    homes = [home for home in owner.users_collection if linked.is_own(home)]
+    for home in homes or [scene.collection]:
+        home.objects.link(one)
+    one.parent = owner
+    one.rle_splat.is_shadow_grid = True
+    one.visible_camera = False
+    one.hide_viewport = one.hide_select = True
+
+
+def _remove(one) -> None:
+    data = one.data
+    bpy.data.objects.remove(one)
+    if data is not None and data.users == 0:
+        materials = [material for material in data.materials if material is not None]
+        bpy.data.volumes.remove(data)
+        for material in materials:
+            if material.users == 0:
+                bpy.data.materials.remove(material)
+
+
+def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
+    """Whether the engine gets to see a volume, and why or why not.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    plain : Scene
+        The same as plain data.
+
+    Returns
+    -------
+    on : bool
+        Whether it does.
+    reason : str
+        Words behind "on" or "off".
+    """
+    scene = depsgraph.scene
+    by_hand = effects.forced(scene, effects.SHADOWS_ON_MESHES)
+    if by_hand is False:
+        return False, "by hand"
+    reason = _impossible_because(scene, owner, plain)
+    if reason:
+        return False, reason
+    casting = Counter(light.type.lower() for light in read_lights(depsgraph) if light.casts_shadow)
+    without = {*clip_objects(scene), *(one for one in scene.objects if one.rle_splat.is_slice)}
+    reason = f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}"
+    if not casting:
+        reason = "no light casts shadows"
+    elif next(seen_meshes(depsgraph, without), None) is None:
+        reason, casting = "no mesh can receive them", ()
+    return bool(by_hand) or bool(casting), f"by hand: {reason}" if by_hand else reason
+
+
+def _impossible_because(scene, owner, plain: Scene) -> str:
+    settings = scene.rle_splat
+    if not settings.use_composite or settings.composite_object != owner:
+        return "renders do not include the volume"
+    if scene.render.engine not in ENGINES:
+        return "only Cycles casts them"
+    if plain.mode != MODES[0]:
+        return "the mode shows no surfaces"
+    if not plain.volume.holds_values:
+        return BAKED
+    if not any(one.parent == owner and linked.is_own(one) for one in grids(scene)):
+        return "the scene is linked from another file"
+    return ""
+
+
+def update(owner, depsgraph, plain: Scene, quality) -> dict:
+    """Have the grid of a volume show what the volume does at the depsgraph's time; nothing if the effect is off.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    plain : Scene
+        The same as plain data.
+    quality : Quality
+        Its backend and threads count.
+
+    Returns
+    -------
+    dict
+        The effect, as reports list effects.
+
+    Raises
+    ------
+    RleSplatError
+        If the grid cannot be made or saved; it is empty then.
+    """
+    began, path = time.perf_counter(), None
+    on, reason = why(owner, depsgraph, plain)
+    try:
+        if on:
+            path = _file_of(plain, quality, shadow_factors(plain, read_lights(depsgraph)))
+    finally:
+        show(depsgraph.scene, owner, path)
+    return row(on, reason, 1000.0 * (time.perf_counter() - began) if on else 0.0)
+
+
+def row(on: bool, reason: str, ms: float | None = 0.0) -> dict:
+    """The effect as reports list effects, with its own milliseconds, None if they are not known."""
+    return {"name": effects.SHADOWS_ON_MESHES, "on": on, "reason": reason, "ms": ms}
+
+
+def show(scene, owner=None, path: Path | None = None) -> None:
+    """Have the grid of a volume show a file, and all others of the scene show nothing.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    owner : bpy.types.Object, optional
+        The volume object.
+    path : Path, optional
+        The file.
+    """
+    for one in grids(scene):
+        shown = kept_path(str(path), bpy.data.filepath) if path is not None and one.parent == owner else ""
+        if one.data is not None and linked.is_own(one.data) and one.data.filepath != shown:
+            one.data.filepath = shown
+
+
+def _file_of(plain: Scene, quality, factors) -> Path:
+    """The file of a scene's medium, which is made if there is none."""
+    scene = for_any_view(plain)
+    turned = medium_volumes.density_factor(plain.volume_matrix), medium_volumes.grid_matrix(plain, factors)
+    path = _folder() / f"{PREFIX}{freshness.digest((scene, factors, turned))}{SUFFIX}"
+    if not path.is_file():
+        drain(medium_volumes.file_steps(plain, quality, factors, path))
+        _delete_unused(path)
+    return path
+
+
+def _folder() -> Path:
+    """Where the files are: beside the .blend, or where the extension may write."""
+    if bpy.data.filepath:
+        return Path(bpy.data.filepath).parent / f"{Path(bpy.data.filepath).stem} {FOLDER}"
+    return (paths.extension_folder() or Path(bpy.app.tempdir)) / FOLDER
+
+
+def _delete_unused(newest: Path) -> None:
+    """Delete all but the latest of the files that no object shows."""
+    shown = {Path(bpy.path.abspath(data.filepath)) for data in bpy.data.volumes if data.filepath} | {newest}
+    found = [path for path in newest.parent.glob(f"{PREFIX}*{SUFFIX}") if path not in shown]
+    for path in sorted(found, key=lambda one: one.stat().st_mtime)[:-KEPT]:
+        path.unlink(missing_ok=True)
+
+
+@persistent
+def _on_save_pre(*_arguments):
+    """Save grids empty: a render without this extension shows neither the volume nor a shadow of what it was."""
+    for data in _own_data():
+        _saved[data.session_uid], data.filepath = data.filepath, ""
+
+
+@persistent
+def _on_save_post(*_arguments):
+    for data in _own_data():
+        data.filepath = _saved.get(data.session_uid, "")
+    _saved.clear()
+
+
+def _own_data() -> list:
+    return [
+        one.data
+        for one in bpy.data.objects
+        if one.rle_splat.is_shadow_grid and one.data is not None and linked.is_own(one.data)
+    ]
+
+
+HANDLERS = (("save_pre", _on_save_pre), ("save_post", _on_save_post), ("save_post_fail", _on_save_post))
