@@ -5,6 +5,8 @@ The file holds the grids of ``vdb_medium``, in the space of the volume object: i
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 
@@ -13,10 +15,17 @@ from ..rle_splat.read.vdb_medium import DENSITY, EMISSION, MediumFile
 from ..rle_splat.scene import Scene
 from . import render_scene, versions, volumes
 
+LOOKS = [
+    ("LIT", "As Lit Here", "Keep the light of this moment: the material absorbs, and emits the lit colors"),
+    ("CYCLES", "Lit by Cycles", "Let the lights of the scene shine on it: the material scatters light in the unlit "
+                                "colors"),
+]
+
+OF_LIGHT = ("shading", "lights", "headlight", "world light", "shadows", "ambient occlusion")  # names of effects
 LONGEST_NAME = 40  # characters of the volume's name in names made of it
 
 
-def file_steps(plain: Scene, quality, factors, path):
+def file_steps(plain: Scene, quality, factors, path, residual=None):
     """Generator of Progress: write the medium of a scene to an OpenVDB file.
 
     Parameters
@@ -29,6 +38,8 @@ def file_steps(plain: Scene, quality, factors, path):
         Voxels of the volume along each side of a voxel of the file.
     path : Path
         The file.
+    residual : ndarray, shape (4, 4), optional
+        Space of the volume object to that of the object that shows the file, if they differ.
 
     Returns
     -------
@@ -41,9 +52,10 @@ def file_steps(plain: Scene, quality, factors, path):
         If the medium cannot be made, or the file cannot be written.
     """
     volumes.expose_modules()
-    made = MediumFile(density_factor(plain.volume_matrix))
+    residual = np.eye(4) if residual is None else residual
+    made = MediumFile(density_factor(plain.volume_matrix @ np.linalg.inv(residual)))
     visible = yield from medium_steps(plain, quality, factors, made.add, render_scene.KEPT)
-    made.save(path, grid_matrix(plain, factors))
+    made.save(path, residual @ grid_matrix(plain, factors))
     return visible
 
 
@@ -93,6 +105,35 @@ def emitting_material(name: str):
         column.location = (220.0, -220.0 * row)
     both.location = (440.0, 0.0)
     return material
+
+
+def scattering_material(name: str):
+    """A Principled Volume of the file's density, in the colors that ``unlit`` leaves."""
+    material, tree, output = _new_material(name)
+    density, emission = _attribute(tree, DENSITY, 0), _attribute(tree, EMISSION, 1)
+    divide = tree.nodes.new("ShaderNodeVectorMath")
+    divide.operation, divide.location = "DIVIDE", (220.0, -220.0)
+    principled = tree.nodes.new("ShaderNodeVolumePrincipled")
+    principled.location = (440.0, 0.0)
+    principled.inputs["Density Attribute"].default_value = ""  # else it would be multiplied in once more
+    tree.links.new(emission.outputs["Vector"], divide.inputs[0])
+    tree.links.new(density.outputs["Fac"], divide.inputs[1])
+    tree.links.new(density.outputs["Fac"], principled.inputs["Density"])
+    tree.links.new(divide.outputs["Vector"], principled.inputs["Color"])
+    tree.links.new(principled.outputs[0], output.inputs["Volume"])
+    return material
+
+
+def material_for(look: str, name: str):
+    """A material of one of LOOKS."""
+    return emitting_material(name) if look == LOOKS[0][0] else scattering_material(name)
+
+
+def unlit(plain: Scene) -> Scene:
+    """The scene in the colors of the transfer function, for a material that light falls on."""
+    function = replace(plain.transfer_function, shade=None)
+    return replace(plain, transfer_function=function, effects={
+        name: on for name, on in plain.effects.items() if name not in OF_LIGHT})
 
 
 def _new_material(name: str) -> tuple:

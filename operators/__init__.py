@@ -7,6 +7,7 @@ from . import (
     add_clip,
     add_slice,
     apply_preset,
+    bake_volume,
     channels,
     choose_object,
     choose_series,
@@ -44,7 +45,7 @@ MODULES = (
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label,
-    turntable, extract_surface, save_figure,
+    turntable, extract_surface, save_figure, bake_volume,
 )
 
 

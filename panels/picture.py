@@ -30,6 +30,7 @@ class PicturePanel:
         row = _tall(layout)
         row.operator("rle_splat.save_figure", icon="DOCUMENTS")
         row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
+        layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
         _draw_quality(context, layout)
         layout.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)

@@ -9,8 +9,8 @@ import bpy
 from tests.blender import layout_recorder
 
 OPERATORS = {
-    "add_channels", "add_clip", "add_slice", "apply_own_preset", "apply_preset", "choose_object", "choose_plan",
-    "choose_series", "choose_transfer", "clear_kernels", "clip_to_view", "composite", "delete_clip",
+    "add_channels", "add_clip", "add_slice", "apply_own_preset", "apply_preset", "bake_volume", "choose_object",
+    "choose_plan", "choose_series", "choose_transfer", "clear_kernels", "clip_to_view", "composite", "delete_clip",
     "delete_own_preset", "drag_window", "error_map", "extract_surface", "frame_volume", "import_folder",
     "import_presets", "import_volume", "keyframe_transfer", "list_effects", "live_again", "load_transfer",
     "measure_accuracy", "own_transfer", "probe", "read_labels", "reload", "relocate", "remove_backdrop",
@@ -41,9 +41,10 @@ LISTENERS = {
     "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
     "load_post": ["source_paths", "migration", "watch", "follow_slices", "shown"],
     "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown"], "render_cancel": ["over_render"],
-    "render_complete": ["over_render"], "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
-    "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths"],
-    "save_post_fail": ["source_paths"], "save_pre": ["source_paths", "over_render", "picture_files"],
+    "render_complete": ["over_render"], "render_init": ["over_render"], "render_post": ["over_render"],
+    "render_pre": ["over_render"], "render_write": ["over_render"], "save_post": ["source_paths", "mesh_shadows"],
+    "save_post_fail": ["source_paths", "mesh_shadows"],
+    "save_pre": ["source_paths", "over_render", "mesh_shadows", "picture_files"],
     "undo_post": ["watch", "follow_slices", "shown"],
 }  # fmt: skip
 
