@@ -1,10 +1,11 @@
 """The volume's shadow and reflection on meshes: a Volume object that all rays see but the camera's.
 
 Renders combine our picture with that of the engine, which knows nothing of the volume.  So a child of the volume object
-holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.  The
-object is there as long as renders include the volume.  What it shows is set before each rendered frame, on the render
-thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  The object is disabled in
-viewports, so it is neither drawn nor framed nor selected there.
+holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.  EEVEE
+casts no shadows of grids.  For it a child of the grid is the surface at which a voxel of the grid lets half of the
+light through.  Both objects are there as long as renders include the volume.  What they show is set before each
+rendered frame, on the render thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  They
+are disabled in viewports, so they are neither drawn nor framed nor selected there.
 
 Files are named after a hash of all that decides their content.  They are beside the .blend, or in the extension's
 folder before its first save.
@@ -17,6 +18,7 @@ from collections import Counter
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ..rle_splat.effects.lighting_kinds import BAKED
@@ -29,7 +31,8 @@ from .lights import read_lights
 from .meshes import seen_meshes
 from .source_paths import kept_path
 
-ENGINES = ("CYCLES",)  # that cast shadows of grids and hide them from the camera
+GRID_ENGINES = ("CYCLES",)  # that cast shadows of grids and hide them from the camera
+SURFACE_ENGINES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")  # that do so with surfaces alone
 FOLDER = "volume shadows"
 PREFIX, SUFFIX = "shadow-", ".vdb"
 KEPT = 4  # files that no object shows any more; an earlier state of the scene may want them again
@@ -39,7 +42,13 @@ _saved: dict = {}  # session id of a grid -> its file, while the .blend is saved
 
 def grids(scene) -> list:
     """The objects of a scene that hold a volume's medium for shadows, sorted by name."""
-    return sorted((one for one in scene.objects if one.rle_splat.is_shadow_grid), key=lambda one: one.name)
+    found = (one for one in scene.objects if one.rle_splat.is_shadow_grid and one.type == "VOLUME")
+    return sorted(found, key=lambda one: one.name)
+
+
+def surface_of(grid):
+    """The surface of a grid for EEVEE; None if somebody has removed it."""
+    return next((one for one in grid.children if one.type == "MESH" and len(one.modifiers)), None)
 
 
 def settle(scene) -> None:
@@ -59,9 +68,11 @@ def settle(scene) -> None:
     if owner is None:
         return
     if kept is None:
-        _add(scene, owner)
+        kept = _add(scene, owner)
     elif kept.data.users > 1:  # of a copied volume
         kept.data = kept.data.copy()
+    if surface_of(kept) is None:
+        _add_surface(kept)
 
 
 def _wanted_for(scene):
@@ -72,20 +83,39 @@ def _wanted_for(scene):
     return None if owner is None or is_off or presence.is_deleted(owner) else owner
 
 
-def _add(scene, owner) -> None:
+def _add(scene, owner):
     title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Shadow"
     one = medium_volumes.new_object(title, medium_volumes.emitting_material(title))
     homes = [home for home in owner.users_collection if linked.is_own(home)]
-    for home in homes or [scene.collection]:
+    _attach(one, owner, homes or [scene.collection])
+    return one
+
+
+def _add_surface(grid) -> None:
+    title = f"{grid.name} Surface"
+    one = bpy.data.objects.new(title, bpy.data.meshes.new(title))
+    modifier = one.modifiers.new("Surface", "VOLUME_TO_MESH")
+    modifier.object, modifier.resolution_mode = grid, "GRID"
+    modifier.show_render = False
+    _attach(one, grid, grid.users_collection)
+
+
+def _attach(one, parent, homes) -> None:
+    for home in homes:
         home.objects.link(one)
-    one.parent = owner
+    one.parent = parent
     one.rle_splat.is_shadow_grid = True
     one.visible_camera = False
     one.hide_viewport = one.hide_select = True
 
 
 def _remove(one) -> None:
-    data = one.data
+    data, surface = one.data, surface_of(one)
+    if surface is not None:
+        mesh = surface.data
+        bpy.data.objects.remove(surface)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
     bpy.data.objects.remove(one)
     if data is not None and data.users == 0:
         materials = [material for material in data.materials if material is not None]
@@ -124,6 +154,8 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
     casting = Counter(light.type.lower() for light in read_lights(depsgraph) if light.casts_shadow)
     without = {*clip_objects(scene), *(one for one in scene.objects if one.rle_splat.is_slice)}
     reason = f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}"
+    if scene.render.engine in SURFACE_ENGINES:
+        reason += ", of an opaque surface in EEVEE"
     if not casting:
         reason = "no light casts shadows"
     elif next(seen_meshes(depsgraph, without), None) is None:
@@ -135,8 +167,8 @@ def _impossible_because(scene, owner, plain: Scene) -> str:
     settings = scene.rle_splat
     if not settings.use_composite or settings.composite_object != owner:
         return "renders do not include the volume"
-    if scene.render.engine not in ENGINES:
-        return "only Cycles casts them"
+    if scene.render.engine not in GRID_ENGINES + SURFACE_ENGINES:
+        return "this render engine casts none"
     if plain.mode != MODES[0]:
         return "the mode shows no surfaces"
     if not plain.volume.holds_values:
@@ -170,13 +202,16 @@ def update(owner, depsgraph, plain: Scene, quality) -> dict:
     RleSplatError
         If the grid cannot be made or saved; it is empty then.
     """
-    began, path = time.perf_counter(), None
+    began, path, half = time.perf_counter(), None, 1.0
     on, reason = why(owner, depsgraph, plain)
     try:
         if on:
-            path = _file_of(plain, quality, shadow_factors(plain, read_lights(depsgraph)))
+            factors = shadow_factors(plain, read_lights(depsgraph))
+            path = _file_of(plain, quality, factors)
+            voxel = np.cbrt(abs(np.linalg.det(medium_volumes.grid_matrix(plain, factors)[:3, :3])))
+            half = float(np.log(2.0) / voxel)
     finally:
-        show(depsgraph.scene, owner, path)
+        show(depsgraph.scene, owner, path, half)
     return row(on, reason, 1000.0 * (time.perf_counter() - began) if on else 0.0)
 
 
@@ -185,7 +220,7 @@ def row(on: bool, reason: str, ms: float | None = 0.0) -> dict:
     return {"name": effects.SHADOWS_ON_MESHES, "on": on, "reason": reason, "ms": ms}
 
 
-def show(scene, owner=None, path: Path | None = None) -> None:
+def show(scene, owner=None, path: Path | None = None, half: float = 1.0) -> None:
     """Have the grid of a volume show a file, and all others of the scene show nothing.
 
     Parameters
@@ -196,11 +231,18 @@ def show(scene, owner=None, path: Path | None = None) -> None:
         The volume object.
     path : Path, optional
         The file.
+    half : float
+        The density of its surface.
     """
     for one in grids(scene):
         shown = kept_path(str(path), bpy.data.filepath) if path is not None and one.parent == owner else ""
         if one.data is not None and linked.is_own(one.data) and one.data.filepath != shown:
             one.data.filepath = shown
+        surface = surface_of(one)
+        if surface is not None and linked.is_own(surface):
+            modifier = surface.modifiers[0]
+            modifier.threshold = half
+            modifier.show_render = bool(shown) and scene.render.engine in SURFACE_ENGINES
 
 
 def _file_of(plain: Scene, quality, factors) -> Path:
@@ -247,7 +289,7 @@ def _own_data() -> list:
     return [
         one.data
         for one in bpy.data.objects
-        if one.rle_splat.is_shadow_grid and one.data is not None and linked.is_own(one.data)
+        if one.type == "VOLUME" and one.rle_splat.is_shadow_grid and linked.is_own(one.data)
     ]
 
 

@@ -217,7 +217,9 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
     assert reason() == (False, "the mode shows no surfaces")
     scene.rle_splat.mode = "composite"
     scene.render.engine = "BLENDER_WORKBENCH"
-    assert reason() == (False, "only Cycles casts them")
+    assert reason() == (False, "this render engine casts none")
+    scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
+    assert reason() == (True, "cast by 1 sun, of an opaque surface in EEVEE")
     scene.render.engine = "CYCLES"
     force("OFF")
     assert reason() == (False, "by hand")
@@ -234,10 +236,44 @@ def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid,
     force("OFF")
     update()
     assert grid() is None and len(bridge("render_scene").read_occluders(bpy.context.evaluated_depsgraph_get())) == 2
-    assert not bpy.data.volumes and not [one for one in bpy.data.materials if "Shadow" in one.name]
+    left = *bpy.data.volumes, *bpy.data.materials, *bpy.data.meshes, *bpy.data.objects
+    assert not [one for one in left if "Shadow" in one.name]
     force("AUTO")
     update()
     assert grid() is not None
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.02])
+def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, alpha):
+    """Its vertices in the evaluated scene of a render; Cycles gets none beside the grid."""
+    load_color(tmp_path, RED, alpha=alpha)
+    surface, corners = bridge("mesh_shadows").surface_of(grid()), []
+    assert not surface.visible_get() and not surface.visible_camera and surface.parent == grid()
+
+    def note(scene, depsgraph):
+        mesh = surface.evaluated_get(depsgraph).data
+        corners.append(np.array([vertex.co[:] for vertex in mesh.vertices]).reshape(-1, 3))
+
+    render()
+    path = Path(bpy.path.abspath(grid().data.filepath))
+    bpy.context.scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    half = math.log(2.0)
+    bridge("mesh_shadows").show(bpy.context.scene, cube, path, half)
+    assert surface.modifiers[0].show_render and surface.modifiers[0].threshold == pytest.approx(half)
+    grid().hide_viewport = surface.hide_viewport = False  # the evaluated scene of no render has what viewports show
+    surface.modifiers[0].show_viewport = True
+    update()
+    note(None, depsgraph)
+    bpy.context.scene.render.engine = "CYCLES"
+    render()
+    assert not surface.modifiers[0].show_render
+    if alpha == 1.0:  # voxels 0 to 6, which end half-way to the next
+        at = bridge("versions").GRID_SAMPLE_AT
+        assert corners[0].min() == pytest.approx(-0.9 - at, abs=0.2)
+        assert corners[0].max() == pytest.approx(6.9 - at, abs=0.2)
+    else:
+        assert len(corners[0]) == 0, "too thin for a surface"
 
 
 def test_a_file_is_saved_with_an_empty_grid_and_its_renders_fill_it(cube, grid, tmp_path):
@@ -275,7 +311,7 @@ def test_deleting_the_volume_deletes_its_grid(cube, grid):
     render()
 
 
-def test_a_copy_of_the_volume_has_no_shadow_of_its_own(cube, grid):
+def test_a_copy_of_the_volume_has_no_shadow_of_its_own(cube, grid, bridge):
     for one in (cube, grid()):
         copy = one.copy()
         bpy.context.scene.collection.objects.link(copy)
@@ -283,8 +319,7 @@ def test_a_copy_of_the_volume_has_no_shadow_of_its_own(cube, grid):
     update()
     assert grid().parent == cube
     again = bpy.context.scene.copy()
-    whole = [one for one in again.objects if one.rle_splat.is_shadow_grid]
-    assert whole == [grid()], "scenes that share the volume share its grid"
+    assert bridge("mesh_shadows").grids(again) == [grid()], "scenes that share the volume share its grid"
 
 
 def test_undo_and_redo_leave_one_grid_that_renders_fill(cube, grid):
