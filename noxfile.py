@@ -16,7 +16,7 @@ import nox
 
 from devtools import demo as demonstration
 from devtools import docs as documentation
-from devtools import fuzzing, mutations, real_blender, testing, uv
+from devtools import fuzzing, mutations, real_blender, shadow_pictures, testing, uv
 from devtools import gallery as pictures
 from devtools import release as releases
 from devtools.build import build as build_zips
@@ -91,6 +91,15 @@ def gallery(parser, words) -> int:
 def figures(parser, words) -> int:
     """Make the figures of the documentation in out/figures/; arguments go to rle-splat figure."""
     return run(ensure(CORE), "-m", "devtools.example_figures", *words)
+
+
+@job
+def shadows(parser, words) -> int:
+    """Compare the volume's shadow and reflection with those of Cycles' own volume; write pictures and figures."""
+    parser.add_argument("--size", default="400x300", metavar="WxH", help="pixels of each picture")
+    parser.add_argument("--samples", type=int, default=40, help="of Cycles, for each pixel")
+    known = parser.parse_args(words)
+    return shadow_pictures.shadows(known.size, known.samples)
 
 
 @job
