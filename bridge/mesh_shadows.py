@@ -25,7 +25,7 @@ from ..rle_splat.effects.lighting_kinds import BAKED
 from ..rle_splat.pipeline.medium_grid import for_any_view, shadow_factors
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import MODES, Scene
-from . import effects, freshness, linked, medium_volumes, paths, presence
+from . import effects, freshness, linked, medium_volumes, paths, presence, volumes
 from .clip_objects import clip_objects
 from .lights import read_lights
 from .meshes import seen_meshes
@@ -52,35 +52,35 @@ def surface_of(grid):
 
 
 def settle(scene) -> None:
-    """Give the volume in renders its grid, and remove grids of other volumes and of deleted ones.
+    """Give each volume in renders its grid, and remove all others, such as those of deleted volumes.
 
     Parameters
     ----------
     scene : bpy.types.Scene
         A local scene.
     """
-    owner = _wanted_for(scene)
-    mine = [one for one in grids(scene) if linked.is_own(one)]
-    kept = next((one for one in mine if owner is not None and one.parent == owner), None)
-    for one in mine:
-        if one != kept:
-            _remove(one)
-    if owner is None:
-        return
-    if kept is None:
-        kept = _add(scene, owner)
-    elif kept.data.users > 1:  # of a copied volume
-        kept.data = kept.data.copy()
-    if surface_of(kept) is None:
-        _add_surface(kept)
+    owners = _wanted_for(scene)
+    kept: dict = {}  # volume object -> its grid
+    for one in grids(scene):
+        if linked.is_own(one):
+            if one.parent in owners and one.parent not in kept:
+                kept[one.parent] = one
+            else:
+                _remove(one)
+    for owner in owners:
+        grid = kept.get(owner) or _add(scene, owner)
+        if grid.data.users > 1:  # of a copied volume
+            grid.data = grid.data.copy()
+        if surface_of(grid) is None:
+            _add_surface(grid)
 
 
-def _wanted_for(scene):
-    """The volume object that needs a grid; None if there is none, or the effect is off by hand."""
+def _wanted_for(scene) -> list:
+    """The volume objects that need a grid: none if renders include no volume, or the effect is off by hand."""
     settings = scene.rle_splat
-    owner = settings.composite_object if settings.use_composite else None
+    first = settings.composite_object if settings.use_composite else None
     is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
-    return None if owner is None or is_off or presence.is_deleted(owner) else owner
+    return [] if first is None or is_off or presence.is_deleted(first) else volumes.volume_objects(scene)
 
 
 def _add(scene, owner):
@@ -152,6 +152,8 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
     if reason:
         return False, reason
     casting = Counter(light.type.lower() for light in read_lights(depsgraph) if light.casts_shadow)
+    if plain.environment is not None:
+        casting["environment"] += 1
     without = {*clip_objects(scene), *(one for one in scene.objects if one.rle_splat.is_slice)}
     reason = f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}"
     if scene.render.engine in SURFACE_ENGINES:
@@ -165,7 +167,7 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
 
 def _impossible_because(scene, owner, plain: Scene) -> str:
     settings = scene.rle_splat
-    if not settings.use_composite or settings.composite_object != owner:
+    if not settings.use_composite or settings.composite_object is None or scene not in owner.users_scene:
         return "renders do not include the volume"
     if scene.render.engine not in GRID_ENGINES + SURFACE_ENGINES:
         return "this render engine casts none"
@@ -178,17 +180,15 @@ def _impossible_because(scene, owner, plain: Scene) -> str:
     return ""
 
 
-def update(owner, depsgraph, plain: Scene, quality) -> dict:
-    """Have the grid of a volume show what the volume does at the depsgraph's time; nothing if the effect is off.
+def update(shown: list, depsgraph, quality) -> dict:
+    """Have grids show what their volumes do at the depsgraph's time; nothing where the effect is off.
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
+    shown : list of (bpy.types.Object, Scene)
+        The volumes that a view layer shows, each with what its picture depends on.
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
-    plain : Scene
-        The same as plain data.
     quality : Quality
         Its backend and threads count.
 
@@ -200,18 +200,19 @@ def update(owner, depsgraph, plain: Scene, quality) -> dict:
     Raises
     ------
     RleSplatError
-        If the grid cannot be made or saved; it is empty then.
+        If a grid cannot be made or saved; it is empty then.
     """
-    began, path, half = time.perf_counter(), None, 1.0
-    on, reason = why(owner, depsgraph, plain)
+    began, files, on, reason = time.perf_counter(), {}, False, "only instances of volumes are shown"
     try:
-        if on:
-            factors = shadow_factors(plain, read_lights(depsgraph))
-            path = _file_of(plain, quality, factors)
-            voxel = np.cbrt(abs(np.linalg.det(medium_volumes.grid_matrix(plain, factors)[:3, :3])))
-            half = float(np.log(2.0) / voxel)
+        for owner, plain in shown:
+            casts, words = why(owner, depsgraph, plain)
+            if casts:
+                factors = shadow_factors(plain, read_lights(depsgraph))
+                voxel = np.cbrt(abs(np.linalg.det(medium_volumes.grid_matrix(plain, factors)[:3, :3])))
+                files[owner] = _file_of(plain, quality, factors), float(np.log(2.0) / voxel)
+            on, reason = (on or casts), (reason if on else words)
     finally:
-        show(depsgraph.scene, owner, path, half)
+        show(depsgraph.scene, files)
     return row(on, reason, 1000.0 * (time.perf_counter() - began) if on else 0.0)
 
 
@@ -220,22 +221,19 @@ def row(on: bool, reason: str, ms: float | None = 0.0) -> dict:
     return {"name": effects.SHADOWS_ON_MESHES, "on": on, "reason": reason, "ms": ms}
 
 
-def show(scene, owner=None, path: Path | None = None, half: float = 1.0) -> None:
-    """Have the grid of a volume show a file, and all others of the scene show nothing.
+def show(scene, files: dict | None = None) -> None:
+    """Have the grids of volumes show files, and all others of the scene show nothing.
 
     Parameters
     ----------
     scene : bpy.types.Scene
         The scene.
-    owner : bpy.types.Object, optional
-        The volume object.
-    path : Path, optional
-        The file.
-    half : float
-        The density of its surface.
+    files : dict of bpy.types.Object to (Path, float), optional
+        Volume object to its file and the density of its surface.
     """
     for one in grids(scene):
-        shown = kept_path(str(path), bpy.data.filepath) if path is not None and one.parent == owner else ""
+        path, half = (files or {}).get(one.parent, (None, 1.0))
+        shown = "" if path is None else kept_path(str(path), bpy.data.filepath)
         if one.data is not None and linked.is_own(one.data) and one.data.filepath != shown:
             one.data.filepath = shown
         surface = surface_of(one)

@@ -259,7 +259,7 @@ def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, a
     bpy.context.scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
     depsgraph = bpy.context.evaluated_depsgraph_get()
     half = math.log(2.0)
-    bridge("mesh_shadows").show(bpy.context.scene, cube, path, half)
+    bridge("mesh_shadows").show(bpy.context.scene, {cube: (path, half)})
     assert surface.modifiers[0].show_render and surface.modifiers[0].threshold == pytest.approx(half)
     grid().hide_viewport = surface.hide_viewport = False  # the evaluated scene of no render has what viewports show
     surface.modifiers[0].show_viewport = True
@@ -310,15 +310,25 @@ def test_deleting_the_volume_deletes_its_grid(cube, grid):
     render()
 
 
-def test_a_copy_of_the_volume_has_no_shadow_of_its_own(cube, grid, bridge):
-    for one in (cube, grid()):
-        copy = one.copy()
-        bpy.context.scene.collection.objects.link(copy)
-    copy.parent = bpy.data.objects[f"{cube.name}.001"]
+def test_copies_of_the_volume_and_of_the_scene(cube, grid, bridge):
+    """A copied volume gets a grid of its own, whether that was copied, too, or not."""
+    grids = bridge("mesh_shadows").grids
+    copies = [cube.copy(), cube.copy(), grid().copy()]
+    for one in copies:
+        bpy.context.scene.collection.objects.link(one)
+    copies[2].parent = copies[0]
     update()
-    assert grid().parent == cube
+    found = grids(bpy.context.scene)
+    assert {one.parent for one in found} == {cube, *copies[:2]} and len(found) == 3
+    assert len({one.data for one in found}) == len({bridge("mesh_shadows").surface_of(one) for one in found}) == 3
+    copies[0].location.x += 9.0
+    render()
+    assert row_of().on and len({one.data.filepath for one in found}) == 2, "unlit, so that two have one content"
+    copies[0].hide_render = True
+    render()
+    assert [bool(one.data.filepath) for one in found if one.parent == copies[0]] == [False]
     again = bpy.context.scene.copy()
-    assert bridge("mesh_shadows").grids(again) == [grid()], "scenes that share the volume share its grid"
+    assert grids(again) == found, "scenes that share the volumes share their grids"
 
 
 def test_undo_and_redo_leave_one_grid_that_renders_fill(cube, grid):
