@@ -90,9 +90,23 @@ def new_object(name: str, material):
     return bpy.data.objects.new(name, data)
 
 
-def emitting_material(name: str):
-    """A material that absorbs by the file's density and emits its lit colors, as our own pictures do."""
+def emitting_material(name: str, engines: str = "ALL"):
+    """A material that absorbs by the file's density and emits its lit colors, as our own pictures do.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    engines : {"ALL", "CYCLES"}
+        The engines that draw it.
+
+    Returns
+    -------
+    bpy.types.Material
+        The material.
+    """
     material, tree, output = _new_material(name)
+    output.target = engines
     density, emission = _attribute(tree, DENSITY, 0), _attribute(tree, EMISSION, 1)
     absorb, emit, both = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VolumeAbsorption", "Emission", "AddShader"))
     absorb.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)

@@ -85,7 +85,8 @@ def _wanted_for(scene) -> list:
 
 def _add(scene, owner):
     title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Shadow"
-    one = medium_volumes.new_object(title, medium_volumes.emitting_material(title))
+    # In 5.2 EEVEE shows volumes to the camera that are hidden from it.
+    one = medium_volumes.new_object(title, medium_volumes.emitting_material(title, GRID_ENGINES[0]))
     homes = [home for home in owner.users_collection if linked.is_own(home)]
     _attach(one, owner, homes or [scene.collection])
     return one

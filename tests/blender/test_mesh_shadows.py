@@ -249,6 +249,8 @@ def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, a
     load_color(tmp_path, RED, alpha=alpha)
     surface, corners = bridge("mesh_shadows").surface_of(grid()), []
     assert not surface.visible_get() and not surface.visible_camera and surface.parent == grid()
+    nodes = grid().data.materials[0].node_tree.nodes
+    assert [node.target for node in nodes if node.type == "OUTPUT_MATERIAL"] == ["CYCLES"], "EEVEE 5.2 would draw it"
 
     def note(scene, depsgraph):
         mesh = surface.evaluated_get(depsgraph).data

@@ -81,6 +81,9 @@ def scenario():
         row = scene.rle_splat.effect_rows["shadows on meshes"]
         assert row.on == (state == "AUTO"), row.reason
     passed("F12 on the render thread")
+    apart = np.abs(pictures["OFF"] - pictures["AUTO"])[..., :3].max(axis=2)[60:100, 135:185]
+    print(f"where the ball is the pictures differ by at most {apart.max():.3f}")
+    assert apart.max() < 0.02, "the grid or its surface is drawn over the volume"
     lost = (pictures["OFF"] - pictures["AUTO"])[..., :3].mean(axis=2)
     print(f"the shadow takes {lost.max():.2f} of the floor's light, on {np.mean(lost > 0.2):.1%} of the picture")
     assert np.mean(lost > 0.2) > 0.005
