@@ -23,6 +23,8 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     bl_description = (
         "Write what the volume shows now to an OpenVDB file, and add a Volume object with a material that shows it in "
         "Cycles, also where this extension is not installed")
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would write the file again
+    is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
 
     filename_ext = ".vdb"
     is_confirmed = False  # whether the dialog was shown, whose button calls ``execute``

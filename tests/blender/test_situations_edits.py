@@ -129,6 +129,7 @@ EDITS = {
     "delete_clip": (dict(name="Clip Box"), clip_box),
     "reload": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),
+    "bake_volume": (dict(filepath="baked.vdb"), None),
 }
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 # Of which nothing is undone.
