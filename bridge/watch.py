@@ -53,8 +53,7 @@ HANDLERS = (
 
 
 def attend(scene, depsgraph) -> None:
-    """Check a scene: copies of scenes, deleted objects, grids for shadows, the followed backdrop, and outdated
-    pictures.
+    """Check a scene: copies of scenes, deleted objects, the followed backdrop, outdated pictures, grids for shadows.
 
     Parameters
     ----------
@@ -71,10 +70,12 @@ def attend(scene, depsgraph) -> None:
                 follow_scene.remove_deleted(one)
                 _release_composited(one)
                 pictures.release_deleted(one, presence.is_deleted)
-                mesh_shadows.settle(one)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.update_status(scene, depsgraph):
             redraw(bpy.context)
+        for one in bpy.data.scenes:  # last, for it adds and removes objects, of which the depsgraph knows nothing yet
+            if one.library is None:
+                mesh_shadows.settle(one)
     finally:
         _attending.clear()
 
