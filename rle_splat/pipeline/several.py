@@ -152,7 +152,8 @@ def _pixels_of(scene: Scene) -> np.ndarray:
 
 def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
     """The first volume's report with the times and remarks of all; ``reports``: (number, report) of each picture."""
-    first = next(report for n, report in reports if n == 0)
+    # Slabs leave out a volume that lies outside of the clip distances.
+    first = next((report for n, report in reports if n == 0), reports[0][1])
     remarks = [remark for _, report in sorted(reports, key=lambda one: one[0]) for remark in report["remarks"]]
     stages = {name: sum(report["stages_ms"][name] for _, report in reports) for name in first["stages_ms"]}
     cut = {"reason": SLICED} if about["mixed"] else {}

@@ -135,6 +135,17 @@ def test_one_of_two_volumes_is_the_picture_of_it_alone(box):
     np.testing.assert_array_equal(picture([alone]).rgba, expected.rgba)
 
 
+def test_a_volume_before_the_clip_distances_is_left_out(box):
+    near, far = (
+        replace(scene, camera=replace(scene.camera, clip_start=36.0))
+        for scene in (box((0, 0, 5), 0.06, RED), box((0, 0, 0), 0.1, BLUE))
+    )
+    found = picture([near, far])
+    expected = drain(render_steps(far, QUALITY, None))
+    np.testing.assert_allclose(found.rgba, expected.rgba, atol=1e-6)
+    assert found.rgba[..., 3].max() > 0.2 and found.report["volumes"]["count"] == 2
+
+
 def test_overlapping_volumes_in_motion_are_laid_over_one_another(box):
     near, far = box((0, 0, 5), 0.3, RED), box((0, 0, 0), 0.2, BLUE)
     still = tuple(Pose(near.camera.matrix_world, near.volume_matrix) for _ in range(2))
