@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -73,6 +75,8 @@ class FolderVolume:
     decoding : ndarray or None
         See RunLengthVolume.
     mapped : MappedTables
+    key : str
+        Hash of the header, which holds the checksums of all tables.
     opened : dict
         What was checked already.
     """
@@ -97,6 +101,7 @@ class FolderVolume:
     most_color: float
     decoding: np.ndarray | None
     mapped: MappedTables
+    key: str
     opened: dict = field(default_factory=dict)
 
     holds_values: ClassVar[bool] = False
@@ -273,7 +278,7 @@ def _opened(path: Path, header: dict) -> FolderVolume:
         header["transfer_function"], header["lighting"], str(header["source"]), tuple(header["remarks"]),
         header["space"], int(header["visible"]), int(header["nan_voxels"]), _values(header),
         _checked_color(header.get("most_color", 0.0)), None if decoding is None else np.array(decoding, np.float32),
-        mapped,
+        mapped, hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
     )  # fmt: skip
 
 

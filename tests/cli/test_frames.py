@@ -167,9 +167,10 @@ def test_a_frame_by_other_options_is_made_again(raw, call, raw_options, tmp_path
     assert kept(frames_of(call, tmp_path, *words, *option)[0]) == [True]
 
 
-def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path):
+@pytest.mark.parametrize("form", [(), ("--folder",)], ids=["file", "folder"])
+def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path, form):
     tables = tmp_path / "ball.rle"
-    assert call("encode", raw, *raw_options, "-o", tables).code == 0
+    assert call("encode", raw, *raw_options, "-o", tables, *form).code == 0
     words = tables, "--size", 24, "--backend", "numpy", "-o", tmp_path / "out.png", "--frames", 1, 2, "--turn", 90
     assert kept(frames_of(call, tmp_path, *words, "--tile", 16)[0]) == [False, False]
     assert kept(frames_of(call, tmp_path, *words)[0]) == [True, True]
