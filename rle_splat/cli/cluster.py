@@ -32,7 +32,7 @@ SMALLEST, LARGEST, STEP = 64, 1024, 32  # pixels: sides of tiles that are chosen
 # Options that name files; workers may run in other folders.
 PATHS = (
     "volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "motion", "camera_path",
-    "labels", "label_functions",
+    "labels", "label_functions", "environment",
 )  # fmt: skip
 
 

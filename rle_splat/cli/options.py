@@ -236,8 +236,8 @@ def add_mist_option(parser) -> None:
 
 def scene_inputs(args) -> tuple:
     """The input files of a command with ``add_scene_options``; None for one that was not given."""
-    clip = getattr(args, "clip", None)
-    return args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix, clip
+    further = (getattr(args, name, None) for name in ("clip", "mist", "environment"))
+    return args.volume, args.transfer_function, args.lights, args.camera, args.volume_matrix, *further
 
 
 def add_size_option(parser) -> None:
