@@ -34,7 +34,10 @@ from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 # Options that count when a figure is made again; its sidecar holds all others.
-OF_A_REMAKE = ("volume", "output", "data", "json", "progress", "threads", "debug", "command", "run", "prog", "defaults")
+OF_A_REMAKE = (
+    "volume", "output", "data", "json", "progress", "threads", "memory_limit", "debug", "command", "run", "prog",
+    "defaults",
+)  # fmt: skip
 
 
 def add_arguments(parser) -> None:
@@ -118,7 +121,7 @@ def _made(args, line):
         raise RleSplatError("--data tells where the data of a sidecar is; give the volume itself in place of VOLUME.")
     wanted = wanted_panels(args, read_transfer_function)
     compared = [one.transfer_function for one in wanted.functions]
-    _check_outputs(args, (*scene_inputs(args), args.mist, *compared), [sidecar_path(args.output[0])])
+    _check_outputs(args, (*scene_inputs(args), *compared), [sidecar_path(args.output[0])])
     style = style_from(args)
     args.size = tile_size(style, wanted.count)
     for view in wanted.views:
@@ -140,7 +143,13 @@ def _made(args, line):
     panels, reasons = panels_of(args, volume, wanted, scene_of)
     made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
     remarks = (*reasons, *made.remarks, *quality_remarks(args, quality))
-    return made, remarks, sidecar_of(made, DataSource(str(args.volume), volume_options(args)))
+    return made, remarks, sidecar_of(made, DataSource(str(args.volume), _read_options(args, volume)))
+
+
+def _read_options(args, volume) -> dict:
+    """The options that read the same volume again; the level of a pyramid, if left out, follows the free memory."""
+    found = {"level": volume.levels.index(volume.shape_xyz)} if volume.shape_xyz in volume.levels else {}
+    return {**found, **volume_options(args)}
 
 
 def _rendered(figure: Figure, qualities, line):
