@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..figure.png import png_begin, png_chunk
 from ..scene import RleSplatError
 from ..scene.display import ROWS, to_levels
 
@@ -95,25 +96,21 @@ class PngRows(_Rows):
     def _open(self):
         super()._open()
         self._packer = zlib.compressobj(LEVEL, strategy=zlib.Z_RLE)
-        self._file.write(b"\x89PNG\r\n\x1a\n")
-        color_type = 6 if self._background is None else 2
-        self._chunk(b"IHDR", struct.pack(">IIBBBBB", self._width, self._height, 8, color_type, 0, 0, 0))
-        self._chunk(b"sRGB", b"\x00")  # rendering intent 0: perceptual
+        self._file.write(png_begin(self._width, self._height, 4 if self._background is None else 3))
 
     def _add(self, rgba, depth):
         levels = to_levels(rgba, self._background, np.uint8)
         unfiltered = np.zeros((len(levels), 1), np.uint8)
         rows = np.concatenate((unfiltered, levels.reshape(len(levels), -1)), axis=1)
-        self._chunk(b"IDAT", self._packer.compress(rows))
+        self._pack(self._packer.compress(rows))
 
     def _finish(self):
-        self._chunk(b"IDAT", self._packer.flush())
-        self._chunk(b"IEND", b"")
+        self._pack(self._packer.flush())
+        self._file.write(png_chunk(b"IEND", b""))
 
-    def _chunk(self, kind: bytes, data: bytes) -> None:
-        if data or kind != b"IDAT":
-            self._file.write(struct.pack(">I", len(data)) + kind + data)
-            self._file.write(struct.pack(">I", zlib.crc32(kind + data)))
+    def _pack(self, data: bytes) -> None:
+        if data:  # the packer keeps small rows back
+            self._file.write(png_chunk(b"IDAT", data))
 
 
 class TiffRows(_Rows):

@@ -35,7 +35,6 @@ HEADER, JOURNAL = "header.json", "journal"
 COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
 ROWS, ACROSS = "rows", "across"  # orders
 ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
-AXIS_OF = {ROWS: 2, ACROSS: 0}  # order -> principal axis along which a slab is encoded for it
 LITTLE = "<"
 MOST_HEADER = 1 << 28  # bytes
 

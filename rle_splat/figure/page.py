@@ -11,7 +11,6 @@ import numpy as np
 
 MM_PER_INCH = 25.4
 MM_PER_POINT = MM_PER_INCH / 72.0
-ANCHORS = ("start", "middle", "end")
 
 
 @dataclass(frozen=True)

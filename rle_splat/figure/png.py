@@ -49,14 +49,19 @@ def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
     rows[1:, 1:] = flat[1:] - flat[:-1]  # modulo 256
     per_meter = round(dpi / MM_PER_INCH * MM_PER_METER)
     return b"".join((
-        SIGNATURE,
-        _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)),
-        _chunk(b"sRGB", PERCEPTUAL),
-        _chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
-        _chunk(b"IDAT", zlib.compress(rows.tobytes(), LEVEL)),
-        _chunk(b"IEND", b""),
+        png_begin(width, height, channels),
+        png_chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
+        png_chunk(b"IDAT", zlib.compress(rows.tobytes(), LEVEL)),
+        png_chunk(b"IEND", b""),
     ))
 
 
-def _chunk(name: bytes, content: bytes) -> bytes:
+def png_begin(width: int, height: int, channels: int) -> bytes:
+    """The begin of a PNG file of 3 channels, or of 4 with straight alpha, 8 bits each, sRGB."""
+    header = struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)
+    return SIGNATURE + png_chunk(b"IHDR", header) + png_chunk(b"sRGB", PERCEPTUAL)
+
+
+def png_chunk(name: bytes, content: bytes) -> bytes:
+    """A chunk of a PNG file, with its length and checksum."""
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
