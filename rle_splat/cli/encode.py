@@ -123,28 +123,36 @@ def _run_folder(args, axes: list[int], start: float) -> None:
     check_folder_output(args.output)
     quality = encoding_quality(args).classified(args.classification)
     given, output = _given(args), Path(args.output)
-    from ..pipeline.encode_folder import encode_folder_steps
-
     scratch = output.with_name(f".{output.name}.voxels")  # for formats that cannot be mapped as they are
     try:
-        with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
-            level = {"level": 0} if args.level is None else {}
-            scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
-            with suppress(OSError):  # where a system removes no file that is mapped, it goes at the end
-                scratch.unlink()
-            with line.compiling():
-                report = line.follow(encode_folder_steps(scene, quality, output, axes, Path(args.volume).name))
-            report = {
-                "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
-                **report, "transfer_function": {"name": function.name, "reason": reason},
-                "remarks": list(scene.volume.remarks),
-            }  # fmt: skip
-            report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
-            if args.json:
-                write_report(parts[0], report)
+        report = _folder_report(args, axes, quality, given, scratch, start)
     finally:
-        scratch.unlink(missing_ok=True)
+        with suppress(OSError):  # Windows removes no file that is still mapped, as after an error
+            scratch.unlink()
     _say_folder(report)
+
+
+def _folder_report(args, axes: list[int], quality, given, scratch: Path, start: float) -> dict:
+    """Encode into a folder of tables, with a file for the voxels if the format needs one; return the report."""
+    from ..pipeline.encode_folder import encode_folder_steps
+
+    with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
+        level = {"level": 0} if args.level is None else {}
+        scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
+        with suppress(OSError):  # else it is removed when the mapping is closed
+            scratch.unlink()
+        with line.compiling():
+            steps = encode_folder_steps(scene, quality, Path(args.output), axes, Path(args.volume).name)
+            report = line.follow(steps)
+        report = {
+            "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
+            **report, "transfer_function": {"name": function.name, "reason": reason},
+            "remarks": list(scene.volume.remarks),
+        }  # fmt: skip
+        report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
+        if args.json:
+            write_report(parts[0], report)
+    return report
 
 
 def _say_folder(report: dict) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -309,6 +310,12 @@ def _voxel_steps(path: Path, pyramid: Pyramid, array, shape, dtype, number: int,
 def _in_file(scratch, shape, dtype) -> np.ndarray:
     """A mapped file of zeros for voxels."""
     try:
-        return np.memmap(scratch, dtype=dtype, mode="w+", shape=tuple(shape)[::-1])
+        with open(scratch, "wb") as file:
+            size = math.prod(shape) * dtype.itemsize
+            if hasattr(os, "posix_fallocate"):  # a mapped file with holes kills the process when the disk is full
+                os.posix_fallocate(file.fileno(), 0, size)
+            else:
+                file.truncate(size)
+        return np.memmap(scratch, dtype=dtype, mode="r+", shape=tuple(shape)[::-1])
     except OSError as problem:
         raise RleSplatError(f"Cannot write {scratch}: {problem.strerror}; choose another place.") from None
