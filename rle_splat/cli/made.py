@@ -7,6 +7,7 @@ one that somebody edited are told from one that is made.  The voxels are hashed,
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
 import time
@@ -134,8 +135,8 @@ def _content(path) -> tuple[int, str]:
 def delete_abandoned(paths) -> None:
     """Delete temporary files that commands which were killed have left beside pictures."""
     before = time.time() - ABANDONED
-    for path in map(Path, paths):
-        for part in path.parent.glob(f".{path.name}.*.part"):
+    for path in (file for picture in map(Path, paths) for file in (picture, mark_of(picture))):
+        for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
             with suppress(OSError):  # another process deletes it too
                 if part.stat().st_mtime < before:
                     part.unlink()
