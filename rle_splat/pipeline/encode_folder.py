@@ -176,7 +176,7 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
     described = {
         "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
         "matrix": scene.index_to_world.tolist(), "world": scene.world,
-        "environment": moments,
+        "environment": moments, "mode": scene.mode,
         "quality": [quality.classification, quality.model, quality.record, quality.backend], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)
