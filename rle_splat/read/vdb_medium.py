@@ -6,13 +6,12 @@ looks as it does here.  Color is their quotient.  The product is stored, since p
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from ..scene import RleSplatError
+from .formats import staged
 from .vdb import OPENVDB_PROBLEMS, load_openvdb
 
 DENSITY, EMISSION = "density", "emission"
@@ -71,13 +70,10 @@ class MediumFile:
         for grid in (self._density, self._emission):
             grid.transform = self._openvdb.createLinearTransform(np.transpose(matrix).tolist())  # of row vectors
         path = Path(path)
-        unfinished = path.with_name(f"{path.stem}.{os.getpid()}.vdb")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._openvdb.write(str(unfinished), grids=[self._density, self._emission])
-            unfinished.replace(path)
+            with staged(path) as unfinished:
+                self._openvdb.write(str(unfinished), grids=[self._density, self._emission])
         except OPENVDB_PROBLEMS as problem:
-            with suppress(OSError):
-                unfinished.unlink()
             reason = getattr(problem, "strerror", None) or str(problem).strip().rstrip(".")
             raise RleSplatError(f"Cannot write {path}: {reason}; choose another location.") from None
