@@ -2,7 +2,10 @@
 
 import pytest
 
-from rle_splat.cli import dask_option
+from devtools.docs_reference import command_parser
+from rle_splat.cli import cluster, dask_option
+
+OF_THE_CLIENT = {"json", "shadow_pass", "channel_function"}  # files that workers neither read nor write
 
 
 @pytest.mark.parametrize("words, sentence", [
@@ -21,3 +24,8 @@ def test_a_missing_package_is_named(refused, tmp_path, monkeypatch):
     monkeypatch.setattr(dask_option, "find_spec", lambda name: None)
     sentence = refused("render", tmp_path / "missing.raw", "-o", tmp_path / "a.npy", "--dask")
     assert "install rle-splat[scale]" in sentence
+
+
+def test_workers_get_every_file_by_its_absolute_path():
+    options = {action.dest for action in command_parser("render")._actions if "FILE" in str(action.metavar)}
+    assert options - OF_THE_CLIENT == {*cluster.PATHS, "channel"} - {"volume"}

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from argparse import Namespace
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from rle_splat.cli.figure import _read_options
 from rle_splat.cli.main import main
+from rle_splat.cli.options import READ_OPTIONS
 from rle_splat.figure.sidecar import HELD, missing_of, read_sidecar
 from rle_splat.scene import Camera, Environment, Light, RleSplatError, Scene
 from rle_splat.scene.plain import plain as as_json
@@ -85,7 +89,7 @@ def test_a_figure_is_made_again_bit_for_bit(call, figure, tmp_path, write_json):
 def test_the_data_is_found_beside_a_sidecar_that_was_moved(call, refused, plain, tmp_path):
     moved = tmp_path / "moved"
     plain.rename(moved)
-    assert call("figure", moved / SIDECAR, "-o", moved / "b.png").code == 0
+    assert call("figure", moved / SIDECAR, "-o", moved / "b.png", "--memory-limit", "4GiB").code == 0
     assert (moved / "b.png").read_bytes() == (moved / "fig.png").read_bytes()
     (moved / "ball.raw").rename(tmp_path / "elsewhere.raw")
     sentence = refused("figure", moved / SIDECAR, "-o", moved / "c.png")
@@ -220,6 +224,13 @@ def test_a_sidecar_takes_no_other_options(refused, plain):
     assert "so --preset cannot be given with it" in told
     told = refused("figure", folder / SIDECAR, "-o", folder / "b.png", "--json", folder / SIDECAR)
     assert "is read by this command" in told
+
+
+def test_a_sidecar_names_the_level_that_was_read():
+    pyramid, args = SimpleNamespace(levels=((8, 8, 8), (4, 4, 4)), shape_xyz=(4, 4, 4)), dict.fromkeys(READ_OPTIONS)
+    assert _read_options(Namespace(**args), pyramid) == {"level": 1}
+    assert _read_options(Namespace(**args | {"level": 0}), pyramid) == {"level": 0}
+    assert _read_options(Namespace(**args), SimpleNamespace(levels=(), shape_xyz=(4, 4, 4))) == {}
 
 
 def test_what_a_sidecar_does_not_hold_is_named(plain, raw):
