@@ -25,6 +25,7 @@ from ..encode.folder import ACROSS, COUNTS, ROWS, RUNS, FolderWriter, check_fold
 from ..encode.records import decoding_of, words_of
 from ..encode.scalars import OWN_TYPES, in_scanlines, scalars_of
 from ..encode.tables import RunTables
+from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Clock, Progress, drain, portion, timed
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
@@ -176,7 +177,7 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
     described = {
         "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
         "matrix": scene.index_to_world.tolist(), "world": scene.world,
-        "environment": moments, "mode": scene.mode,
+        "environment": moments, "mode": scene.mode, "version": RELEASE,
         "quality": [quality.classification, quality.model, quality.record, quality.backend], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)

@@ -139,8 +139,8 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     key_linear(scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     bpy.ops.rle_splat.composite()
     scenes_read, calls = bridge("render_scene"), []
-    read = scenes_read.read_scene
-    monkeypatch.setattr(scenes_read, "read_scene",
+    read = scenes_read.read_scenes
+    monkeypatch.setattr(scenes_read, "read_scenes",
                         lambda o, d, **k: (calls.append(d.scene.frame_current), read(o, d, **k))[1])
     frames = animated(tmp_path)
     assert calls == [1, 2, 3]
