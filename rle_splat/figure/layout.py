@@ -13,7 +13,15 @@ from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
 from .lettering import check_text, text_width, wrapped
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
 from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
-from .scale import MM_PER_UNIT, SHARE, depth_of, length_per_pixel, length_text, round_length
+from .scale import (
+    MM_PER_UNIT,
+    SHARE,
+    depth_of,
+    length_per_pixel,
+    length_text,
+    round_length,
+    world_units_per_length,
+)
 
 LABELS = "abcdefghijklmnopqrstuvwxyz"
 LEADING = 1.35  # from line to line, in font sizes
@@ -128,7 +136,8 @@ def scale_bar(scene: Scene, draft: Draft) -> ScaleBar | None:
             "give a shorter one."
         )
     if scene.camera.type == "PERSP":
-        away = depth_of(scene, style.scale_depth) / (scene.scene_scale / MM_PER_UNIT.get(scene.volume.unit, 1.0))
+        unit = MM_PER_UNIT.get(scene.volume.unit, 1.0)
+        away = depth_of(scene, style.scale_depth) * unit / world_units_per_length(scene)
         label += f" at a depth of {length_text(round(away, 1), scene.volume.unit)}"
     return ScaleBar(length / per_pixel / draft.per_mm, label)
 
