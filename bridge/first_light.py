@@ -8,9 +8,7 @@ from ..rle_splat.classify.transfer_function import Shade
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.shade.brightness import relative_brightness
 from ..rle_splat.shade.lighting import lighting
-from . import viewports, volumes
-from .lights import read_lights
-from .world import read_world
+from . import render_scene, viewports, volumes
 
 DARK = 0.5  # of the brightness under a headlight: Blender's default scene gives about 0.4
 UNUSED = "The scene's lights do not shine on it."
@@ -40,12 +38,12 @@ def light_if_dark(context, added: int, corners: np.ndarray) -> str:
     except RleSplatError:
         return ""  # nobody looks
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    lights = read_lights(context.evaluated_depsgraph_get())
-    if not lights:  # the volume then has a headlight in any case
+    lights, world = render_scene.read_light(context.evaluated_depsgraph_get())
+    if not (lights or world):  # the volume then has a headlight in any case
         return ""
-    world = read_world(context.scene) if settings.use_world else None
+    radiance = None if world is None else world.radiance
     to_eye = np.append(eye[:3, 2] / np.linalg.norm(eye[:3, 2]), 0.0)
-    falling = lighting(np.eye(4), Shade(0.0, 1.0, 0.0, 1.0), lights, eye=to_eye, world=world)
+    falling = lighting(np.eye(4), Shade(0.0, 1.0, 0.0, 1.0), lights, eye=to_eye, world=radiance)
     if relative_brightness(falling, middle) >= DARK:
         return ""
     settings.lighting = "HEADLIGHT"

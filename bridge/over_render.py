@@ -176,7 +176,8 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             log.hidden.append(why or "it is no volume")
             return
         with_meshes = settings.meshes_occlude and layer.use_solid
-        scenes, quality = render_scene.read_scenes(placed, depsgraph, with_meshes=with_meshes)
+        scenes, quality = render_scene.read_scenes(
+            placed, depsgraph, with_meshes=with_meshes, warn=lambda sentence: log.note(scene, sentence))
         rendering = drain(_picture_steps(placed, scenes, quality, tolerance_of(depsgraph.scene_eval), log))
         pictures.show(image, rendering)
         themselves = [(one.owner, plain) for one, plain in zip(placed, scenes) if one.instancer is None]

@@ -80,7 +80,7 @@ def read_scene(
     return plain, settings.quality_of(depsgraph.scene_eval)
 
 
-def read_scenes(placed, depsgraph, *, with_meshes: bool):
+def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
     """Read everything that a rendered picture of several volumes depends on, as ``read_scene`` does.
 
     Parameters
@@ -91,6 +91,8 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool):
         The evaluated scene.
     with_meshes : bool
         Whether meshes occlude the volumes.
+    warn : callable, optional
+        Called with one sentence for each warning.
 
     Returns
     -------
@@ -104,6 +106,7 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool):
     plain = [
         _in_picture(
             one.owner, depsgraph, view, True, one.matrix is None, None, triangles=triangles, matrix=one.matrix,
+            warn=warn,
         )
         for one in placed
     ]
@@ -179,7 +182,7 @@ def seen_by(
     lighting = scene.rle_splat.lighting
     own = np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
     moved = None if matrix is None else matrix @ np.linalg.inv(own)
-    lights, world = _read_light(depsgraph, warn) if lighting == "SCENE" else ((), None)
+    lights, world = read_light(depsgraph, warn) if lighting == "SCENE" else ((), None)
     return Scene(
         volume=volume,
         transfer_function=transfer_function,
@@ -204,10 +207,22 @@ def seen_by(
     )
 
 
-def _read_light(depsgraph, warn) -> tuple:
-    """The light objects and the WorldLight of a scene.
+def read_light(depsgraph, warn=None) -> tuple:
+    """The lights and the world of a scene, as they light volumes under Scene Lights.
 
-    In a scene without light objects a headlight replaces a world of one color, which shows no shape.
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    warn : callable, optional
+        See ``world.read_world``.
+
+    Returns
+    -------
+    lights : tuple of Light
+        The light objects.
+    world : WorldLight or None
+        None also for a world of one color in a scene without light objects, which would show no shape.
     """
     scene = depsgraph.scene_eval
     lights = read_lights(depsgraph)

@@ -38,6 +38,15 @@ def test_the_light_of_the_default_scene_is_too_weak_and_three_times_as_much_is_n
     assert lighting() == expected
 
 
+@pytest.mark.parametrize("radiance, expected", ((0.01, "HEADLIGHT"), (0.5, "SCENE")))
+def test_the_light_of_the_world_counts(tmp_path, radiance, expected):
+    add_light(1000.0)
+    scenes.gray_world(radiance)
+    add_default_view()
+    import_raw(tmp_path, use_headlight=True)
+    assert lighting() == expected
+
+
 def test_a_scene_without_lights_keeps_scene_lights_which_is_a_headlight_there(tmp_path):
     add_default_view()
     import_raw(tmp_path, use_headlight=True)
