@@ -39,7 +39,7 @@ def plain_color(world) -> tuple | None:
     node = surface_of(world.node_tree)
     if node is None:
         return (0.0, 0.0, 0.0)
-    if node.type != "BACKGROUND" or node.inputs["Color"].is_linked or node.inputs["Strength"].is_linked:
+    if not _is_background(node) or node.inputs["Color"].is_linked:
         return None
     color = np.array(node.inputs["Color"].default_value[:3], np.float64)
     return tuple(np.maximum(color * node.inputs["Strength"].default_value, 0.0).tolist())
@@ -62,7 +62,7 @@ def light_of(world) -> tuple | None:
     if not versions.world_is_nodes(world):
         return None
     node = surface_of(world.node_tree)
-    if node is None or node.type != "BACKGROUND" or node.inputs["Strength"].is_linked:
+    if node is None or not _is_background(node):
         return None
     texture = _before(node.inputs["Color"])
     if texture is None or texture.type != "TEX_ENVIRONMENT" or not _is_readable(texture):
@@ -84,6 +84,11 @@ def forget() -> None:
     _known.clear()
 
 
+def _is_background(node) -> bool:
+    """Whether a node is a Background of fixed strength."""
+    return node.type == "BACKGROUND" and not node.mute and not node.inputs["Strength"].is_linked
+
+
 def _before(socket):
     """The node linked to an input; None without one."""
     return socket.links[0].from_node if socket.is_linked else None
@@ -91,7 +96,9 @@ def _before(socket):
 
 def _is_readable(texture) -> bool:
     image, moved, colored = texture.image, texture.texture_mapping, texture.color_mapping
-    if image is None or texture.projection != "EQUIRECTANGULAR" or image.source not in ("FILE", "GENERATED"):
+    if texture.mute or image is None or image.source not in ("FILE", "GENERATED"):
+        return False
+    if texture.projection != "EQUIRECTANGULAR":
         return False
     if any((*moved.rotation, *moved.translation)) or tuple(moved.scale) != (1.0, 1.0, 1.0):
         return False
@@ -107,7 +114,7 @@ def _turn_of(socket) -> np.ndarray | None:
     node = _before(socket)
     if node is not None and node.type == "MAPPING":
         vector, *others = node.inputs
-        if any(one.is_linked for one in others):
+        if node.mute or any(one.is_linked for one in others):
             return None
         values = {one.name: tuple(one.default_value) for one in others if not one.is_unavailable}
         moved = any(values.get("Location", ())) or values["Scale"] != (1.0, 1.0, 1.0)

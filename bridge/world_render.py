@@ -134,7 +134,7 @@ def _tick():
         return BUSY
     scene = next((one for one in bpy.data.scenes if one.session_uid == _Now.wanted), None)
     _Now.wanted = None
-    if scene is not None:
+    if scene is not None and is_needed(scene):  # its world may have been removed meanwhile
         key = digest_of(scene)
         if _kept(scene, key) is None and key not in _Now.failed:
             render_light(scene, key)
