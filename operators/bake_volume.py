@@ -49,7 +49,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
             raise RleSplatError("Give the file to write, such as volume.vdb.")
         plain, quality = self.read_scene(context)
         owner = volumes.volume_object(context)
-        self._path = Path(bpy.path.abspath(self.filepath)).with_suffix(self.filename_ext)
+        self._path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), self.filename_ext))
         self._matrix = owner.evaluated_get(context.evaluated_depsgraph_get()).matrix_world.copy()
         # Location, rotation and scale cannot shear: what they leave is in the file.
         location, rotation, scale = self._matrix.decompose()
@@ -71,9 +71,8 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
         context.view_layer.update()
         if one.name in context.view_layer.objects:
             make_active(self, context, one, "was added")
-        settings = scene.rle_splat
-        if settings.use_composite and settings.composite_object == owner:
-            self.report({"WARNING"}, f"Renders now show {owner.name} twice; press Remove from Renders to show "
+        if scene.rle_splat.use_composite and not owner.hide_render:
+            self.report({"WARNING"}, f"Renders now show {owner.name} twice; disable it in renders (Outliner) to show "
                                      f"{one.name} alone.")
         else:
             self.report({"INFO"}, f"{one.name} has {visible} voxels, in {self._path.name}.")
