@@ -58,8 +58,9 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
         tuple(value for row in view.window_matrix for value in row),
         region.width, region.height, clip_of(context, space, view),
     )
-    corners = np.column_stack((box.world_corners(volume_object), np.ones(8)))
-    nearest = float((-(corners @ np.array(view.view_matrix, np.float64).T)[:, 2]).min())
+    corners = box.world_corners(volume_object)
+    ahead = -(np.column_stack((corners, np.ones(len(corners)))) @ np.array(view.view_matrix, np.float64).T)[:, 2]
+    nearest = float(ahead.min()) if len(corners) else -np.inf  # somebody may have removed the box
     found = view_of(matrices, nearest)
     return replace(found.camera, pixel_aspect=(1.0, 1.0)), region.width, region.height
 

@@ -140,9 +140,9 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     def commit(self, _context, made):
         try:
             sidecar = figure.write(self._path, made, self._source)
-        except OSError as problem:
-            raise RleSplatError(
-                f"Cannot write {self._path}: {problem.strerror or problem}; choose another place.") from None
+        except (OSError, RuntimeError) as problem:  # Blender raises the latter for an .exr
+            reason = getattr(problem, "strerror", None) or str(problem).strip().rstrip(".")
+            raise RleSplatError(f"Cannot write {self._path}: {reason}; choose another place.") from None
         if sidecar["missing"]:
             names = ", ".join(sidecar["missing"]).replace("_", " ")
             self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
