@@ -164,6 +164,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
+        if _note_cancel in bpy.app.handlers.render_cancel:
             bpy.app.handlers.render_cancel.remove(_note_cancel)
         if self._kept is not None:
             self._kept.restore()
