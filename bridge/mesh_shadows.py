@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -35,6 +36,7 @@ GRID_ENGINES = ("CYCLES",)  # that cast shadows of grids and hide them from the 
 SURFACE_ENGINES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")  # that do so with surfaces alone
 FOLDER = "volume shadows"
 PREFIX, SUFFIX = "shadow-", ".vdb"
+RECENT = 120.0  # seconds
 KEPT = 4  # files that no object shows any more; an earlier state of the scene may want them again
 
 _saved: dict = {}  # session id of a grid -> its file, while the .blend is saved
@@ -263,11 +265,18 @@ def _folder() -> Path:
 
 
 def _delete_unused(newest: Path) -> None:
-    """Delete all but the latest of the files that no object shows."""
+    """Delete all but the latest of the files that no object shows.
+
+    Not the recent ones: another Blender that renders the same .blend may have made one and not loaded it yet.
+    """
     shown = {Path(bpy.path.abspath(data.filepath)) for data in bpy.data.volumes if data.filepath} | {newest}
-    found = [path for path in newest.parent.glob(f"{PREFIX}*{SUFFIX}") if path not in shown]
-    for path in sorted(found, key=lambda one: one.stat().st_mtime)[:-KEPT]:
-        path.unlink(missing_ok=True)
+    made = {}
+    for path in newest.parent.glob(f"{PREFIX}*{SUFFIX}"):
+        with suppress(FileNotFoundError):  # the other one deletes, too
+            made[path] = path.stat().st_mtime
+    for path in sorted(made.keys() - shown, key=made.get)[:-KEPT]:
+        if made[path] < time.time() - RECENT:
+            path.unlink(missing_ok=True)
 
 
 @persistent

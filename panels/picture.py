@@ -69,10 +69,13 @@ def _draw_composite(context, layout) -> None:
         return
     target = settings.composite_object
     if target is not None:
-        names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render] or [target.name]
+        names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render]
         verb = "are" if len(names) > 1 else "is"
-        paragraph(context, layout, f"{', '.join(names)} {verb} included in every render. Lock Interface is on while "
-                                   "rendering.", icon="CHECKMARK")
+        if names:
+            paragraph(context, layout, f"{', '.join(names)} {verb} included in every render. Lock Interface is on "
+                                       "while rendering.", icon="CHECKMARK")
+        else:
+            paragraph(context, layout, "All volumes are disabled in renders, so renders show none.", icon="INFO")
     else:
         paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted and is missing in "
                                    "renders. Include another volume, or press Remove from Renders.", icon="ERROR")
