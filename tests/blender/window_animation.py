@@ -30,6 +30,7 @@ from tests.blender.window_steps import settled
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_animation_")) / "practice-ct"
 TURN, CUT = 30, 12  # frames
+NEARER = 0.65  # than Frame, which shows the whole box
 CENTISECONDS, WIDTH, COLORS = 9, 640, 128  # of a frame
 
 
@@ -52,6 +53,7 @@ def scenario():
         assert bpy.ops.rle_splat.import_folder(directory=str(FOLDER)) == {"FINISHED"}
         assert bpy.ops.rle_splat.apply_preset(preset="ct-skin-and-bone") == {"FINISHED"}
     look_from(25.0)
+    area_of("VIEW_3D").spaces.active.region_3d.view_distance *= NEARER
     yield from settled()
     for number in range(TURN):
         look_from(25.0 + 360.0 * number / TURN)
