@@ -118,7 +118,8 @@ def add_report_options(parser) -> None:
     )
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
-        help="the most memory to take, such as 2GiB or 800MiB; a command that needs more is refused",
+        help="the most memory to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a command "
+             "that needs more is refused",
     )
 
 
