@@ -129,7 +129,8 @@ def always(profile):
 
 
 @CLASSIFICATIONS
-def test_a_frame_keeps_the_plan_of_the_one_before_while_it_serves(classification):
+def test_a_frame_keeps_the_plan_of_the_one_before_while_it_serves(monkeypatch, classification):
+    monkeypatch.setattr("rle_splat.accuracy.planner.session.profile_steps", always(PROFILE))
     quality, first = Quality(classification=classification), None
     plans = []
     for steepness in (6.0, 3.0, 1.5):  # ever smoother: a coarser plan would serve
@@ -141,7 +142,8 @@ def test_a_frame_keeps_the_plan_of_the_one_before_while_it_serves(classification
     assert len(set(plans)) == 1
 
 
-def test_a_plan_that_does_not_serve_a_frame_is_replaced_by_a_finer_one():
+def test_a_plan_that_does_not_serve_a_frame_is_replaced_by_a_finer_one(monkeypatch):
+    monkeypatch.setattr("rle_splat.accuracy.planner.session.profile_steps", always(PROFILE))
     quality = Quality(classification="pre")
     smooth, steep = (scene_of(steepness) for steepness in (0.5, 12.0))
     first = drain(tolerance_steps(smooth, 4.0, quality, probes=300)).report["plan"]
