@@ -267,8 +267,8 @@ def _library(path: Path, what: str):
         raise
     except PermissionError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check its permissions.") from None
-    except Exception:
-        raise RleSplatError(f"{what} of {path.name} is damaged or cut short; copy the folder again.") from None
+    except Exception as problem:
+        raise RleSplatError(f"{what} of {path.name} is damaged or cut short; copy the folder again.") from problem
 
 
 def _opened(pyramid: Pyramid) -> list:
