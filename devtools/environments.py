@@ -1,7 +1,7 @@
 """Virtual environments of this clone, made and completed by uv from pinned and hashed requirements.
 
 nox can make environments too, but a session of nox has one environment and ends when that cannot be made.  A job here
-uses up to six.  It goes on without those that cannot be made, and reports them.
+uses up to seven.  It goes on without those that cannot be made, and reports them.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ class Environment:
 
 CORE = Environment("core", ROOT / ".venv", PYTHONS, ("core.txt", "test.txt", "tbb.txt", "scale.txt"))
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", PYTHONS, ("bench.txt",))
+CLUSTER = Environment("clusters", ENVIRONMENTS / "cluster", PYTHONS, ("cluster.txt",))
 JUDGES = Environment("other readers of DICOM", ENVIRONMENTS / "judges", PYTHONS, ("judges.txt",))
 SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))
 BPY = {

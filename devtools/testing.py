@@ -12,13 +12,13 @@ import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
-from .environments import BPY, CORE, ensure, ensure_bench, ensure_bpy, without_python
+from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
 from .places import BPY_KERNELS, BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
 from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
 from .stages import Stage, broken, measured, skipped, summary
@@ -28,13 +28,14 @@ from .wheels import this_platform
 TESTS_FOLDER = ROOT / "tests"
 BLENDER_TESTS = TESTS_FOLDER / "blender"
 STABILITY_TESTS = TESTS_FOLDER / "stability"
+CLUSTER_TESTS = TESTS_FOLDER / "cli" / "cluster"
 REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
 
 # A stage that takes longer hangs: bpy 4.5 can deadlock when the interpreter ends.
 CORE_SECONDS = 2400
 BPY_SECONDS = 900
-EXTRAS_SECONDS = 600
+OTHERS_SECONDS = 600
 
 AT_ONCE = 2  # stages; more would keep each other's kernels from their threads
 LONGEST = ("truths", "unit")  # of the core's folders, begun first
@@ -42,24 +43,27 @@ WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for pack
 
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots"
+CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
+
+OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
 
 
 @dataclass
 class Ready:
-    """What several stages need: the zip, with the stage of its making, and the benchmarks' Python, or why none."""
+    """What several stages need: the zip, with the stage of its making, and Pythons by name, or why there is none."""
 
     zip_stage: Stage | None = None
     zip_path: Path | None = None
-    bench: Path | Failure | None = None
+    pythons: dict[str, Path | Failure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Part:
     """A part of the whole run.
 
-    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready ("zip", "bench").  ``waits``: in the
-    whole run it begins when everything is made ready.
+    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready, "zip" or one of OTHERS.  ``waits``: in
+    the whole run it begins when everything is made ready.
     """
 
     run: Callable[[Ready, bool], list[Stage]]
@@ -98,14 +102,20 @@ def core_folders() -> list[str]:
     return sorted(names, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
 
 
-def _extras(environment: Path | Failure, options, aside: bool) -> Stage:
-    """The tests of what the benchmarks' environment alone has; ``environment``: its Python, or why there is none."""
+def _in_other(name: str, environment: Path | Failure, words, aside: bool) -> Stage:
+    """Tests in an environment other than the core's; ``environment``: its Python, or why there is none."""
     if isinstance(environment, Failure):
-        return skipped(EXTRAS_STAGE, str(environment))
-    # Of the folders left out, the one wants bpy and the other hypothesis to be read at all.
-    words = ["tests", "--ignore=tests/blender", "--ignore=tests/stability", "-m", EXTRAS, *options]
+        return skipped(name, str(environment))
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
-    return _pytest(EXTRAS_STAGE, environment, words, EXTRAS_SECONDS, environ, aside)
+    return _pytest(name, environment, words, OTHERS_SECONDS, environ, aside)
+
+
+def _extras(environment: Path | Failure, options, aside: bool) -> Stage:
+    """The tests of what the benchmarks' environment alone has."""
+    # The folders left out want bpy, hypothesis and Dask to be read at all.
+    ignored = [f"--ignore={folder}" for folder in (BLENDER_TESTS, STABILITY_TESTS, CLUSTER_TESTS)]
+    words = ["tests", *ignored, "-m", EXTRAS, *options]
+    return _in_other(EXTRAS_STAGE, environment, words, aside)
 
 
 def _hard_cases(options, aside: bool, whole: bool) -> list[Stage]:
@@ -142,14 +152,14 @@ def _make_ready(quick: bool) -> Ready:
             with suppress(Failure):  # its own stage says what is wrong
                 ensure_bpy(version)
     if not quick:
-        ready.bench = _bench()
+        ready.pythons = {name: _other(name) for name in OTHERS}
     return ready
 
 
-def _bench() -> Path | Failure:
-    """The Python of the benchmarks' environment, or why there is none."""
+def _other(name: str) -> Path | Failure:
+    """The Python of one of OTHERS, or why there is none."""
     try:
-        return ensure_bench()
+        return OTHERS[name]()
     except Failure as problem:
         return problem
 
@@ -196,7 +206,10 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
 def parts(options=(), quick: bool = False) -> dict[str, Part]:
     """The parts of the whole run by name, the longest first; ``options``: pytest's."""
     slow = [SLOW] if quick else []
-    core = {folder: [TESTS_FOLDER / folder, *_leave_out(*slow, EXTRAS), *options] for folder in core_folders()}
+    core = {
+        folder: [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
+        for folder in core_folders()
+    }
     found = {
         f"core-{folder}": Part(
             lambda ready, aside, words=words, name=f"core, {folder}": [_core(words, name, aside)],
@@ -213,7 +226,11 @@ def parts(options=(), quick: bool = False) -> dict[str, Part]:
             needs="zip",
         )
     if not quick:
-        found["extras"] = Part(lambda ready, aside: [_extras(ready.bench, options, aside)], needs="bench")
+        found["extras"] = Part(lambda ready, aside: [_extras(ready.pythons["bench"], options, aside)], needs="bench")
+        words = [CLUSTER_TESTS, *options]
+        found["clusters"] = Part(
+            lambda ready, aside: [_in_other(CLUSTER_STAGE, ready.pythons["cluster"], words, aside)], needs="cluster"
+        )
         found[REAL_BLENDER] = Part(lambda ready, aside: _real_blender(ready.zip_path), needs="zip")
     return found
 
@@ -230,7 +247,7 @@ def _everything(options, quick: bool) -> list[Stage]:
 
         running = [workers.submit(run, part) for part in parts(options, quick).values()]
         stages = [making.result().zip_stage] + [stage for part in running for stage in part.result()]
-    return stages + (_not_quick(EXTRAS_STAGE, "real blender") if quick else [])
+    return stages + (_not_quick(EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
 
 
 def test_part(name: str, options) -> int:
@@ -238,7 +255,9 @@ def test_part(name: str, options) -> int:
     if options and name == REAL_BLENDER:
         raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
     part = parts(options)[name]
-    ready = _zip() if part.needs == "zip" else Ready(bench=_bench() if part.needs == "bench" else None)
+    ready = _zip() if part.needs == "zip" else Ready()
+    if part.needs in OTHERS:
+        ready.pythons[part.needs] = _other(part.needs)
     stages = [ready.zip_stage] if ready.zip_stage else []
     if part.needs != "zip" or ready.zip_path:
         stages += part.run(ready, False)

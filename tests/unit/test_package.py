@@ -167,7 +167,10 @@ def test_requirements_are_pinned_with_hashes_and_name_no_host(path):
 
 def test_every_environment_has_its_requirements_and_every_pinned_set_its_source():
     wanted = {
-        name for environment in (environments.CORE, environments.SAMPLE, environments.BENCH, *environments.BPY.values())
+        name
+        for environment in (
+            environments.CORE, environments.SAMPLE, environments.BENCH, environments.CLUSTER, *environments.BPY.values()
+        )
         for name in environment.files
     }  # fmt: skip
     names = {path.stem for path in REQUIREMENTS}

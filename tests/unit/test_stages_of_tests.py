@@ -50,7 +50,8 @@ def stages(monkeypatch, tmp_path):
         def make_ready(quick):
             assert begun.wait(60), "nothing else runs meanwhile"
             made.set()
-            return testing.Ready(Stage("extension zip", passed=1), Path("the.zip"), Path("bench"))
+            pythons = {name: Path(name) for name in testing.OTHERS}
+            return testing.Ready(Stage("extension zip", passed=1), Path("the.zip"), pythons)
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
@@ -76,10 +77,13 @@ def test_each_test_runs_in_one_stage(stages):
         assert str(TESTS / folder) in words and words[words.index("-m") + 1] == "not extras"
     python, words = runs[testing.EXTRAS_STAGE]
     assert python == Path("bench") and words[0] == "tests" and words[words.index("-m") + 1] == "extras"
+    python, words = runs[testing.CLUSTER_STAGE]
+    assert python == Path("cluster") and words[0] == str(testing.CLUSTER_TESTS)
+    assert f"--ignore={words[0]}" in core["cli"]
     assert "-m" not in runs["hard cases"][1] and str(TESTS / "stability") in runs["hard cases"][1]
     versions = [f"bpy {version}" for version in testing.BPY]
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
-    assert len(runs) == len(core) + len(versions) + 2
+    assert len(runs) == len(core) + len(versions) + 3
     assert {stage.name for stage in table} == {*runs, "extension zip", "real blender"}
 
 
@@ -87,7 +91,7 @@ def test_quick_says_what_it_leaves_out(stages):
     runs, table = stages(True)
     assert [name for name in runs if name.startswith("bpy")] == ["bpy 5.0"] and testing.EXTRAS_STAGE not in runs
     left_out = {stage.name for stage in table if stage.verdict == "SKIPPED"}
-    assert left_out == {testing.EXTRAS_STAGE, "real blender", "bpy 4.5", "bpy 5.2"}
+    assert left_out == {testing.EXTRAS_STAGE, testing.CLUSTER_STAGE, "real blender", "bpy 4.5", "bpy 5.2"}
     assert all("not slow" in words[words.index("-m") + 1] for name, (_, words) in runs.items() if "bpy" not in name)
 
 
@@ -103,14 +107,14 @@ def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
         made.append("zip")
         return testing.Ready(Stage("extension zip", passed=bool(path), failed=not path), path)
 
-    def bench():
-        made.append("bench")
-        return Path("bench")
+    def other(name):
+        made.append(name)
+        return Path(name)
 
     def part(needs):
         return testing.Part(lambda ready, aside: run.append((needs, aside)) or [Stage(needs, passed=1)], needs)
 
-    monkeypatch.setattr(testing, "_bench", bench)
+    monkeypatch.setattr(testing, "_other", other)
     monkeypatch.setattr(testing, "parts", lambda options: {name: part(name) for name in ("", "zip", "bench")})
     for path, code in ((Path("the.zip"), 0), (None, 1)):
         monkeypatch.setattr(testing, "_zip", lambda path=path: zip_stage(path))

@@ -11,7 +11,7 @@ import socket
 import numpy as np
 import pytest
 
-distributed = pytest.importorskip("distributed", reason="dask and distributed are not installed (rle-splat[scale])")
+distributed = pytest.importorskip("distributed", reason="Dask is not installed; run python3 dev.py clusters")
 
 from rle_splat.cli import cluster, cluster_worker  # noqa: E402
 
