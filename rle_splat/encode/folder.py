@@ -296,24 +296,29 @@ class MappedTables:
         except OSError as problem:
             raise RleSplatError(f"Cannot read {file}: {problem.strerror}; check its permissions.") from None
 
-    def slab_parts(self, names):
-        """Yield (first plane, end, name -> the slab's part of that table) for each slab, its checksums compared."""
-        at = dict.fromkeys(names, 0)
-        for first, end, sizes in zip(self.ends, self.ends[1:], self._slabs):
-            parts = {}
-            for name in names:
-                table, pieces = self.table(name), self._dtypes[name][2]
-                rows = table.reshape(max(pieces, 1), -1)
-                size = int(sizes[f"{name}.0" if pieces else name][0]) // table.itemsize
-                for number, row in enumerate(rows):
-                    part = row[at[name] : at[name] + size]
-                    wanted = sizes[f"{name}.{number}" if pieces else name][1]
-                    if zlib.crc32(_bytes(part)) != wanted:
-                        raise damaged(self.path, f"the checksum of {name} does not fit in planes {first} to {end - 1}")
-                words = self._dtypes[name][1]
-                parts[name] = part.reshape(-1, words) if words else part
-                at[name] += size
-            yield first, end, parts
+    def entries(self, name: str, number: int) -> int:
+        """Entries of slab ``number`` in a table."""
+        kind, words, _ = self._dtypes[name]
+        return self._slab_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
+
+    def _slab_bytes(self, name: str, number: int) -> int:
+        """Bytes of a slab in a table, of one piece of a joined one."""
+        return int(self._slabs[number][f"{name}.0" if self._dtypes[name][2] else name][0])
+
+    def slab_parts(self, number: int, names):
+        """(first plane, end, name -> the slab's part of that table) of slab ``number``, its checksums compared."""
+        first, last = self.ends[number : number + 2]
+        parts = {}
+        for name in names:
+            table, (_, words, pieces) = self.table(name), self._dtypes[name]
+            begin = sum(self._slab_bytes(name, before) for before in range(number)) // table.itemsize
+            end = begin + self._slab_bytes(name, number) // table.itemsize
+            for piece, row in enumerate(table.reshape(max(pieces, 1), -1)):
+                part = row[begin:end]
+                if zlib.crc32(_bytes(part)) != self._slabs[number][f"{name}.{piece}" if pieces else name][1]:
+                    raise damaged(self.path, f"the checksum of {name} does not fit in planes {first} to {last - 1}")
+            parts[name] = part.reshape(-1, words) if words else part
+        return first, last, parts
 
 
 def words_of_entry(array: np.ndarray) -> list:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
@@ -55,6 +55,23 @@ class Values(NamedTuple):
     light: tuple | None
 
 
+class _SlabCounts(NamedTuple):
+    """What a slab on the disk has of an order.
+
+    Attributes
+    ----------
+    runs, voxels : ndarray of uint32
+        Of each scanline, (planes, scanlines) or (scanlines, planes).
+    n_runs, n_voxels : int
+        Of all of them.
+    """
+
+    runs: np.ndarray
+    voxels: np.ndarray
+    n_runs: int
+    n_voxels: int
+
+
 @dataclass(frozen=True, eq=False)
 class FolderVolume:
     """Content of a folder of tables.
@@ -79,6 +96,8 @@ class FolderVolume:
         Hash of the header, which holds the checksums of all tables.
     opened : dict
         What was checked already.
+    planes : (int, int) or None
+        First plane z and the end of those that pictures along z are made of; None for all.
     """
 
     path: Path
@@ -103,6 +122,7 @@ class FolderVolume:
     mapped: MappedTables
     key: str
     opened: dict = field(default_factory=dict)
+    planes: tuple[int, int] | None = None
 
     holds_values: ClassVar[bool] = False
 
@@ -126,6 +146,13 @@ class FolderVolume:
         dtype, slope, intercept, *_ = self.values
         return Volume(np.zeros((1, 1, 1), dtype), self.affine, self.unit, slope, intercept)
 
+    def of_planes(self, first: int, last: int) -> FolderVolume:
+        """The folder for pictures along z of the planes [``first``, ``last``): nothing else is read for them.
+
+        Along x and y each slab on the disk has voxels of every slice, and is read for its checksum.
+        """
+        return replace(self, planes=(first, last))
+
     def tables_steps(self, axis: int):
         """Generator of fractions done: the tables of a principal axis, checked the first time.
 
@@ -140,91 +167,94 @@ class FolderVolume:
         RleSplatError
             If a file is missing, cut short or damaged.
         """
-        if axis not in self.opened:
-            order = ORDER_OF[axis]
+        wanted = self.planes if axis == 2 else None
+        if axis not in self.opened or self.opened[axis][0] != wanted:
             try:
-                if order not in self.opened:
-                    self.opened[order] = yield from self._order_steps(order)
-                self.opened[axis] = self._of_axis(axis, *self.opened[order])
+                slabs = yield from self._slabs_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
+                self.opened[axis] = wanted, self._of_axis(axis, slabs)
             except DAMAGE as problem:
                 raise damaged(self.path, f"they do not fit together ({problem})") from None
         yield 1.0
-        return self.opened[axis]
+        return self.opened[axis][1]
 
     def _names(self, order: str) -> dict:
         """Name -> file of the tables of voxels of an order."""
         names = {name: f"{order}.{name}" for name in OF_VOXELS[self.classification]}
         return {name: file for name, file in names.items() if self.mapped.has(file)}
 
-    def _order_steps(self, order: str):
-        """Generator of fractions done: (run counts, voxel counts), (planes, scanlines) or (scanlines, planes) of each
-        slab, after all is checked."""
-        of_voxels = self._names(order)
-        run_counts, voxel_counts = [], []
-        axis = 2 if order == ROWS else 0
-        for first, last, parts in self.mapped.slab_parts([f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]):
+    def _slabs_steps(self, order: str, wanted):
+        """Generator of fractions done: the _SlabCounts of each slab; those with planes ``wanted`` are checked."""
+        found = []
+        for number, (first, last) in enumerate(zip(self.mapped.ends, self.mapped.ends[1:])):
             yield first / self.shape_xyz[2]
-            shape = (*self.shape_xyz[:2], last - first)
-            _, n_scanlines, n_slices = (shape[i] for i in AXES[axis])
-            counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(n_slices, n_scanlines, 2)
-            runs, voxels = counts[..., 0], counts[..., 1]
-            pointers, _ = scanline_pointers_from_counts(runs)
-            starts, n_voxels = pointers_from_counts(voxels)
-            ends = data_pointers_from_scanlines(starts, n_voxels)
-            made = scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
-            if not np.array_equal(made, starts):
-                raise damaged(self.path, "the counts of voxels do not fit the runs")
-            for name, file in of_voxels.items():
-                if name != "normals" and len(parts[file]) != n_voxels:
-                    raise damaged(self.path, f"{file} does not have an entry for each voxel")
-            if self.classification == "pre":
-                check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
-            run_counts.append(runs)
-            voxel_counts.append(voxels)
-        return run_counts, voxel_counts
+            if last <= wanted[0] or wanted[1] <= first:
+                found.append(self._unread(order, number))
+                continue
+            if (order, number) not in self.opened:
+                self.opened[order, number] = self._checked(order, number)
+            found.append(self.opened[order, number])
+        return found
+
+    def _unread(self, order: str, number: int) -> _SlabCounts:
+        """Of a slab that is taken for empty; how much of the files it takes is known from their header."""
+        first, last = self.mapped.ends[number : number + 2]
+        none = np.zeros(self._slab_shape(order, first, last), np.uint32)
+        of_voxels = next(iter(self._names(order).values()))
+        return _SlabCounts(none, none, *(self.mapped.entries(name, number) for name in (f"{order}.{RUNS}", of_voxels)))
+
+    def _checked(self, order: str, number: int) -> _SlabCounts:
+        """Of a slab whose checksums and tables are checked."""
+        of_voxels = self._names(order)
+        names = [f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]
+        first, last, parts = self.mapped.slab_parts(number, names)
+        axis, shape = 2 if order == ROWS else 0, (*self.shape_xyz[:2], last - first)
+        counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(*self._slab_shape(order, first, last), 2)
+        runs, voxels = counts[..., 0], counts[..., 1]
+        pointers, n_runs = scanline_pointers_from_counts(runs)
+        starts, n_voxels = pointers_from_counts(voxels)
+        ends = data_pointers_from_scanlines(starts, n_voxels)
+        made = scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+        if not np.array_equal(made, starts):
+            raise damaged(self.path, "the counts of voxels do not fit the runs")
+        for name, file in of_voxels.items():
+            if name != "normals" and len(parts[file]) != n_voxels:
+                raise damaged(self.path, f"{file} does not have an entry for each voxel")
+        if self.classification == "pre":
+            check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
+        return _SlabCounts(runs, voxels, n_runs, n_voxels)
+
+    def _slab_shape(self, order: str, first: int, last: int) -> tuple[int, int]:
+        """Slices and scanlines of the planes [``first``, ``last``) in an order."""
+        nx, ny, _ = self.shape_xyz
+        return (last - first, ny) if order == ROWS else (nx, last - first)
 
     def _records(self, stored: np.ndarray) -> np.ndarray:
         """Records as RunLengthVolume has them."""
         return stored.reshape(-1, *WORDS[self.record])
 
-    def _of_axis(self, axis: int, run_counts, voxel_counts):
-        """The tables of a principal axis from the counts of its order's slabs."""
+    def _of_axis(self, axis: int, slabs: list[_SlabCounts]):
+        """The tables of a principal axis from the counts of its order's slabs, one behind the other in the files."""
         order = ORDER_OF[axis]
+        all_pointers, all_starts, n_runs, n_voxels = [], [], 0, 0
+        for slab in slabs:
+            pointers, _ = scanline_pointers_from_counts(slab.runs)
+            starts, _ = pointers_from_counts(slab.voxels)
+            all_pointers.append(np.where(pointers < 0, -1, pointers.astype(np.int64) + n_runs))
+            all_starts.append(starts + n_voxels)
+            n_runs, n_voxels = n_runs + slab.n_runs, n_voxels + slab.n_voxels
+        kind = np.int32 if n_runs <= np.iinfo(np.int32).max else np.int64
+        columns = all_pointers, all_starts, [slab.voxels for slab in slabs]
+        pointers, starts, voxels = (np.concatenate(parts, axis=0 if order == ROWS else 1) for parts in columns)
         if axis == 1:  # the scanlines of z, slice by slice
-            pointers, starts, voxels = self._of_rows(run_counts, voxel_counts)
             pointers, starts, voxels = (np.ascontiguousarray(part.T) for part in (pointers, starts, voxels))
-        elif axis == 2:
-            pointers, starts, voxels = self._of_rows(run_counts, voxel_counts)
-        else:
-            pointers, starts, voxels = self._of_slabs(run_counts, voxel_counts)
         data_pointers = np.append(np.int64(0), np.cumsum(voxels.sum(axis=1, dtype=np.int64)))
         runs = self.mapped.table(f"{order}.{RUNS}")
-        tables = RunTables(axis, self.shape_xyz, pointers, data_pointers, runs, starts)
+        tables = RunTables(axis, self.shape_xyz, pointers.astype(kind), data_pointers, runs, starts)
         of_voxels = {name: self.mapped.table(file) for name, file in self._names(order).items()}
         if self.classification == "pre":
             records = self._records(of_voxels["records"])
             return tables.with_voxels(self.model, records, self.decoding, self.most_color), of_voxels
         return tables, of_voxels
-
-    @staticmethod
-    def _of_rows(run_counts, voxel_counts):
-        """(nz, ny) pointers to runs, first voxels, and numbers of voxels."""
-        voxels = np.concatenate(voxel_counts)
-        return scanline_pointers_from_counts(np.concatenate(run_counts))[0], pointers_from_counts(voxels)[0], voxels
-
-    @staticmethod
-    def _of_slabs(run_counts, voxel_counts):
-        """(nx, nz) pointers to runs, first voxels, and numbers of voxels; the slabs follow one another in the files."""
-        all_pointers, all_starts, n_runs, n_voxels = [], [], 0, 0
-        for runs, voxels in zip(run_counts, voxel_counts, strict=True):
-            pointers, more_runs = scanline_pointers_from_counts(runs)
-            starts, more_voxels = pointers_from_counts(voxels)
-            all_pointers.append(np.where(pointers < 0, -1, pointers.astype(np.int64) + n_runs))
-            all_starts.append(starts + n_voxels)
-            n_runs, n_voxels = n_runs + more_runs, n_voxels + more_voxels
-        kind = np.int32 if n_runs <= np.iinfo(np.int32).max else np.int64
-        pointers, starts, voxels = (np.concatenate(parts, axis=1) for parts in (all_pointers, all_starts, voxel_counts))
-        return pointers.astype(kind), starts, voxels
 
 
 def classification_of(path) -> str:

@@ -8,7 +8,7 @@ decided once, by ``choose_source``; effects attach by the interfaces of ``effect
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ..effects.exposure import exposure_steps, exposures
 from ..effects.ray_effects import RayEffects
@@ -63,20 +63,29 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
     as it was before.
     """
+    rendering, kernels = yield from told_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), quality)
+    return replace(rendering, report={**rendering.report, "kernels": kernels})
+
+
+def told_steps(steps, quality: Quality):
+    """Generator of Progress, told in words for a person: what ``steps`` returns, and the names of its kernels.
+
+    Raises RleSplatError, caused by the MemoryError, when memory runs out half-way.
+    """
     kernels: set[str] = set()
     first_ever = compiled(quality.backend) and nothing_compiled_yet()
-    steps = within(_exposed_steps(scene, quality, cache, refuse_empty_view), lambda: noting_kernels(kernels))
+    steps = within(steps, lambda: noting_kernels(kernels))
     if first_ever:
         steps = mapped(steps, _told_of_compiling)
     try:
-        rendering = yield from forward(steps)  # of several axes or base planes each begins anew
+        made = yield from forward(steps)  # of several axes or base planes each begins anew
     except MemoryError as problem:
         reason = f" ({problem})" if str(problem) else ""
         raise RleSplatError(
             f"Memory ran out half-way through the picture{reason}; free some, or make the picture, the sheet density "
             "or the volume smaller."
         ) from problem
-    return replace(rendering, report={**rendering.report, "kernels": sorted(kernels)})
+    return made, sorted(kernels)
 
 
 def _told_of_compiling(step: Progress) -> Progress:
@@ -108,37 +117,80 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
 
 def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Clock):
     """Generator: the stages of one sharp picture, in the paper's order; returns its Rendering."""
-    wanted, quality = door.scene, door.quality
-    source = choose_source(wanted, quality)
+    drawing = begun(door, cache, refuse_empty_view, clock)
+    medium, tables = yield from encoded_steps(drawing)
+
+    def splat(plane, intervals):
+        return medium.splat_steps(tables[plane.axis], plane, intervals)
+
+    return (yield from drawn_steps(drawing, medium, tables, splat))
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A sharp picture that is being made.
+
+    Attributes
+    ----------
+    door : Settled
+    source : Source
+    view : View
+    rays : RayEffects
+    work : Work
+    is_traced : bool
+        Whether steep pixels are integrated by single rays.
+    """
+
+    door: Settled
+    source: Source
+    view: View
+    rays: RayEffects
+    work: Work
+    is_traced: bool
+
+
+def begun(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Clock) -> Drawing:
+    """The Drawing of a scene, with its source and its view."""
+    source = choose_source(door.scene, door.quality)
     traced = traces_steep_pixels(source)
     source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
-    rays = RayEffects(source.scene, view.index_view, quality, source.sheets.ends_at_box, door.effects, clock)
-    work = _begin_work(source, view, rays, traced, cache, clock)
+    rays = RayEffects(source.scene, view.index_view, door.quality, source.sheets.ends_at_box, door.effects, clock)
+    return Drawing(door, source, view, rays, _begin_work(source, view, rays, traced, cache, clock), traced)
 
-    # Classify and shade.
-    medium = yield from source.medium_steps(work)
-    # Encode.
+
+def encoded_steps(drawing: Drawing):
+    """Generator of Progress: classify, shade and encode; returns the Medium, and principal axis -> its tables."""
+    medium = yield from drawing.source.medium_steps(drawing.work)
     tables = {}
-    for axis in view.axes:
+    for axis in drawing.view.axes:
         tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
-    # Splat and warp.
+    return medium, tables
+
+
+def drawn_steps(drawing: Drawing, medium: Medium, tables: dict, splat):
+    """Generator of Progress: splat and warp; returns the Rendering.
+
+    ``splat(plane, intervals)``: generator of fractions done; returns the IntermediateImage of a base plane.
+    """
+    door, source, view, rays = drawing.door, drawing.source, drawing.view, drawing.rays
+    clock, most_color = drawing.work.clock, medium.most_color(tables.values())
     rays.inspect(view.planes)
     picture = None
     for n, fade in enumerate(view.fades):
         span = 0.2 + 0.75 * n / len(view.fades), 0.75 / len(view.fades)
-        found = yield from _fade_steps(source, medium, tables, view, fade, rays, clock, span)
+        found = yield from _fade_steps(drawing, medium, most_color, fade, splat, span)
         picture = fade.mixed(picture, found)
     # Follow single rays where sheets and warp err most.
     traced_pixels = NO_PIXELS
-    if traced:
-        steps = steep_steps(source.scene, wanted.region, view.index_view, medium, quality, *picture)
+    if drawing.is_traced:
+        steps = steep_steps(source.scene, door.scene.region, view.index_view, medium, door.quality, *picture)
         steps = portion(timed(steps, clock, "rays"), 0.95, 0.99, "Following single rays")
         *picture, traced_pixels = yield from steps
     with clock.stage("report"):
         remarks = (*door.remarks, *rays.remarks(picture, medium.visible_voxels > 0))
-        report = report_of(wanted, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
+        report = report_of(door.scene, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
         report["plan"] |= door.plan
-    work.job.keep()
+    drawing.work.job.keep()
     report["stages_ms"] = clock.report()
     yield Progress(1.0, "Done")
     return Rendering(*picture, report)
@@ -158,14 +210,12 @@ def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cach
     return Work(cache.job(), clock, len(view.axes), needed)
 
 
-def _fade_steps(
-    source: Source, medium: Medium, tables: dict, view: View, fade: Fade, rays: RayEffects, clock: Clock, span
-):  # fmt: skip
+def _fade_steps(drawing: Drawing, medium: Medium, most_color: float, fade: Fade, splat, span):
     """Generator of Progress: splat the base planes of a part of the view and warp them; returns (rgba, depth).
 
-    ``span``: how much of the work is done before, and how much this is.
+    ``splat``: see ``drawn_steps``.  ``span``: how much of the work is done before, and how much this is.
     """
-    most_color = medium.most_color(tables.values())
+    rays, clock = drawing.rays, drawing.work.clock
     passes = rays.passes(fade.planes)
     parts, done = max(sum(len(one.planes) for one in passes), 1), 0
     picture = None
@@ -174,13 +224,12 @@ def _fade_steps(
         for number, whole in ray_pass.planes:
             left = rays.intervals(ray_pass, number, whole)
             if left is not None:
-                plane, intervals = left
-                steps = medium.splat_steps(tables[plane.axis], plane, intervals)
                 begin = span[0] + span[1] * done / parts
-                image = yield from _splat_steps(steps, clock, begin, span[1] / parts)
+                image = yield from splatted_steps(splat(*left), clock, begin, span[1] / parts)
                 images.append(rays.drawn(ray_pass, number, image))
             done += 1
-        steps = warp_steps(images, view.index_view, ray_pass.region, source.quality, most_color)
+        index_view, quality = drawing.view.index_view, drawing.source.quality
+        steps = warp_steps(images, index_view, ray_pass.region, quality, most_color)
         at = span[0] + span[1] * done / parts
         found = yield from portion(timed(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):
@@ -190,7 +239,7 @@ def _fade_steps(
     return rgba, rays.within_clip(depth)
 
 
-def _splat_steps(steps, clock: Clock, begin: float, share: float):
+def splatted_steps(steps, clock: Clock, begin: float, share: float):
     """Generator of Progress from ``begin`` on: the splat of one base plane; returns the IntermediateImage.
 
     Loading the kernel, or compiling it the first time ever, is told and timed apart.

@@ -119,6 +119,25 @@ class BasePlane:
         seen = np.clip(self.seen[:, first[1] : first[1] + height] - first[0], 0, width)
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
+    def slab(self, number: int, count: int) -> BasePlane | None:
+        """The plane with one of ``count`` parts of its sheets, numbered from front to back.
+
+        Parameters
+        ----------
+        number, count : int
+
+        Returns
+        -------
+        BasePlane or None
+            None if there are fewer sheets than parts, and none is left for this one.
+        """
+        first, last = (n * len(self.sheets) // count for n in (number, number + 1))
+        if first == last:
+            return None
+        sheets = self.sheets.part(first, last)
+        some = slice(last - len(sheets), last)
+        return replace(self, sheets=sheets, scale=self.scale[some], offset=self.offset[some])
+
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Base-plane coordinates X (width,) and Y (height,) of the sheet pixels, float64, read-only."""
         return self._points

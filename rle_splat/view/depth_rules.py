@@ -124,6 +124,18 @@ class Sheets:
     def __len__(self) -> int:
         return len(self.position)
 
+    def part(self, first: int, last: int) -> Sheets:
+        """Sheets that show nothing but the slabs of the sheets [``first``, ``last``).
+
+        A sheet whose slab begins at the sheet before follows that sheet, which then only begins it.
+        """
+        begins = int(self.kind[first] == BETWEEN)
+        part = Sheets(*(column[first - begins : last].copy() for column in vars(self).values()))
+        part.far[-1] = part.end[-1]
+        if begins:
+            part.kind[0], part.thickness[0], part.begin[0] = BEGINS, 0.0, part.end[0]
+        return part
+
 
 def _cells(begin: float, ramp_end: float, ramp_begin: float, end: float, depth: int) -> np.ndarray:
     """Where the cells from ``begin`` to ``end`` begin: ``depth`` voxels apart between the ramps, one in the ramps."""

@@ -1,0 +1,188 @@
+"""A picture in slabs: parts of its sheets, drawn apart and composited with the operator ``over`` before the warp.
+
+Volumes that are too large for one machine are drawn so. A slab's rays begin and end at its sheets; what it draws is
+color and transmittance of every sheet pixel, which the slabs before it cover. The warp comes last, since it mixes
+sheet pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..effects.exposure import exposures
+from ..encode.stored_folder import FolderVolume
+from ..runtime.steps import Clock, within
+from ..scene import Quality, RleSplatError, Scene
+from ..scene.changed import changed
+from ..splat.intermediate_image import IntermediateImage
+from ..view.base_plane import BasePlane
+from .choose_source import settled
+from .preset_plan import with_plan
+from .render import Drawing, begun, drawn_steps, encoded_steps, splatted_steps, told_steps
+from .stage_cache import StageCache
+
+ALONG_Z = 2
+
+
+@dataclass(frozen=True, eq=False)
+class SlabImages:
+    """What a slab, or several that follow one another, look like on the base planes of a picture.
+
+    Attributes
+    ----------
+    pixels : tuple of ndarray or None
+        Of each base plane in the order that they are drawn, (H, W, 4) float32, premultiplied scene-linear color and
+        transmittance; None where nothing is drawn.
+    most_color : float
+        Largest channel of any unassociated color.
+    kernels : frozenset of str
+        Names of the kernels that took part.
+    stages_ms : dict
+        Milliseconds of each stage.
+    """
+
+    pixels: tuple
+    most_color: float
+    kernels: frozenset
+    stages_ms: dict
+
+
+def slab_steps(scene: Scene, quality: Quality, number: int, count: int):
+    """Generator of Progress: draw one of ``count`` slabs; returns its SlabImages.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+    number, count : int
+        Slabs are numbered from front to back, on each base plane of the picture.
+
+    Raises
+    ------
+    RleSplatError
+        Where the picture cannot be drawn in slabs.
+    """
+    drawing = _begun(scene, quality)
+    steps = within(_slab_steps(drawing, number, count), drawing.work.clock.running)
+    (pixels, most_color), kernels = yield from told_steps(steps, quality)
+    return SlabImages(pixels, most_color, frozenset(kernels), drawing.work.clock.report())
+
+
+def composited_steps(scene: Scene, quality: Quality, slabs: SlabImages):
+    """Generator of Progress: warp what the slabs look like together; returns the Rendering, which has no depths.
+
+    Parameters
+    ----------
+    scene : Scene
+    quality : Quality
+    slabs : SlabImages
+        Of all slabs.
+    """
+    drawing = _begun(scene, quality)
+    steps = within(_composited_steps(drawing, slabs), drawing.work.clock.running)
+    rendering, kernels = yield from told_steps(steps, quality)
+    report = dict(rendering.report)
+    del report["memory_bytes"]  # here are no tables
+    times = _sum(report["stages_ms"], slabs.stages_ms)
+    return replace(rendering, report={**report, "kernels": sorted({*kernels, *slabs.kernels}), "stages_ms": times})
+
+
+def over(front: SlabImages, back: SlabImages) -> SlabImages:
+    """Composite slabs that lie behind one another."""
+    pixels = tuple(_over(*pair) for pair in zip(front.pixels, back.pixels, strict=True))
+    times = _sum(front.stages_ms, back.stages_ms)
+    return SlabImages(pixels, max(front.most_color, back.most_color), front.kernels | back.kernels, times)
+
+
+def _check(scene: Scene) -> None:
+    """RleSplatError for a scene whose picture is not made in slabs."""
+    if not isinstance(scene.volume, FolderVolume):
+        raise RleSplatError(
+            "Slabs are parts of a folder of tables; encode the volume with rle-splat encode --folder, and render that."
+        )
+    if len(exposures(scene)) > 1:
+        raise RleSplatError(
+            "Depth of field and motion blur mix many pictures, and slabs make one; leave them out, or remove --slabs."
+        )
+
+
+def _begun(scene: Scene, quality: Quality) -> Drawing:
+    _check(scene)
+    cache = StageCache(0)
+    return begun(with_plan(settled(scene, quality), cache), cache, False, Clock())
+
+
+def _slab_steps(drawing: Drawing, number: int, count: int):
+    """Generator of Progress: returns the pixels of a slab, and the largest color."""
+    planes = {plane: plane.slab(number, count) for plane in drawing.view.planes}
+    drawing = _reading_only(drawing, [plane for plane in planes.values() if plane is not None])
+    medium, tables = yield from encoded_steps(drawing)
+    rays, clock, pixels = drawing.rays, drawing.work.clock, []
+    rays.inspect(drawing.view.planes)
+    for fade in drawing.view.fades:
+        for ray_pass in rays.passes(fade.planes):
+            for plane_number, whole in ray_pass.planes:
+                left = rays.intervals(ray_pass, plane_number, whole)
+                if left is None:
+                    continue
+                plane, intervals = left
+                slab = plane.slab(number, count)
+                if slab is None:
+                    pixels.append(None)
+                    continue
+                steps = medium.splat_steps(tables[plane.axis], slab, intervals)
+                image = yield from splatted_steps(steps, clock, 0.2, 0.8)
+                pixels.append(None if image.filled_part(0) is None else image.pixels)
+    return tuple(pixels), medium.most_color(tables.values())
+
+
+def _reading_only(drawing: Drawing, planes: list[BasePlane]) -> Drawing:
+    """The drawing with a source that reads no more of a folder than some base planes show."""
+    source = drawing.source
+    reads = [_slices_read(plane) for plane in planes if plane.axis == ALONG_Z]
+    first, last = (min(first for first, _ in reads), max(last for _, last in reads)) if reads else (0, 0)
+    volume = source.scene.volume.of_planes(first, last)
+    return replace(drawing, source=replace(source, scene=changed(source.scene, volume=volume)))
+
+
+def _slices_read(plane: BasePlane) -> tuple[int, int]:
+    """The first slice that the footprints of a plane's sheets reach, and the end of these slices."""
+    first = plane.sheets.first_slice
+    return int(first.min()), int(first.max()) + plane.sheets.slice_weights.shape[1]
+
+
+def _composited_steps(drawing: Drawing, slabs: SlabImages):
+    """Generator of Progress: the Rendering of base planes whose pixels are there."""
+    medium = yield from drawing.source.medium_steps(drawing.work)
+    medium = replace(medium, most_color=lambda tables: slabs.most_color)
+    pixels = iter(slabs.pixels)
+
+    def given(plane, intervals):
+        yield from ()
+        return _image_of(plane, next(pixels))
+
+    return (yield from drawn_steps(drawing, medium, {}, given))
+
+
+def _image_of(plane: BasePlane, pixels: np.ndarray | None) -> IntermediateImage:
+    """The intermediate image of pixels, or a transparent one; the transmittance nowhere falls below one half."""
+    image = IntermediateImage.blank(plane)
+    image.pixels[:] = (0.0, 0.0, 0.0, 1.0) if pixels is None else pixels
+    image.half_depth[:] = np.inf
+    image.note_filled()
+    return image
+
+
+def _over(front: np.ndarray | None, back: np.ndarray | None) -> np.ndarray | None:
+    if front is None or back is None:
+        return back if front is None else front
+    pixels = front[..., 3:] * back
+    pixels[..., :3] += front[..., :3]
+    return pixels
+
+
+def _sum(some: dict, others: dict) -> dict:
+    """The sums of numbers of the same names."""
+    return {name: taken + others[name] for name, taken in some.items()}

@@ -1,0 +1,160 @@
+"""A picture in slabs is the picture but for rounding, in any projection; along z a slab reads no more than its part."""
+
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+import pytest
+
+import rle_splat
+from rle_splat.encode.store import load
+from rle_splat.pipeline import encode_folder
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.slabs import composited_steps, over, slab_steps
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Clip, Mist, RleSplatError
+from rle_splat.view.turntable import turntable
+from tests.unit.test_folder import QUALITIES, scene_of, volume_of
+
+EXACT = 1e-6  # how far the order of float32 sums may move a number
+ABOVE = np.array(((1, 0, 0, 0), (0, 0.8, -0.6, 0), (0, 0.6, 0.8, 9), (0, 0, 0, 1)), float)
+MESH = np.array((((-40, 2, -40), (40, 1, -40), (0, -2, 50)),), float)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Classification -> a folder of tables in slabs of three planes."""
+    folder = tmp_path_factory.mktemp("slabs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
+        for name, quality in QUALITIES.items():
+            rle_splat.encode_folder(scene_of(volume_of()), folder / f"{name}.rle", quality)
+    return {name: folder / f"{name}.rle" for name in QUALITIES}
+
+
+@pytest.fixture
+def scene(folders):
+    """``scene("post", axis=2, mist=...)``: a scene of a folder."""
+
+    def make(name, axis=1, **changes):
+        changes = {"lights": (), "headlight": False, **changes}
+        return replace(scene_of(volume_of(), axis), volume=load(folders[name]), **changes)
+
+    return make
+
+
+def in_slabs(scene, quality, count):
+    """The Rendering of a picture in slabs, and the largest color of its medium."""
+    slabs = [drain(slab_steps(scene, quality, number, count)) for number in range(count)]
+    together = reduce(over, slabs)
+    return drain(composited_steps(scene, quality, together)), together.most_color
+
+
+def seen_from(azimuth, elevation, fit=1.25):
+    """What a perspective camera changes; a small ``fit`` puts it into the volume."""
+    camera, matrix = turntable(volume_of(), azimuth, elevation, fit, True, 60.0, 40, 32)
+    return {"camera": camera, "volume_matrix": matrix}
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_slabs_along_each_axis(scene, name, axis):
+    quality = replace(QUALITIES[name], termination=0.0)
+    whole = render(scene(name, axis), quality)
+    assert whole.rgba[..., 3].max() > 0.9
+    for count in (1, 3):
+        made, _ = in_slabs(scene(name, axis), quality, count)
+        assert np.abs(made.rgba - whole.rgba).max() < EXACT * (count > 1) + 1e-30
+        assert (made.depth == made.depth.max()).all()  # no depth anywhere
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+def test_what_ends_a_ray_early_is_lost_and_no_more(scene, name):
+    quality = replace(QUALITIES[name], termination=1 / 64)
+    whole = render(scene(name), quality).rgba
+    made, most_color = in_slabs(scene(name), quality, 4)
+    off = np.abs(made.rgba - whole).max()
+    assert EXACT < off <= quality.termination * max(most_color, 1.0)
+
+
+SCENES = {
+    "perspective": lambda: seen_from(30.0, 20.0),
+    "through several axes": lambda: seen_from(43.0, 33.0, 0.5),
+    "from within": lambda: seen_from(43.0, 33.0, 0.05),
+    "mist": lambda: {"mist": Mist(start=2.0, depth=60.0)},
+    "a plane that cuts": lambda: {"clips": (Clip("plane", ABOVE),)},
+    "a box that is hollowed out": lambda: {"clips": (Clip("box", np.diag((5.0, 6.0, 4.0, 1.0)), "outside"),)},
+    "a mesh": lambda: {"triangles": MESH, **seen_from(30.0, 20.0)},
+    "a crop": lambda: {"crop": (7, 5, 33, 30)},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_slabs_under_effects(scene, name):
+    quality = replace(QUALITIES["post"], termination=0.0, backend="numpy", axis_fade=15.0)
+    one = scene("post", 1, **SCENES[name]())
+    whole = render(one, quality)
+    made, _ = in_slabs(one, quality, 3)
+    assert whole.rgba[..., 3].max() > 0.3
+    assert np.abs(made.rgba - whole.rgba).max() < EXACT
+    on = [[effect["name"] for effect in each.report["effects"] if effect["on"]] for each in (made, whole)]
+    assert on[0] == on[1]
+    assert made.report["volume"] == whole.report["volume"] and "memory_bytes" not in made.report
+
+
+def test_more_slabs_than_sheets(scene):
+    quality = replace(QUALITIES["pre"], backend="numpy")
+    sheets = render(scene("pre"), quality).report["plan"]["base_planes"][0]["sheets"]
+    slabs = [drain(slab_steps(scene("pre"), quality, number, 2 * sheets)) for number in (0, 1)]
+    assert [slab.pixels for slab in slabs[:1]] == [(None,)] and slabs[1].most_color > 0.0
+    assert not drain(composited_steps(scene("pre"), quality, slabs[0])).rgba.any()
+
+
+def test_the_tree_has_no_say_beyond_rounding(scene):
+    quality = replace(QUALITIES["pre"], backend="numpy")
+    one, two, three = (drain(slab_steps(scene("pre"), quality, number, 3)) for number in range(3))
+    for left, right in zip(over(over(one, two), three).pixels, over(one, over(two, three)).pixels, strict=True):
+        assert np.abs(left - right).max() < EXACT
+
+
+def test_a_slab_along_z_reads_no_other_part_of_the_folder(scene, folders):
+    """Damage in the last planes is told by the slab that has them, and does not touch the others."""
+    quality = replace(QUALITIES["post"], backend="numpy")
+    sound = [drain(slab_steps(scene("post", 2), quality, number, 4)) for number in range(4)]
+    file = folders["post"] / "rows.scalars"
+    content = file.read_bytes()
+    file.write_bytes(content[:-64] + bytes(64))
+    try:
+        found = []
+        for number in range(4):
+            try:
+                found.append(drain(slab_steps(scene("post", 2), quality, number, 4)))
+            except RleSplatError as problem:
+                assert "the checksum of rows.scalars does not fit in planes 15 to 16" in str(problem)
+                found.append(None)
+    finally:
+        file.write_bytes(content)
+    assert found[0] is None and None not in found[1:]  # seen from above, the last planes are the first slab
+    for some, others in zip(found[1:], sound[1:], strict=True):
+        np.testing.assert_array_equal(some.pixels[0], others.pixels[0])
+
+
+def test_bytes_that_a_slab_reads(scene):
+    """A slab of a quarter of the planes checks little more than a quarter of the bytes."""
+    quality = replace(QUALITIES["post"], backend="numpy")
+    shares = []
+    for count in (1, 4):
+        one = scene("post", 2)
+        drain(slab_steps(one, quality, 1 if count > 1 else 0, count))
+        shares.append(sum(key[0] == "rows" for key in one.volume.opened if isinstance(key, tuple)))
+    assert shares == [6, 3]  # of slabs of three planes: four or five planes and their neighbors lie in three of them
+
+
+def test_a_blurred_picture_and_a_volume_in_memory_are_refused(scene):
+    blurred = replace(scene("pre").camera, aperture_radius=0.2, focus_distance=10.0)
+    for wrong, sentence in (
+        (scene("pre", camera=blurred), "Depth of field and motion blur mix many pictures"),
+        (scene_of(volume_of()), "Slabs are parts of a folder of tables"),
+    ):
+        with pytest.raises(RleSplatError, match=sentence):
+            drain(slab_steps(wrong, QUALITIES["pre"], 0, 2))
