@@ -14,9 +14,10 @@ from ..rle_splat.cli.report import write_report
 from ..rle_splat.figure.files import CONTENTS, Canvas, checked_suffix, sidecar_path
 from ..rle_splat.figure.make import MadeFigure
 from ..rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
-from ..rle_splat.figure.sidecar import DataSource, sidecar_of
+from ..rle_splat.figure.sidecar import sidecar_of
+from ..rle_splat.figure.sources import DataSource, Sources
 from ..rle_splat.scene import Camera, RleSplatError, Scene
-from . import box, images, volumes
+from . import box, channels, images, labels, volumes
 from .live.surface import clip_of
 from .live.view import Matrices, view_of
 from .playback import shown_frame
@@ -94,18 +95,27 @@ def check_files(path: str) -> None:
     check_outputs([path, sidecar_path(path)])
 
 
-def source_of(volume_object, depsgraph, path: str) -> DataSource:
-    """Where the data of a volume object is, as seen from a figure's file: its name relative to the figure's folder."""
-    source = volumes.source_of(volume_object, shown_frame(volume_object, depsgraph))
+def sources_of(volume_object, depsgraph, path: str) -> Sources:
+    """Where the data of a volume object is, its labels and channels among it, as seen from the folder of a figure."""
     folder = os.path.dirname(os.path.abspath(path))
-    try:
-        name = os.path.relpath(source.path, folder)
-    except ValueError:  # on Windows there is no relative path to another drive
-        name = os.path.basename(source.path)
-    return DataSource(name.replace(os.sep, "/"), source.options)
+
+    def seen(file, options) -> DataSource:
+        try:
+            name = os.path.relpath(file, folder)
+        except ValueError:  # on Windows there is no relative path to another drive
+            name = os.path.basename(file)
+        return DataSource(name.replace(os.sep, "/"), options)
+
+    read = [
+        volumes.source_of(one, shown_frame(one, depsgraph))
+        for one in (volume_object, *channels.sources_of(volume_object, depsgraph))
+    ]
+    volume, *further = (seen(one.path, one.options) for one in read)
+    used = labels.are_used(volume_object)
+    return Sources(volume, seen(labels.file_of(volume_object).path, {}) if used else None, tuple(further))
 
 
-def write(path: str, made: MadeFigure, source: DataSource) -> dict:
+def write(path: str, made: MadeFigure, sources: Sources) -> dict:
     """Write a figure and its sidecar.
 
     Parameters
@@ -113,7 +123,7 @@ def write(path: str, made: MadeFigure, source: DataSource) -> dict:
     path : str
         Absolute path with the suffix .svg, .png or .exr.
     made : MadeFigure
-    source : DataSource
+    sources : Sources
 
     Returns
     -------
@@ -126,7 +136,7 @@ def write(path: str, made: MadeFigure, source: DataSource) -> dict:
         If a file cannot be written; both are whole then, or as they were.
     """
     suffix, canvas = checked_suffix(path, (EXR,)), Canvas(made.page)
-    sidecar = sidecar_of(made, source)
+    sidecar = sidecar_of(made, sources)
     with whole_files([path, sidecar_path(path)]) as parts:
         if suffix == EXR:
             images.save_exr(canvas(), str(parts[0]))

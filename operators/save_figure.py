@@ -113,7 +113,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         owner = volumes.volume_object(context)
         depsgraph = evaluated(context, owner)
         plain = self._read_scene(context, owner, depsgraph)
-        self._source = figure.source_of(owner, depsgraph, self._path)
+        self._sources = figure.sources_of(owner, depsgraph, self._path)
         presets = tuple(name.strip() for name in self.compare.split(",") if name.strip())
         wanted = figure.figure_of(plain, self._style(), presets, self.title)
         return figure_steps(wanted, [quality_of(context.scene)] * len(wanted.panels), render_scene.KEPT)
@@ -139,7 +139,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
 
     def commit(self, _context, made):
         try:
-            sidecar = figure.write(self._path, made, self._source)
+            sidecar = figure.write(self._path, made, self._sources)
         except (OSError, RuntimeError) as problem:  # Blender raises the latter for an .exr
             reason = getattr(problem, "strerror", None) or str(problem).strip().rstrip(".")
             raise RleSplatError(f"Cannot write {self._path}: {reason}; choose another place.") from None

@@ -7,13 +7,16 @@ from time import perf_counter
 
 from ..figure.files import CONTENTS, SIDECAR_SUFFIX, Canvas, sidecar_path
 from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
-from ..read.formats import format_named
+from ..read.channels import level_options, read_channel_steps
+from ..read.formats import format_named, read_steps
+from ..read.labels import read_label_steps
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_figure
 from .figure_options import add_figure_options, panels_of, style_from, wanted_panels
 from .light_options import add_light_effect_options, check_light_effects, with_light_effects
+from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
     add_mist_option,
@@ -35,8 +38,8 @@ from .viewing import check_scene_options, make_scene, place, read_lights, read_p
 
 # Options that count when a figure is made again; its sidecar holds all others.
 OF_A_REMAKE = (
-    "volume", "output", "data", "json", "progress", "threads", "memory_limit", "debug", "command", "run", "prog",
-    "defaults",
+    "volume", "output", "data", "labels", "channel", "json", "progress", "threads", "memory_limit", "debug", "command",
+    "run", "prog", "defaults",
 )  # fmt: skip
 
 
@@ -48,7 +51,9 @@ def add_arguments(parser) -> None:
         help=f"the figure to write; may be given several times. FIG{SIDECAR_SUFFIX} is written beside the first one; "
         "given in place of VOLUME, it makes the same figure again",
     )
-    parser.add_argument("--data", metavar="FILE", help="where the data of a sidecar is now")
+    parser.add_argument(
+        "--data", metavar="FILE",
+        help="where the data of a sidecar is now; for its labels and channels, --labels and --channel say it")
     add_figure_options(parser)
     add_mode_option(parser)
     add_mist_option(parser)
@@ -56,6 +61,7 @@ def add_arguments(parser) -> None:
     add_scene_options(parser)
     add_clip_option(parser)
     add_light_effect_options(parser, with_pass=False)
+    add_mixing_options(parser)
     add_quality_options(parser)
     parser.set_defaults(defaults=parser.get_default)
 
@@ -115,13 +121,14 @@ def _report(args, made, remarks, written) -> dict:
 
 def _made(args, line):
     """Make a figure of a volume; return (MadeFigure, remarks, sidecar)."""
-    from ..figure.sidecar import DataSource, sidecar_of
+    from ..figure.sidecar import sidecar_of
+    from ..figure.sources import DataSource, Sources
 
     if args.data is not None:
         raise RleSplatError("--data tells where the data of a sidecar is; give the volume itself in place of VOLUME.")
     wanted = wanted_panels(args, read_transfer_function)
     compared = [one.transfer_function for one in wanted.functions]
-    _check_outputs(args, (*scene_inputs(args), *compared), [sidecar_path(args.output[0])])
+    _check_outputs(args, (*scene_inputs(args), *mixing_inputs(args), *compared), [sidecar_path(args.output[0])])
     style = style_from(args)
     args.size = tile_size(style, wanted.count)
     for view in wanted.views:
@@ -129,27 +136,27 @@ def _made(args, line):
     check_scene_options(args)
     args.tolerance = None
     check_light_effects(args)
-    quality = quality_from(args)
+    quality, mixing = quality_from(args), read_mixing(args)
     camera, matrix = read_placement(args)
     lights = read_lights(args)
     line.show(0.0, f"reading {Path(args.volume).name}")
     volume = read_input(args, line)
     check_values(volume)
+    further = read_further(args, volume, line)
 
     def scene_of(view, function):
         scene = make_scene(view, volume, function, *place(view, volume, camera, matrix), *lights)
-        return with_light_effects(args, scene)
+        return mixed(args, with_light_effects(args, scene), mixing, further)
 
     panels, reasons = panels_of(args, volume, wanted, scene_of)
     made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
-    remarks = (*reasons, *made.remarks, *quality_remarks(args, quality))
-    return made, remarks, sidecar_of(made, DataSource(str(args.volume), _read_options(args, volume)))
-
-
-def _read_options(args, volume) -> dict:
-    """The options that read the same volume again; the level of a pyramid, if left out, follows the free memory."""
-    found = {"level": volume.levels.index(volume.shape_xyz)} if volume.shape_xyz in volume.levels else {}
-    return {**found, **volume_options(args)}
+    remarks = (*reasons, *further.remarks, *made.remarks, *quality_remarks(args, quality))
+    sources = Sources(
+        DataSource(str(args.volume), {**level_options(volume), **volume_options(args)}),
+        None if args.labels is None else DataSource(str(args.labels)),
+        tuple(map(DataSource, map(str, args.channel), further.channel_options)),
+    )
+    return made, remarks, sidecar_of(made, sources)
 
 
 def _rendered(figure: Figure, qualities, line):
@@ -164,7 +171,7 @@ def _rendered(figure: Figure, qualities, line):
 
 def _made_again(args, line):
     """Make the figure of a sidecar again; return (MadeFigure, remarks, None)."""
-    from ..figure.sidecar import check_data, figure_of, read_sidecar, same_bits, version_remarks
+    from ..figure.sidecar import figure_of, read_sidecar, same_bits, version_remarks
 
     given = [name for name in vars(args) if name not in OF_A_REMAKE and getattr(args, name) != args.defaults(name)]
     if given:
@@ -173,11 +180,9 @@ def _made_again(args, line):
             "it, or make a new figure of the volume."
         )
     sidecar = read_sidecar(args.volume)
-    path = _place_of_data(args, sidecar.source.file)
-    _check_outputs(args, (args.volume, path))
-    volume = _read(path, sidecar.source.options, line)
-    check_data(sidecar, volume, path)
-    made = _rendered(*figure_of(sidecar, volume, args.threads), line)
+    places = _places(args, sidecar.sources)
+    _check_outputs(args, (args.volume, *(place for _, place in places)))
+    made = _rendered(*figure_of(sidecar, _read_again(places, sidecar.sources, line), args.threads), line)
     remarks = [*version_remarks(sidecar), *made.remarks]
     if same_bits(sidecar, made.renderings):
         remarks.append("Its pictures have the bits that the sidecar tells.")
@@ -188,23 +193,55 @@ def _made_again(args, line):
     return made, remarks, None
 
 
-def _place_of_data(args, file: str) -> Path:
-    """Where the data of a sidecar is: by --data, as it was given, or beside the sidecar."""
-    if args.data is not None:
-        return Path(args.data)
+def _places(args, sources) -> list[tuple]:
+    """Each source of a sidecar, the volume's first, then that of the labels, if any, and where its file is now."""
+    if args.labels is not None and sources.labels is None:
+        raise RleSplatError("The figure of the sidecar shows no labels; remove --labels.")
+    if args.channel and len(args.channel) != len(sources.channels):
+        raise RleSplatError(
+            f"The figure of the sidecar shows {len(sources.channels)} channels and --channel is given "
+            f"{len(args.channel)} times; give it once for each, or not at all."
+        )
+    wanted = [(sources.volume, args.data, "data", "--data")]
+    if sources.labels is not None:
+        wanted.append((sources.labels, args.labels, "label map", "--labels"))
+    now = args.channel or [None] * len(sources.channels)
+    wanted += [(source, path, "channel", "--channel") for source, path in zip(sources.channels, now)]
+    return [(source, _place(args, source.file, path, what)) for source, path, *what in wanted]
+
+
+def _place(args, file: str, given, what) -> Path:
+    """Where a file of a sidecar is: where an option says, as the sidecar says, or beside the sidecar."""
+    if given is not None:
+        return Path(given)
     places = (Path(file), Path(args.volume).parent / file, Path(args.volume).parent / Path(file).name)
     found = next((place for place in places if place.exists()), None)
     if found is None:
+        name, option = what
         raise RleSplatError(
-            f"The data of the figure, {file}, is neither there nor beside the sidecar; say where with --data FILE."
+            f"The {name} of the figure, {file}, is neither there nor beside the sidecar; say where with {option} FILE."
         )
     return found
 
 
-def _read(path: Path, options: dict, line):
-    from ..read.formats import read_steps
+def _read_again(places: list[tuple], sources, line):
+    """Read the files of a sidecar and check that they are those of its figure; return the FigureData."""
+    from ..figure.sources import FigureData, check_data
 
-    line.show(0.0, f"reading {path.name}")
-    volume = line.follow(read_steps(str(path), **options))
+    def read(steps, path):
+        line.show(0.0, f"reading {path.name}")
+        return line.follow(steps)
+
+    (source, path), *further = places
+    volume, labels, channels = read(read_steps(str(path), **source.options), path), None, []
     check_values(volume)
-    return volume
+    check_data(source, volume, path)
+    if sources.labels is not None:
+        (source, path), *further = further
+        labels = read(read_label_steps(path, volume), path)
+        check_data(source, labels, path)
+    for source, path in further:
+        channel, _ = read(read_channel_steps(path, volume, source.options), path)
+        check_data(source, channel, path)
+        channels.append(channel)
+    return FigureData(volume, labels, tuple(channels))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
 from ..classify.transfer_function import TransferFunction
+from ..read.channels import read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..scene import Channel, RleSplatError, Scene
-from ..volume.regrid import on_grid_steps
+from ..volume.volume import Volume
 
 LABEL_EDGES = ("smooth", "voxels")
 
@@ -90,47 +91,59 @@ def _named_styles(path, labels) -> tuple:
     return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
 
 
-def mixed(args, scene: Scene, styles, functions, line) -> tuple[Scene, tuple]:
-    """Add the labels and channels of the options to a scene.
+@dataclass(frozen=True, eq=False)
+class Further:
+    """Labels and channels that were read, on the grid of a volume.
+
+    Attributes
+    ----------
+    labels : Volume or None
+    channels : tuple of Volume
+    channel_options : tuple of dict
+        Of ``read_volume``, by which each channel is read again.
+    """
+
+    labels: Volume | None = None
+    channels: tuple = ()
+    channel_options: tuple = ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was noticed about the files."""
+        read = (*(() if self.labels is None else (self.labels,)), *self.channels)
+        return tuple(remark for one in read for remark in one.remarks)
+
+
+def read_further(args, volume, line) -> Further:
+    """Read the labels and channels of the options, with progress on a ProgressLine; ``volume``: the scene's."""
+    labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume))
+    found = [line.follow(read_channel_steps(path, volume)) for path in args.channel]
+    return Further(labels, tuple(channel for channel, _ in found), tuple(options for _, options in found))
+
+
+def mixed(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
+    """Add labels and channels to a scene.
 
     Parameters
     ----------
     args : argparse.Namespace
-        With ``labels``, ``label_edges`` and ``channel``.
+        With ``labels`` and ``label_edges``.
     scene : Scene
-        The scene.
-    styles, functions
-        The results of ``read_mixing``.
-    line : ProgressLine
+    mixing : tuple
+        The result of ``read_mixing``.
+    further : Further
+        The result of ``read_further``.
 
     Returns
     -------
-    scene : Scene
-        The scene with labels and channels.
-    remarks : tuple of str
-        What was noticed about these files.
+    Scene
     """
-    remarks = ()
-    if args.labels is not None:
-        found = line.follow(read_label_steps(args.labels, scene.volume))
+    styles, functions = mixing
+    labels = None
+    if further.labels is not None:
         if styles is None:
-            styles = _named_styles(args.labels, found)
+            styles = _named_styles(args.labels, further.labels)
         smooth = args.label_edges == LABEL_EDGES[0]
-        scene = replace(scene, labels=labels_of(found, styles, scene.volume, scene.transfer_function, smooth))
-        remarks = found.remarks
-    channels = []
-    for path, function in zip(args.channel, functions, strict=True):
-        found = line.follow(_beside_steps(scene.volume, path))
-        channels.append(Channel(found, function))
-        remarks = (*remarks, *found.remarks)
-    return replace(scene, channels=tuple(channels)), remarks
-
-
-def _beside_steps(volume, path):
-    """Generator of Progress: read a channel onto the grid of a volume; a raw file is read with its shape."""
-    from ..read.formats import format_of, read_steps
-
-    kind = format_of(path)
-    shape = volume.shape_xyz if kind is not None and "shape" in kind.options else None
-    found = yield from read_steps(path, shape=shape)
-    return (yield from on_grid_steps(found, volume, values=True))
+        labels = labels_of(further.labels, styles, scene.volume, scene.transfer_function, smooth)
+    channels = tuple(map(Channel, further.channels, functions))
+    return replace(scene, labels=labels, channels=channels)

@@ -17,7 +17,7 @@ from .images import WRITERS, writer_for
 from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
 from .lighting import check_lighting
 from .made import kept_lines, mark_of, outputs_of, write_mark
-from .mixing import add_mixing_options, mixed, mixing_inputs, read_mixing
+from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
     add_image_options,
@@ -221,8 +221,10 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
         prepared = _prepare_tables(args, checked.quality)
     else:
         prepared, like = _prepare_voxels(args, checked.quality, line, like)
-    scene, noticed = mixed(args, moving(prepared.scene, checked.poses), *checked.mixing, line)
-    return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=(*prepared.remarks, *noticed)), like
+    further = read_further(args, prepared.scene.volume, line)
+    scene = mixed(args, moving(prepared.scene, checked.poses), checked.mixing, further)
+    remarks = (*prepared.remarks, *further.remarks)
+    return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
 
 
 def rendered(args, prepared: Prepared, line, job: Job) -> dict:

@@ -1,13 +1,14 @@
 """The sidecar of a figure: everything from which it is made again, bit for bit, as JSON.
 
-It holds the file's name as the user gave it and a hash of the data, and nothing that a file says about a patient.
+It holds the names of files as the user gave them and hashes of their data, and nothing that a file says about a
+patient.
 """
 
 from __future__ import annotations
 
 import hashlib
 import platform
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -30,6 +31,7 @@ from ..scene import (
 from ..scene.plain import plain
 from .make import MadeFigure
 from .plan import Figure, FigureStyle, Panel
+from .sources import FURTHER, FigureData, Sources, further_json, further_of, part, sources_json, sources_of
 
 FORMAT, VERSION = "rle-splat figure", 1
 AS_MADE = "figure"  # name of a quality whose knobs are those of a sidecar
@@ -52,65 +54,50 @@ HELD = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class DataSource:
-    """Where a figure's data is: the file as the user gave it, and the options of ``read_volume``."""
-
-    file: str
-    options: dict = field(default_factory=dict)
-
-
 @dataclass(frozen=True, eq=False)
 class Sidecar:
     """A sidecar that was read.
 
     Attributes
     ----------
-    source : DataSource
-    data_hash : str
-        ``Volume.key`` of the data.
+    sources : Sources
     content : dict
         The whole file.
     """
 
-    source: DataSource
-    data_hash: str
+    sources: Sources
     content: dict
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-def sidecar_of(made: MadeFigure, source: DataSource) -> dict:
+def sidecar_of(made: MadeFigure, sources: Sources) -> dict:
     """The sidecar of a figure, JSON-ready.
 
     Parameters
     ----------
     made : MadeFigure
-    source : DataSource
+    sources : Sources
+        Of its volume, and of the labels and channels that it shows.
 
     Returns
     -------
     dict
         ``missing`` names what of the scene it does not hold; a figure with any of it cannot be made again from it.
     """
-    volume = made.figure.panels[0].scene.volume
     scenes = [panel.scene for panel in made.figure.panels]
     return {
         "format": FORMAT,
         "version": VERSION,
         "versions": versions(),
-        "data": {
-            "file": source.file, "options": plain(source.options), "hash": volume.key,
-            "shape_xyz": plain(volume.shape_xyz), "affine": volume.affine.tolist(), "unit": volume.unit,
-            "value_unit": volume.value_unit,
-        },
+        **sources_json(sources, scenes[0]),
         "style": asdict(made.figure.style),
         "panels": [
             _panel(panel, rendering) for panel, rendering in zip(made.figure.panels, made.renderings, strict=True)
         ],
         "missing": sorted({name for scene in scenes for name in missing_of(scene)}),
-    }  # fmt: skip
+    }
 
 
 def _panel(panel: Panel, rendering) -> dict:
@@ -118,7 +105,7 @@ def _panel(panel: Panel, rendering) -> dict:
     known = {entry.name for entry in fields(Quality)} - set(OF_THE_MACHINE)
     return {
         "title": panel.title,
-        "scene": {name: _field(panel.scene, name) for name in HELD},
+        "scene": {**{name: _field(panel.scene, name) for name in HELD}, **further_json(panel.scene)},
         "quality": {**{name: plan[name] for name in plan if name in known}, "name": AS_MADE},
         "plan": plain({name: plan[name] for name in ("quality", "why", "aim", "expected", "base_planes")}),
         "error": plain(rendering.report["error"]),
@@ -133,7 +120,7 @@ def _field(scene: Scene, name: str):
 
 def missing_of(scene: Scene) -> list[str]:
     """Names of the fields of a scene that a sidecar does not hold, and that are not at their defaults."""
-    others = (entry for entry in fields(Scene) if entry.name not in HELD and entry.name not in NOT_HELD)
+    others = (entry for entry in fields(Scene) if entry.name not in (*HELD, *FURTHER, *NOT_HELD))
     return [entry.name for entry in others if not _is_default(getattr(scene, entry.name), entry)]
 
 
@@ -187,50 +174,30 @@ def read_sidecar(path) -> Sidecar:
             f"The sidecar {path} has version {content.get('version')!r}, and this program reads version {VERSION}; use "
             "the program that made it."
         )
-    missing = _part(content, "missing", list, path)
+    missing = part(content, "missing", list, path)
     if missing:
         names = ", ".join(str(name).replace("_", " ") for name in missing)
         raise RleSplatError(
             f"The figure of {path} shows more than its sidecar can hold ({names}); make it again where it was made."
         )
-    data = _part(content, "data", dict, path)
-    options = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in _part(data, "options", dict, path).items()
-    }
-    source = DataSource(_part(data, "file", str, path), options)
-    for panel in _part(content, "panels", list, path):
+    sources = sources_of(content, path)
+    for panel in part(content, "panels", list, path):
         if not isinstance(panel, dict):
             raise RleSplatError(f"A panel of the sidecar {path} is not an object; use the file as it was written.")
         for name, kind in (("title", str), ("scene", dict), ("quality", dict), ("pixels", str)):
-            _part(panel, name, kind, path)
-    _part(content, "style", dict, path)
-    return Sidecar(source, _part(data, "hash", str, path), content)
+            part(panel, name, kind, path)
+    part(content, "style", dict, path)
+    return Sidecar(sources, content)
 
 
-def _part(mapping: dict, name: str, kind: type, path):
-    if not isinstance(mapping.get(name), kind):
-        raise RleSplatError(f"The sidecar {path} has no valid {name!r}; use the file as it was written.")
-    return mapping[name]
-
-
-def check_data(sidecar: Sidecar, volume, path) -> None:
-    """Refuse data, read from ``path``, that is not what a figure was made of."""
-    if volume.key != sidecar.data_hash:
-        raise RleSplatError(
-            f"The data of {path} is not what the figure was made of (its hash is {volume.key}, not "
-            f"{sidecar.data_hash}); give the original file."
-        )
-
-
-def figure_of(sidecar: Sidecar, volume, threads: int = 0) -> tuple[Figure, list[Quality]]:
+def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Figure, list[Quality]]:
     """The figure of a sidecar, and the qualities of its panels.
 
     Parameters
     ----------
     sidecar : Sidecar
-    volume : Volume
-        Its data; see ``check_data``.
+    data : FigureData
+        See ``check_data``.
     threads : int
         As of Quality.
 
@@ -241,22 +208,23 @@ def figure_of(sidecar: Sidecar, volume, threads: int = 0) -> tuple[Figure, list[
     """
     panels, qualities = [], []
     for entry in sidecar.content["panels"]:
-        panels.append(Panel(_scene(entry["scene"], volume), entry["title"]))
+        panels.append(Panel(_scene(entry["scene"], data), entry["title"]))
         qualities.append(from_mapping(Quality, {**entry["quality"], "threads": threads}, "The sidecar's quality"))
     style = from_mapping(FigureStyle, sidecar.content["style"], "The sidecar's style")
     return Figure(tuple(panels), style), qualities
 
 
-def _scene(given: dict, volume) -> Scene:
+def _scene(given: dict, data: FigureData) -> Scene:
     """The scene of a panel; fields that a sidecar of an earlier version does not have yet are at their defaults."""
-    wrong = [name for name in given if name not in HELD] + [name for name in NEEDED if name not in given]
+    wrong = [name for name in given if name not in (*HELD, *FURTHER)] + [name for name in NEEDED if name not in given]
     if wrong:
         raise RleSplatError(f"The scene of the sidecar has an unknown or no {wrong[0]!r}; use the file as written.")
     try:
-        values = {name: None if value is None else HELD[name](value) for name, value in given.items()}
-    except (TypeError, ValueError) as problem:
+        values = {name: None if value is None else HELD[name](value) for name, value in given.items() if name in HELD}
+        values.update(further_of(given, data))
+    except (TypeError, ValueError, KeyError) as problem:
         raise RleSplatError(f"The scene of the sidecar has a value of the wrong type: {problem}.") from None
-    return Scene(volume=volume, **values)
+    return Scene(volume=data.volume, **values)
 
 
 def version_remarks(sidecar: Sidecar) -> list[str]:

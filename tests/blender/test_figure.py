@@ -72,15 +72,33 @@ def test_presets_are_compared(ball, tmp_path):
     assert {"a", "b", "CT bone", "CT skin"} <= set(texts)
 
 
-def test_what_a_sidecar_cannot_hold_is_remarked(ball, core, tmp_path, capfd):
-    labels = tmp_path / "labels.raw"
-    labels.write_bytes((BALL > 100).astype(np.uint8).tobytes())
+def test_labels_and_channels_are_made_again_from_a_moved_folder(ball, core, tmp_path):
+    """A label in a color of its own, a hidden one, and a further volume; the command line finds all three files."""
+    folder = tmp_path / "made"
+    folder.mkdir()
+    labels = folder / "labels.raw"
+    labels.write_bytes((np.indices(BALL.shape)[2] // 4).astype(np.uint8).tobytes())
     ball.rle_splat.label_file = str(labels)
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    save(tmp_path / "fig.png")
-    assert json.loads((tmp_path / "fig.figure.json").read_text())["missing"] == ["labels"]
-    assert core("cli.main").main(["figure", str(tmp_path / "fig.figure.json"), "-o", str(tmp_path / "b.png")]) == 2
-    assert "shows more than its sidecar can hold (labels)" in capfd.readouterr().err
+    for row, color in zip(ball.rle_splat.labels, ((0.9, 0.1, 0.1), (0.1, 0.8, 0.2), None)):
+        row.label_name, row.show = "Of a patient", color is not None
+        if color is not None:
+            row.shown_color = color
+    other = scenes.import_raw(folder, BALL[::-1].copy())
+    bpy.context.view_layer.objects.active = ball
+    bridge_row = ball.rle_splat.channels.add()
+    bridge_row.name, bridge_row.source = "other", other
+    save(folder / "fig.png")
+    sidecar = json.loads((folder / "fig.figure.json").read_text())
+    assert sidecar["missing"] == [] and "Of a patient" not in json.dumps(sidecar)
+    assert [sidecar["data"]["file"], sidecar["labels"]["file"], sidecar["channels"][0]["file"]] == [
+        "../cube.raw", "labels.raw", "cube.raw"]
+    shown = sidecar["panels"][0]["scene"]["labels"]["functions"]
+    assert [one["transfer_function"] is None for one in shown] == [False, False, True]
+    moved = tmp_path / "moved"
+    folder.rename(moved)
+    assert core("cli.main").main(["figure", str(moved / "fig.figure.json"), "-o", str(moved / "b.png")]) == 0
+    assert (moved / "b.png").read_bytes() == (moved / "fig.png").read_bytes()
 
 
 @pytest.mark.parametrize("parallel", [True, False])

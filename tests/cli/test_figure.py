@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from argparse import Namespace
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from rle_splat.cli.figure import _read_options
 from rle_splat.cli.main import main
-from rle_splat.cli.options import READ_OPTIONS
 from rle_splat.figure.sidecar import HELD, missing_of, read_sidecar
+from rle_splat.read.channels import level_options
 from rle_splat.scene import Camera, Environment, Light, RleSplatError, Scene
 from rle_splat.scene.plain import plain as as_json
 
@@ -95,6 +93,54 @@ def test_the_data_is_found_beside_a_sidecar_that_was_moved(call, refused, plain,
     sentence = refused("figure", moved / SIDECAR, "-o", moved / "c.png")
     assert "neither there nor beside the sidecar; say where with --data FILE" in sentence
     assert call("figure", moved / SIDECAR, "--data", tmp_path / "elsewhere.raw", "-o", moved / "c.png").code == 0
+
+
+@pytest.fixture
+def labeled(figure, raw, write_json):
+    """The folder of a figure with a colored and a hidden label and a further channel, whose options are gone."""
+    folder = raw.parent
+    (np.indices(ball().shape)[2] // 7).astype(np.uint16).tofile(folder / "labels.raw")
+    ball()[::-1].tofile(folder / "channel.raw")
+    looks = [{"label": 1, "name": "Of a patient", "color": [0.9, 0.1, 0.2]}, {"label": 2, "hidden": True}]
+    options = {
+        "labels": folder / "labels.raw", "label-functions": write_json(looks, "looks.json"),
+        "channel": folder / "channel.raw",
+        "channel-function": write_json({"opacity": [[90, 0], [255, 0.2]], "color": [[0, 0, 0, 1]]}, "blue.json"),
+    }  # fmt: skip
+    figure(*(word for name, value in options.items() for word in (f"--{name}", value)))
+    for name in ("label-functions", "channel-function"):
+        options[name].unlink()
+    return folder
+
+
+def test_labels_and_channels_are_made_again_from_another_folder(call, labeled, tmp_path):
+    sidecar = json.loads((labeled / SIDECAR).read_text())
+    assert sidecar["missing"] == [] and "Of a patient" not in json.dumps(sidecar)
+    shown = sidecar["panels"][0]["scene"]["labels"]["functions"]
+    assert [(one["label"], one["transfer_function"] is None) for one in shown] == [(1, False), (2, True)]
+    moved = tmp_path / "moved"
+    labeled.rename(moved)
+    assert call("figure", moved / SIDECAR, "-o", moved / "b.svg", "-o", moved / "b.png").code == 0
+    for suffix in ("svg", "png"):
+        assert (moved / f"b.{suffix}").read_bytes() == (moved / f"fig.{suffix}").read_bytes()
+
+
+def test_labels_and_channels_elsewhere_or_changed(call, refused, labeled, tmp_path):
+    again = ("figure", labeled / SIDECAR, "-o", labeled / "b.svg")
+    for name, option in (("labels.raw", "--labels"), ("channel.raw", "--channel")):
+        (labeled / name).rename(tmp_path / name)
+        assert f"neither there nor beside the sidecar; say where with {option} FILE" in refused(*again)
+        again = (*again, option, tmp_path / name)
+    assert call(*again).code == 0
+    assert (labeled / "b.svg").read_bytes() == (labeled / "fig.svg").read_bytes()
+    assert "shows 1 channels and --channel is given 2 times" in refused(*again, "--channel", tmp_path / "channel.raw")
+    ball()[::-1].tofile(tmp_path / "labels.raw")
+    assert "labels.raw is not what the figure was made of" in refused(*again)
+
+
+def test_a_sidecar_without_labels_takes_none(refused, plain, raw):
+    assert "shows no labels; remove --labels" in refused("figure", plain / SIDECAR, "--labels", raw, "-o",
+                                                         plain / "b.png")  # fmt: skip
 
 
 def test_changed_data_is_refused(refused, plain, raw):
@@ -204,6 +250,8 @@ def test_an_unknown_thing_to_compare_is_refused(refused, raw, raw_options):
         (lambda sidecar: sidecar["panels"][0]["scene"].update(glow=1), "has an unknown or no 'glow'"),
         (lambda sidecar: sidecar["panels"][0]["scene"].update(lights=3), "has a value of the wrong type"),
         (lambda sidecar: sidecar["panels"][0]["quality"].update(kernel="x"), "There is no kernel called 'x'"),
+        (lambda sidecar: sidecar["panels"][0]["scene"].update(channels=[{}]), "has other labels or channels than"),
+        (lambda sidecar: sidecar.update(channels=[3]), "A channel of the sidecar"),
         (lambda sidecar: sidecar["style"].update(dpi=-1), "dpi must be from 20 to 2400"),
         (lambda sidecar: sidecar.update(panels=[3]), "A panel of the sidecar"),
         (lambda sidecar: sidecar.update(panels=[]), "needs at least one panel"),
@@ -227,15 +275,13 @@ def test_a_sidecar_takes_no_other_options(refused, plain):
 
 
 def test_a_sidecar_names_the_level_that_was_read():
-    pyramid, args = SimpleNamespace(levels=((8, 8, 8), (4, 4, 4)), shape_xyz=(4, 4, 4)), dict.fromkeys(READ_OPTIONS)
-    assert _read_options(Namespace(**args), pyramid) == {"level": 1}
-    assert _read_options(Namespace(**args | {"level": 0}), pyramid) == {"level": 0}
-    assert _read_options(Namespace(**args), SimpleNamespace(levels=(), shape_xyz=(4, 4, 4))) == {}
+    assert level_options(SimpleNamespace(levels=((8, 8, 8), (4, 4, 4)), shape_xyz=(4, 4, 4))) == {"level": 1}
+    assert level_options(SimpleNamespace(levels=(), shape_xyz=(4, 4, 4))) == {}
 
 
 def test_what_a_sidecar_does_not_hold_is_named(plain, raw):
     sidecar = read_sidecar(plain / SIDECAR)
-    assert sidecar.content["missing"] == [] and sidecar.source.file == str(raw)
+    assert sidecar.content["missing"] == [] and sidecar.sources.volume.file == str(raw)
     lit = {"lights": (Light(),), "world": (1.0, 1.0, 1.0), "environment": LIT}
     held = Scene(None, None, Camera(), **lit, reasons_off={"shadows": "left out"})
     assert missing_of(held) == []
