@@ -33,7 +33,10 @@ class Placement(NamedTuple):
 
 
 def placements(depsgraph) -> list[Placement]:
-    """The volumes of an evaluated scene that are not hidden from renders, in its order.
+    """The volumes of an evaluated scene, in its order.
+
+    Blender leaves out what is hidden: in a render what is hidden from renders, in a viewport what is hidden there.  Of
+    an instance that is the setting of the instancer and that of the object in the collection.
 
     Parameters
     ----------
@@ -47,11 +50,11 @@ def placements(depsgraph) -> list[Placement]:
     found = []
     for instance in depsgraph.object_instances:
         owner = instance.object.original
-        if owner.type != "EMPTY" or not owner.rle_splat.is_volume or instance.object.hide_render:
+        if owner.type != "EMPTY" or not owner.rle_splat.is_volume:
             continue
         if not instance.is_instance:
             found.append(Placement(owner))
-        elif instance.show_self and not instance.parent.hide_render:
+        elif instance.show_self:
             matrix = np.array(instance.matrix_world, np.float64)
             found.append(Placement(owner, matrix, instance.parent.original))
     return found

@@ -79,6 +79,13 @@ def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown):
     (key,) = shown.visible_volumes(scene, layer, space)
     assert shown.has_volumes(scene) and not shown.volume_keys(scene) and shown.find(key) == volume_object
     assert shown.matrix_of(key)[2, 3] == pytest.approx(volume_object.location.z + 5.0)
+    volume_object.hide_render = instancer.hide_render = True  # counts in renders alone, as for Blender's own objects
+    update()
+    assert shown.visible_volumes(scene, layer, space) == (key,)
+    volume_object.hide_viewport = True
+    update()
+    assert shown.visible_volumes(scene, layer, space) == ()
+    volume_object.hide_viewport = False
     instancer.hide_set(True)
     update()
     assert shown.visible_volumes(scene, layer, space) == ()
