@@ -26,7 +26,7 @@ from ..rle_splat.effects.lighting_kinds import BAKED
 from ..rle_splat.pipeline.medium_grid import for_any_view, shadow_factors
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import MODES, Scene
-from . import effects, freshness, linked, medium_volumes, paths, presence, volumes
+from . import effects, freshness, linked, medium_volumes, paths, volumes
 from .clip_objects import clip_objects
 from .lights import read_lights
 from .meshes import seen_meshes
@@ -79,10 +79,8 @@ def settle(scene) -> None:
 
 def _wanted_for(scene) -> list:
     """The volume objects that need a grid: none if renders include no volume, or the effect is off by hand."""
-    settings = scene.rle_splat
-    first = settings.composite_object if settings.use_composite else None
     is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
-    return [] if first is None or is_off or presence.is_deleted(first) else volumes.volume_objects(scene)
+    return volumes.volume_objects(scene) if scene.rle_splat.use_composite and not is_off else []
 
 
 def _add(scene, owner):
@@ -169,8 +167,7 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
 
 
 def _impossible_because(scene, owner, plain: Scene) -> str:
-    settings = scene.rle_splat
-    if not settings.use_composite or settings.composite_object is None or scene not in owner.users_scene:
+    if not scene.rle_splat.use_composite or scene not in owner.users_scene:
         return "renders do not include the volume"
     if scene.render.engine not in GRID_ENGINES + SURFACE_ENGINES:
         return "this render engine casts none"

@@ -160,20 +160,12 @@ def splat_over_render(scene, depsgraph) -> None:
 
 def _draw(scene, depsgraph, image, log: RenderLog) -> None:
     settings, layer = scene.rle_splat, depsgraph.view_layer
-    volume_object = settings.composite_object
     try:
-        if volume_object is None or presence.is_deleted(volume_object):
-            name = settings.deleted_volume if volume_object is None else volume_object.name
-            raise RleSplatError(
-                f"The volume {name!r} was deleted; select another one and press Include in Renders, or press Remove "
-                "from Renders."
-            )
         placed = placements.shown(depsgraph)
         if not placed:
+            log.hidden.append(_why_empty(settings, depsgraph))
             mesh_shadows.show(scene)
             images.clear(image)
-            why = placements.why_hidden(placements.Placement(volume_object), depsgraph)
-            log.hidden.append(why or "it is no volume")
             return
         with_meshes = settings.meshes_occlude and layer.use_solid
         scenes, quality = render_scene.read_scenes(
@@ -192,6 +184,17 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
         mesh_shadows.show(scene)
         _show_placeholder(image, depsgraph.scene_eval.render)
     log.drawn.append(image)
+
+
+def _why_empty(settings, depsgraph) -> str:
+    """Why a view layer does not show the volume that renders include; RleSplatError if it was deleted."""
+    owner = settings.composite_object
+    if owner is None or presence.is_deleted(owner):
+        name = settings.deleted_volume if owner is None else owner.name
+        raise RleSplatError(
+            f"The volume {name!r} was deleted and renders show no other one; import one, or press Remove from Renders."
+        )
+    return placements.why_hidden(placements.Placement(owner), depsgraph) or "it is no volume"
 
 
 def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None, log: RenderLog):

@@ -11,7 +11,7 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead
+from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead, volumes
 from .camera import marked_camera
 from .canvas import redraw
 
@@ -68,7 +68,7 @@ def attend(scene, depsgraph) -> None:
         for one in bpy.data.scenes:
             if one.library is None:
                 follow_scene.remove_deleted(one)
-                _release_composited(one)
+                _hand_over_renders(one)
                 pictures.release_deleted(one, presence.is_deleted)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.update_status(scene, depsgraph):
@@ -80,12 +80,19 @@ def attend(scene, depsgraph) -> None:
         _attending.clear()
 
 
-def _release_composited(scene) -> None:
-    """Drop the pointer to a deleted composited volume so that a purge can remove it; keep its name for messages."""
+def _hand_over_renders(scene) -> None:
+    """Let another volume of the scene stand for renders once theirs was deleted, so that a purge can remove that one.
+
+    The deleted volume's name is kept for messages.
+    """
     settings = scene.rle_splat
-    if settings.composite_object is not None and presence.is_deleted(settings.composite_object):
-        settings.deleted_volume = settings.composite_object.name
-        settings.composite_object = None
+    owner = settings.composite_object
+    if owner is not None and presence.is_deleted(owner):
+        settings.deleted_volume, settings.composite_object = owner.name, None
+    if settings.use_composite and settings.composite_object is None:
+        others = volumes.volume_objects(scene)
+        if others:  # an assignment of None would count as another edit
+            settings.composite_object = others[0]
 
 
 def stop() -> None:

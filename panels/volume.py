@@ -38,14 +38,13 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             return
         row.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
         draw_switch(row, context.space_data)
-        _draw_in_renders(row, context.scene.rle_splat, owner)
+        _draw_in_renders(row, context.scene.rle_splat.use_composite)
         _draw_views(layout, owner.rle_splat)
         draw_state(context, layout)
 
 
-def _draw_in_renders(layout, settings, owner) -> None:
-    """The camera beside the eye: whether renders include the volume."""
-    is_on = settings.use_composite and settings.composite_object == owner
+def _draw_in_renders(layout, is_on: bool) -> None:
+    """The camera beside the eye: whether renders include the scene's volumes."""
     layout.operator(
         "rle_splat.remove_composite" if is_on else "rle_splat.composite", text="", depress=is_on,
         icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")

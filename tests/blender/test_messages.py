@@ -380,8 +380,7 @@ def test_B22_a_volume_deleted_by_the_user(volume, tmp_path):
     delete_as_a_user(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
     assert settings.message == (
-        "The volume 'cube' was deleted; select another one and press Include in Renders, or press Remove from "
-        "Renders.")
+        "The volume 'cube' was deleted and renders show no other one; import one, or press Remove from Renders.")
 
 
 def test_B23_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):

@@ -108,6 +108,12 @@ def test_an_instance_is_the_volume_moved_there(cubes, tmp_path):
     picture = scenes.rendered(tmp_path / "out.exr")
     assert moved[..., 3].max() > 0.3
     np.testing.assert_allclose(picture, moved, atol=1e-5)
+    red.hide_viewport = True  # counts in viewports alone
+    np.testing.assert_array_equal(scenes.rendered(tmp_path / "out.exr"), picture)
+    for one in (red, instancer):
+        one.hide_render = True
+        assert not scenes.rendered(tmp_path / "out.exr")[..., 3].any()
+        one.hide_render = False
     instancer.hide_render = True
     assert not scenes.rendered(tmp_path / "out.exr")[..., 3].any()
 
@@ -128,3 +134,12 @@ def test_two_instances_and_their_clip_objects(cubes, bridge):
     plain, _ = bridge("render_scene").read_scenes(placed, depsgraph, with_meshes=True)
     heights = sorted((scene.volume_matrix[2, 3], scene.clips[0].matrix_world[2, 3]) for scene in plain)
     np.testing.assert_allclose(heights, ((20.0, 20.0), (40.0, 40.0)), atol=1e-6)
+
+
+def test_the_volume_left_is_rendered_after_the_other_was_deleted(cubes, tmp_path):
+    settings = bpy.context.scene.rle_splat
+    assert settings.composite_object == cubes["red"]
+    with bpy.context.temp_override(selected_objects=[cubes["red"]]):
+        bpy.ops.object.delete()
+    agree(scenes.rendered(tmp_path / "out.exr"), over([(depth("blue", N), BLUE)]))
+    assert settings.render_problem == "" and settings.composite_object == cubes["blue"]
