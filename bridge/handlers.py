@@ -9,6 +9,7 @@ from . import (
     follow_slices,
     following,
     freshness,
+    image_state,
     live,
     mesh_shadows,
     migration,
@@ -41,11 +42,13 @@ def _on_load_pre(*_arguments):
 
 
 def _forget_worlds() -> None:
+    image_state.forget()
     world_nodes.forget()
     world_render.forget()
 
 
 HANDLERS = (
+    *image_state.HANDLERS,
     *world_render.HANDLERS,  # before over_render.HANDLERS, because it renders
     *over_render.HANDLERS,
     *mesh_shadows.HANDLERS,

@@ -6,7 +6,7 @@ import numpy as np
 from mathutils import Euler
 
 from ..rle_splat.shade.environment import panorama_moments
-from . import versions
+from . import image_state, versions
 
 MOST_NUMBERS = 2**25  # in the pixels of an image; a larger one would take too long and is rendered instead
 LINEAR = ("Linear Rec.709", "Linear", "Non-Color")  # color spaces whose numbers are scene-linear as they are
@@ -72,7 +72,7 @@ def light_of(world) -> tuple | None:
         return None
     strength = max(node.inputs["Strength"].default_value, 0.0)
     image = texture.image.original
-    key = image.session_uid, image.filepath, tuple(image.size), strength, turn.tobytes()
+    key = image.session_uid, image_state.state_of(image), image_state.events_of(world), strength, turn.tobytes()
     if key not in _known:
         _known.clear()
         _known[key] = panorama_moments(_pixels_of(image) * np.float32(strength), turn.T)

@@ -5,8 +5,9 @@ surface that faces away from it, whatever nodes the world has, with a small sun 
 fitted by spherical harmonics of order 2.
 
 Blender does not render inside a draw handler or while it renders.  So a world is rendered before it is needed: from a
-timer in a window, once its nodes were still for a moment; by operators that make pictures; and in background mode when
-a render begins.  The light is kept by a hash of the world's nodes, the last one in the file too.
+timer in a window, once its nodes were still for a moment; by operators that make pictures; and when a render begins.
+In a window a render begins on a thread of its own, which waits there until the timer has rendered the light.  The light
+is kept by a hash of the world's nodes, the last one in the file too.
 """
 
 from __future__ import annotations
@@ -23,13 +24,14 @@ from bpy.app.handlers import persistent
 
 from ..rle_splat.scene import Environment
 from ..rle_splat.shade.environment import sphere_moments
-from . import versions, world_nodes
+from . import image_state, versions, world_nodes
 from .messages import sentence_of
 
 WIDTH, HEIGHT, SAMPLES = 32, 16, 64
 EVEN = 0.005  # of the mean: a light that changes by less with direction is one of all directions alike
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
 STILL, BUSY = 0.5, 0.2  # seconds without a change before a world is rendered, and between checks for other work
+BRIEF, LONGEST = 0.02, 10.0  # seconds between looks of a render that waits for the light, and until it goes on without
 MOST_KEPT = 64
 STALE = "The world has changed since its light was rendered; the volume shows the earlier light."
 NOT_YET = "The world's light is not rendered yet, so it is left out; press Save Picture to render it."
@@ -46,6 +48,7 @@ class _Now:
     wanted: int | None = None  # session id of the scene
     since = 0.0
     is_rendering = False
+    is_awaited = False  # by a render, which does not begin before
 
 
 def light_of(scene) -> tuple[tuple | None, str]:
@@ -96,6 +99,7 @@ def make_ready(scene, depsgraph) -> None:
     depsgraph : bpy.types.Depsgraph
         Its evaluated state.
     """
+    image_state.look_again()
     if is_needed(depsgraph.scene_eval) and _kept(scene, digest_of(depsgraph.scene_eval)) is None:
         render_light(scene, digest_of(depsgraph.scene_eval))
 
@@ -130,7 +134,7 @@ def _tick():
     left = _Now.since + STILL - time.perf_counter()
     if left > 0.0:
         return left
-    if bpy.app.is_job_running("RENDER"):
+    if bpy.app.is_job_running("RENDER") and not _Now.is_awaited:
         return BUSY
     scene = next((one for one in bpy.data.scenes if one.session_uid == _Now.wanted), None)
     _Now.wanted = None
@@ -142,15 +146,42 @@ def _tick():
 
 
 @persistent
+def _on_update(scene=None, depsgraph=None):
+    """An edited world is rendered even if no viewport and no panel shows its light."""
+    if depsgraph is not None and depsgraph.id_type_updated("WORLD") and scene.rle_splat.use_composite:
+        _want(scene)
+
+
+@persistent
 def _on_render_init(scene, *_arguments):
-    """In background mode a world is rendered before the render that needs it begins."""
-    if bpy.app.background and not _Now.is_rendering and scene.rle_splat.use_composite and is_needed(scene):
+    """A world is rendered before the render that needs it begins."""
+    if _Now.is_rendering or not scene.rle_splat.use_composite:
+        return
+    image_state.look_again()
+    if is_needed(scene):
         key = digest_of(scene)
         if _kept(scene, key) is None:
-            render_light(scene, key)
+            if bpy.app.is_job_running("RENDER"):
+                _await(scene, key)
+            else:
+                render_light(scene, key)
 
 
-HANDLERS = (("render_init", _on_render_init),)
+def _await(scene, key: str) -> None:
+    """Wait on the render's own thread until the timer, which runs on the main thread, has rendered a world.
+
+    Blender calls ``render_init`` before it evaluates the scene and counts as rendering, so that another render may run.
+    """
+    if not bpy.app.timers.is_registered(_tick):
+        return  # no edit was seen; timers are registered on the main thread alone
+    until = time.perf_counter() + LONGEST
+    _Now.wanted, _Now.since, _Now.is_awaited = scene.session_uid, 0.0, True
+    while key not in _Now.known and key not in _Now.failed and time.perf_counter() < until:
+        time.sleep(BRIEF)
+    _Now.is_awaited = False
+
+
+HANDLERS = (("depsgraph_update_post", _on_update), ("render_init", _on_render_init))
 
 
 def render_light(scene, key: str) -> tuple | None:
@@ -290,7 +321,7 @@ def _feed_tree(total, tree, frame: int) -> None:
         for prop in node.bl_rna.properties:
             if prop.identifier not in _OF_ALL_NODES:
                 _feed_value(total, getattr(node, prop.identifier), frame)
-        for socket in node.inputs:
+        for socket in (*node.inputs, *node.outputs):  # an output holds the color of an RGB node
             _feed_value(total, getattr(socket, "default_value", None), frame)
     for link in tree.links:
         ends = link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier
@@ -302,11 +333,15 @@ def _feed_value(total, value, frame: int) -> None:
     if isinstance(value, bpy.types.NodeTree):
         _feed_tree(total, value, frame)
     elif isinstance(value, bpy.types.Image):
-        moves = value.source in ("MOVIE", "SEQUENCE")
-        said = value.name, value.filepath, tuple(value.size), value.colorspace_settings.name, moves and frame
-        total.update(f"{said}".encode())
+        total.update(f"{image_state.state_of(value, frame)}".encode())
     elif isinstance(value, bpy.types.Object):
         total.update(np.array(value.matrix_world).tobytes())
+    elif isinstance(value, bpy.types.Text):
+        total.update(value.as_string().encode())
+    elif isinstance(value, (bpy.types.TexMapping, bpy.types.ColorMapping, bpy.types.ImageUser)):
+        for prop in value.bl_rna.properties:
+            if prop.identifier != "rna_type":
+                _feed_value(total, getattr(value, prop.identifier), frame)
     elif isinstance(value, bpy.types.ColorRamp):
         total.update(np.array([value.evaluate(n / 64.0) for n in range(65)]).tobytes())
     elif isinstance(value, bpy.types.CurveMapping):

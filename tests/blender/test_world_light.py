@@ -196,3 +196,44 @@ def test_what_the_panel_says_of_the_world(ball, bridge):
     assert "turned off" in state(scene)
     scene.rle_splat.lighting = "HEADLIGHT"
     assert "see Lighting" in state(scene)
+
+
+def test_what_changes_a_world_changes_its_light(ball, bridge, tmp_path):
+    """Nodes whose value is at their output, settings inside a node, and pixels that a script writes."""
+    digest = bridge("world_render").digest_of
+    tree, _ = image_world()
+    texture = next(node for node in tree.nodes if node.type == "TEX_ENVIRONMENT")
+    color = tree.nodes.new("ShaderNodeRGB")
+    found = [digest(bpy.context.scene)]
+
+    def check(changed=True):
+        bpy.context.view_layer.update()
+        found.append(digest(bpy.context.scene))
+        assert (found[-1] != found[-2]) is changed
+
+    check(changed=False)
+    color.outputs[0].default_value = (0.2, 0.4, 0.6, 1.0)
+    check()
+    texture.texture_mapping.rotation = (0.0, 0.0, 1.0)
+    check()
+    texture.color_mapping.brightness = 0.5
+    check()
+    texture.image_user.frame_offset = 3
+    check()
+    tree, _ = image_world()
+    texture = next(node for node in tree.nodes if node.type == "TEX_ENVIRONMENT")
+    first = read(bridge, ball).world
+    texture.image.pixels.foreach_set(0.5 * panorama().ravel())
+    picture()
+    np.testing.assert_allclose(read(bridge, ball).world, 0.5 * np.array(first), rtol=1e-5)
+    texture.image.filepath_raw, texture.image.file_format = str(tmp_path / "sky.exr"), "OPEN_EXR"
+    texture.image.save()
+    texture.image = loaded = bpy.data.images.load(str(tmp_path / "sky.exr"))
+    loaded.colorspace_settings.name = "Non-Color"
+    saved = read(bridge, ball).world
+    loaded.pixels.foreach_set(panorama().ravel())
+    picture()
+    np.testing.assert_allclose(read(bridge, ball).world, first, rtol=1e-5)
+    loaded.reload()
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(read(bridge, ball).world, saved, rtol=1e-5)
