@@ -1,0 +1,29 @@
+"""The kernels of the installed extension, compiled by Blender's Python, make the picture of the plain implementations.
+
+Those of this Python agree with those of others (tests/stability/test_same_picture.py), so its kernels do, too.
+"""
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def pictures(core):
+    """A shaded picture of a ball at the usual quality, by kernels and without."""
+    scene, z = core("scene"), np.arange(12) - 5.5
+    radius = np.sqrt(z[:, None, None] ** 2 + z[:, None] ** 2 + z**2)
+    voxels = np.clip(255.0 - 45.0 * radius, 0.0, 255.0).astype(np.uint8)
+    volume = core("volume.volume").Volume(voxels, np.diag((1.0, 1.1, 0.9, 1.0)))
+    function = core("classify.transfer_function").TransferFunction(
+        opacity=((20.0, 0.0), (250.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (255.0, 0.1, 0.4, 1.0)))
+    camera, matrix = core("view.turntable").turntable(volume, 37.0, 24.0, 1.0, True, 50.0, 61, 47)
+    render = core("pipeline.render").render
+    shown = scene.Scene(volume, function, camera, 61, 47, volume_matrix=matrix)
+    return [render(shown, scene.Quality(backend=backend)).rgba for backend in ("auto", "numpy")]
+
+
+def test_A13_kernels_and_plain_implementations_make_one_picture(pictures, core):
+    fast, plain = pictures
+    assert core("runtime.jit").compiled() and plain[..., 3].max() > 0.3
+    # A rounding may turn a value to the next entry of the lookup table.
+    np.testing.assert_allclose(fast, plain, rtol=0.0, atol=2e-3)
