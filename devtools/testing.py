@@ -245,7 +245,8 @@ def _everything(options, quick: bool) -> list[Stage]:
             ready = making.result() if part.waits else Ready()
             return [] if part.needs == "zip" and not ready.zip_path else part.run(ready, True)
 
-        running = [workers.submit(run, part) for part in parts(options, quick).values()]
+        ordered = sorted(parts(options, quick).values(), key=lambda part: part.waits)  # no worker waits beside work
+        running = [workers.submit(run, part) for part in ordered]
         stages = [making.result().zip_stage] + [stage for part in running for stage in part.result()]
     return stages + (_not_quick(EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
 
