@@ -1,8 +1,9 @@
 """Pictures and frames on a Dask cluster: the client, which hands out tasks and writes what comes back.
 
-A picture is split into tiles, which are crops with the bits of the whole picture.  So the picture does not depend on
-how many workers there are, nor on which of them makes a tile.  Workers read the volume by its path; what goes over the
-network is options on the way there, and finished pixels on the way back.  Dask gives the tasks of a lost worker to
+A picture is split into tiles, which are crops with the bits of the whole picture.  Each tile may be split into slabs,
+which are composited in pairs of neighbors.  So the picture does not depend on how many workers there are, nor on which
+of them makes a part.  Workers read the volume by its path; what goes over the network is options on the way there,
+finished pixels on the way back, and the pixels of slabs between workers.  Dask gives the tasks of a lost worker to
 others.
 """
 
@@ -15,10 +16,11 @@ import uuid
 from argparse import Namespace
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 
 from ..scene import RleSplatError
-from .cluster_worker import Command, forget, make_frame, make_tile
+from .cluster_worker import Command, cover, finish_tile, forget, make_frame, make_slab, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .output import whole_files
@@ -53,28 +55,51 @@ class Cluster:
     def threads(self) -> int:
         return max(sum(self.client.nthreads().values()), 1)
 
-    def results(self, function, job: Command, tasks, line, what: str):
-        """Yield (number of the task, Made) as tasks end.
+    def submit(self, job: Command, function, *task, inputs=(), slab: int | None = None):
+        """Hand out a task; return its future.
 
         Parameters
         ----------
+        job : Command
         function : callable
-            ``function(job, *task)``.
-        tasks : list of tuple
-        line : ProgressLine
-        what : str
-            A task, in words for a person.
+            ``function(job, *task, *inputs)``.
+        inputs : sequence of futures
+            Results of other tasks, which workers hand to one another.
+        slab : int or None
+            Number of the slab that it reads: tasks of a slab go to the same worker where that is possible.
         """
-        from distributed import as_completed
         from distributed.protocol.pickle import dumps
 
         # The scheduler unpacks what it hands on, and need not have this package: tasks are bytes to it, and a function
         # within a function is sent as it is.
-        def unpacked(packed: bytes):
+        def unpacked(packed: bytes, *inputs):
             from distributed.protocol.pickle import loads
 
             function, job, task = loads(packed)
-            return function(job, *task)
+            return function(job, *task, *inputs)
+
+        where = {}
+        if slab is not None:
+            workers = sorted(self.client.nthreads())
+            where = {"workers": [workers[slab % len(workers)]], "allow_other_workers": True} if workers else {}
+        return self.client.submit(unpacked, dumps((function, job, task)), *inputs, pure=False, **where)
+
+    def results(self, job: Command, tasks, line, what: str, parts: int = 1):
+        """Yield (number of the task, Made) as tasks end.
+
+        Parameters
+        ----------
+        job : Command
+        tasks : list of callables
+            ``task(submit)`` hands out a task, and those that it needs, and returns its future; ``submit``: the method,
+            but for the job.
+        line : ProgressLine
+        what : str
+            A task, in words for a person.
+        parts : int
+            About how many others a task needs.
+        """
+        from distributed import as_completed
 
         # Few at a time, so that results do not pile up here; the order is that of the tasks but for the last few.
         waiting = iter(enumerate(tasks))
@@ -82,12 +107,12 @@ class Cluster:
 
         def submit():
             for number, task in waiting:
-                future = self.client.submit(unpacked, dumps((function, job, task)), pure=False)
+                future = task(partial(self.submit, job))
                 futures[future] = number
                 return [future]
             return []
 
-        first = [future for _ in range(3 * self.threads) for future in submit()]
+        first = [future for _ in range(max(3 * self.threads // parts, 2)) for future in submit()]
         done, ended = 0, as_completed(first)
         for future in ended:
             made = self._result(future)
@@ -141,9 +166,7 @@ def connected(args, job_inputs, line):
     from distributed import Client
 
     with ExitStack() as stack:
-        for name in logging.root.manager.loggerDict:  # what goes wrong is said in one sentence here
-            if name.startswith(("distributed", "tornado")):
-                logging.getLogger(name).setLevel(logging.CRITICAL)
+        stack.enter_context(_silent())
         line.show(0.0, "connecting to the cluster")
         address = stack.enter_context(_local_cluster(args)) if args.dask == LOCAL else args.dask
         try:
@@ -164,6 +187,20 @@ def connected(args, job_inputs, line):
         line.clear()
         print(f"Cluster of {len(client.nthreads())} workers; dashboard: {client.dashboard_link}", flush=True)
         yield Cluster(client)
+
+
+@contextmanager
+def _silent():
+    """Context manager: what goes wrong is told in one sentence here, and not by Dask's loggers."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(("distributed", "tornado"))]
+    levels = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def worker_count(args) -> int:
@@ -243,9 +280,10 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
         Makes the command's report: ``report_of(args, prepared, rendered, write_ms, start)``.
     """
     job, paths = _job_of(args, checked)
+    delete_abandoned(args.output)
     with connected(args, paths, line) as cluster:
         region = checked.crop or (0, 0, *args.size)
-        side = args.tile or _side(region, cluster.threads)
+        side = args.tile or _side(region, -(-cluster.threads // (args.slabs or 1)))
         with whole_files([*args.output, *([args.json] if args.json else [])]) as parts:
             try:
                 prepared, rendered = _put_together(args, job, cluster, region, side, parts, line)
@@ -253,6 +291,7 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
                 cluster.forget(job)
             report = report_of(args, prepared, rendered, 0.0, start)
             report["workers"] = len(cluster.client.nthreads())
+            report["slabs"] = args.slabs
             if args.json:
                 write_report(parts[-1], report)
     return report
@@ -268,11 +307,14 @@ def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts
     with ExitStack() as stack:
         files = [
             stack.enter_context(
-                row_writer_for(path)(part, region[2] - region[0], region[3] - region[1], args.background)
+                row_writer_for(path)(
+                    part, region[2] - region[0], region[3] - region[1], args.background, args.slabs is None
+                )
             )
             for path, part in zip(args.output, parts, strict=False)
         ]
-        for number, made in cluster.results(make_tile, job, [(tile,) for tile in tiles], line, "tile"):
+        tasks = [_tile_task(tile, args.slabs) for tile in tiles]
+        for number, made in cluster.results(job, tasks, line, "tile", args.slabs or 1):
             prepared = made.prepared
             row = number // across
             if row not in strips:
@@ -286,6 +328,26 @@ def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts
                     file.write(strip.rgba, strip.depth)
                 first += 1
     return prepared, total.report()
+
+
+def _tile_task(tile, slabs: int | None):
+    """The task of a tile, as ``Cluster.results`` takes it; ``slabs``: their number, or None for a tile at once."""
+    if slabs is None:
+        return lambda submit: submit(make_tile, tile)
+
+    def hand_out(submit):
+        parts = [submit(make_slab, tile, number, slabs, slab=number) for number in range(slabs)]
+        while len(parts) > 1:  # a tree of neighbors, the same for any number of workers
+            pairs = zip(parts[::2], parts[1::2])
+            parts = [submit(cover, inputs=pair) for pair in pairs] + parts[len(parts) // 2 * 2 :]
+        return submit(finish_tile, tile, inputs=parts)
+
+    return hand_out
+
+
+def _frame_task(own: Namespace, made: str | None):
+    """The task of a frame, as ``Cluster.results`` takes it."""
+    return lambda submit: submit(make_frame, own, made)
 
 
 def _side(region, threads: int) -> int:
@@ -314,11 +376,11 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     tasks = []
     for own in frames:
         made = None if args.again else scene_made(outputs_of(own))
-        tasks.append((_absolute(own), made))
+        tasks.append(_frame_task(_absolute(own), made))
     reports: list = [None] * len(frames)
     with connected(args, paths, line) as cluster:
         try:
-            for number, made in cluster.results(make_frame, job, tasks, line, "frame"):
+            for number, made in cluster.results(job, tasks, line, "frame"):
                 own = frames[number]
                 reports[number] = kept_report(own) if made.rendering is None else _written(own, made, write)
         finally:

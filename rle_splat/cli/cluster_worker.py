@@ -68,6 +68,30 @@ def make_tile(job: Command, tile) -> Made:
     return Made(replace(prepared, scene=None), drain(steps))
 
 
+def make_slab(job: Command, tile, number: int, count: int):
+    """Draw one of ``count`` slabs of a tile of the picture of a job; return its SlabImages."""
+    from ..pipeline.slabs import slab_steps
+
+    prepared, _ = _kept(job.key, lambda: _picture_of(job))
+    return drain(slab_steps(replace(prepared.scene, crop=tile), prepared.quality, number, count))
+
+
+def cover(job: Command, front, back):
+    """Composite the SlabImages of slabs that lie behind one another."""
+    from ..pipeline.slabs import over
+
+    return over(front, back)
+
+
+def finish_tile(job: Command, tile, slabs) -> Made:
+    """Warp a tile of the picture of a job from the SlabImages of all slabs."""
+    from ..pipeline.slabs import composited_steps
+
+    prepared, _ = _kept(job.key, lambda: _picture_of(job))
+    steps = composited_steps(replace(prepared.scene, crop=tile), prepared.quality, slabs)
+    return Made(replace(prepared, scene=None), drain(steps))
+
+
 def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
     began = perf_counter()

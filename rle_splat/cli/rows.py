@@ -24,10 +24,11 @@ DEFLATE, HORIZONTAL, RGB, TOP_TO_BOTTOM, STRAIGHT_ALPHA, UNSIGNED = 8, 2, 2, 1, 
 
 
 class _Rows:
-    """What the writers have in common: a file, the picture's size, and its background or None."""
+    """What the writers have in common: a file, the picture's size, its background or None, whether it has depths."""
 
-    def __init__(self, path, width: int, height: int, background=None):
+    def __init__(self, path, width: int, height: int, background=None, has_depth: bool = True):
         self._path, self._width, self._height, self._background = path, width, height, background
+        self._has_depth = has_depth
         self._open()
 
     def __enter__(self):
@@ -40,7 +41,8 @@ class _Rows:
         return False
 
     def write(self, rgba, depth) -> None:
-        """Add rows: (H, W, 4) float32 premultiplied scene-linear, and (H, W) float32 in world units."""
+        """Add rows: (H, W, 4) float32 premultiplied scene-linear, and (H, W) float32 in world units, which a picture
+        without depths does not use."""
         for top in range(0, len(rgba), ROWS):
             self._add(rgba[top : top + ROWS], depth[top : top + ROWS])
 
@@ -67,7 +69,8 @@ class NpyRows(_Rows):
 
 
 class ExrRows(_Rows):
-    """float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z``; the background is ignored."""
+    """float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z`` if there are depths; the background is
+    ignored."""
 
     def _open(self):
         import OpenEXR
@@ -77,12 +80,14 @@ class ExrRows(_Rows):
                 "This version of OpenEXR cannot write a picture in parts; install OpenEXR 3.5, or write a .tif."
             )
         header = OpenEXR.Header(self._width, self._height)
-        header["channels"] = dict.fromkeys(("R", "G", "B", "A", "Depth.Z"), header["channels"]["R"])
+        names = (*"RGBA", "Depth.Z") if self._has_depth else "RGBA"
+        header["channels"] = dict.fromkeys(names, header["channels"]["R"])
         self._file = OpenEXR.OutputFile(str(self._path), header)
 
     def _add(self, rgba, depth):
         planes = dict(zip("RGBA", np.moveaxis(np.asarray(rgba, np.float32), -1, 0), strict=True))
-        planes["Depth.Z"] = np.asarray(depth, np.float32)
+        if self._has_depth:
+            planes["Depth.Z"] = np.asarray(depth, np.float32)
         self._file.writePixels({name: plane.tobytes() for name, plane in planes.items()}, len(rgba))
 
     def _close(self):

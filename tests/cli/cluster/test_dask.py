@@ -11,20 +11,9 @@ import socket
 import numpy as np
 import pytest
 
-distributed = pytest.importorskip("distributed", reason="Dask is not installed; run python3 dev.py clusters")
-
-from rle_splat.cli import cluster, cluster_worker  # noqa: E402
+from rle_splat.cli import cluster, cluster_worker
 
 WORDS = ["--size", "90x70", "--backend", "numpy", "--quality", "draft", "--elevation", "20"]
-
-
-@pytest.fixture(scope="module")
-def address():
-    """The address of a scheduler with two workers of one thread each."""
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
-    ) as local:
-        yield local.scheduler_address
 
 
 @pytest.fixture
