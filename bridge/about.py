@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from functools import cache
 from pathlib import Path
 
 NOT_FOR_DIAGNOSIS = (
@@ -14,7 +13,6 @@ LICENSE = "GPL-3.0-or-later. The texts of all licenses are in the folder license
 BUNDLED = Path(__file__).with_name("bundled.json")
 
 
-@cache
 def bundled() -> tuple[tuple[str, str], ...]:
     """(name, license) of each package in the zip."""
     return tuple((one["name"], one["license"]) for one in json.loads(BUNDLED.read_text(encoding="utf-8")))

@@ -134,13 +134,23 @@ def stored_histogram(properties) -> StoredHistogram | None:
     Returns
     -------
     StoredHistogram or None
-        None before an import stored one.
+        None before an import stored one, and for one that is damaged.
     """
     if not properties.histogram:
         return None
-    kept = json.loads(properties.histogram)
-    return StoredHistogram(
-        np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype"))
+    try:
+        kept = json.loads(properties.histogram)
+        return StoredHistogram(
+            np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype"))
+    except (ValueError, TypeError, LookupError, AttributeError):
+        return None
+
+
+def histogram_problem(properties) -> str:
+    """What a panel says of a histogram that is damaged; "" for any other."""
+    if not properties.histogram or stored_histogram(properties) is not None:
+        return ""
+    return "The histogram saved in this file is damaged; press Reload in the panel Scan."
 
 
 @dataclass(frozen=True)

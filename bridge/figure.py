@@ -21,6 +21,7 @@ from . import box, channels, images, labels, volumes
 from .live.surface import clip_of
 from .live.view import Matrices, view_of
 from .playback import shown_frame
+from .source_paths import check_is_no_scan
 
 EXR = ".exr"
 NO_VIEWPORT = "There is no 3D viewport to take the view from; choose the scene's camera."
@@ -92,6 +93,7 @@ def figure_of(plain: Scene, style: FigureStyle, presets: tuple, title: str) -> F
 def check_files(path: str) -> None:
     """Refuse a path that no figure can be written to."""
     checked_suffix(path, (EXR,))
+    check_is_no_scan(path)
     check_outputs([path, sidecar_path(path)])
 
 

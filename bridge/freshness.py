@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from typing import NamedTuple
 
@@ -74,7 +75,8 @@ def note(image, made_from: MadeFrom) -> None:
 def made_from(image) -> MadeFrom | None:
     """The recorded inputs of an image; None if they are unknown, or its pixels were lost with their file."""
     if image.session_uid not in _made_from and MADE_FROM in image and image.size[0] > 0:
-        _made_from[image.session_uid] = MadeFrom(*json.loads(image[MADE_FROM]))
+        with suppress(ValueError, TypeError):  # a damaged record is as none
+            _made_from[image.session_uid] = MadeFrom(*json.loads(image[MADE_FROM]))
     return _made_from.get(image.session_uid)
 
 

@@ -42,6 +42,7 @@ class StepwiseOperator:
     bl_options = set()  # without REGISTER: Adjust Last Operation (F9) would repeat the work; for undo see ``is_new``
 
     wants_previews = False  # whether there is a window for previews, and the user has them on
+    is_confirmed = False  # whether ``invoke`` has shown a dialog, whose button calls ``execute``
     was_in_window = False  # whether the work was begun in a window, not by a script
     is_new = True  # whether ``commit`` changed more than pixels, so that it becomes an undo step
     time_budget = TIME_BUDGET
@@ -70,6 +71,9 @@ class StepwiseOperator:
         return StepwiseOperator._progress
 
     def execute(self, context):
+        if self.is_confirmed:
+            self.is_confirmed = False
+            return self.begin(context)
         return self._guarded(context, self._run_through)
 
     def invoke(self, context, _event):

@@ -69,6 +69,10 @@ def settle(scene) -> None:
                 kept[one.parent] = one
             else:
                 _remove(one)
+    for one in tuple(scene.objects):  # surfaces of grids that are gone, whoever removed them
+        if one.rle_splat.is_shadow_grid and one.type == "MESH" and linked.is_own(one):
+            if one.parent not in kept.values():
+                _remove(one)
     for owner in owners:
         grid = kept.get(owner) or _add(scene, owner)
         if grid.data.users > 1:  # of a copied volume
@@ -111,19 +115,13 @@ def _attach(one, parent, homes) -> None:
 
 
 def _remove(one) -> None:
-    data, surface = one.data, surface_of(one)
-    if surface is not None:
-        mesh = surface.data
-        bpy.data.objects.remove(surface)
-        if mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
+    """Remove a grid or a surface with its data and material."""
+    data = one.data
     bpy.data.objects.remove(one)
     if data is not None and data.users == 0:
         materials = [material for material in data.materials if material is not None]
-        bpy.data.volumes.remove(data)
-        for material in materials:
-            if material.users == 0:
-                bpy.data.materials.remove(material)
+        bpy.data.batch_remove([data])
+        bpy.data.batch_remove([material for material in materials if material.users == 0])
 
 
 def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:

@@ -13,6 +13,8 @@ import os
 import bpy
 from bpy.app.handlers import persistent
 
+from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.scene import RleSplatError
 from . import linked
 
 PATHS = ("filepath", "label_file")  # properties of a volume
@@ -69,6 +71,36 @@ def resolved_path(owner, name: str = "filepath") -> str:
     if library is not None and path.startswith("//"):
         _leads_to[key] = found
     return found
+
+
+def check_is_no_scan(path) -> None:
+    """Refuse to write to a file that a volume or its labels are read from.
+
+    Parameters
+    ----------
+    path : str or Path
+        Absolute path of the file to write.
+
+    Raises
+    ------
+    RleSplatError
+        If a volume of the open file is read from it.
+    """
+    if not os.path.exists(path):
+        return
+    for owner in _volumes():
+        for source in _files_of(owner):
+            if os.path.exists(source) and os.path.samefile(source, path):
+                raise RleSplatError(
+                    f"{path} is the file that {owner.name!r} is read from, and is never overwritten; give another name."
+                )
+
+
+def _files_of(owner) -> list:
+    """The files of a volume and of its labels; of a folder the folder alone."""
+    found = [resolved_path(owner, name) for name in PATHS if getattr(owner.rle_splat, name)]
+    numbered = sequence_of(resolved_path(owner)) if owner.rle_splat.use_sequence else None
+    return found if numbered is None else [*found, *numbered.files.values()]
 
 
 def write_path(owner, name: str, path: str, blend_file: str) -> None:

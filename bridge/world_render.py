@@ -16,13 +16,14 @@ import hashlib
 import json
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..rle_splat.scene import Environment
+from ..rle_splat.scene import Environment, RleSplatError
 from ..rle_splat.shade.environment import sphere_moments
 from . import image_state, versions, world_nodes
 from .messages import sentence_of
@@ -83,9 +84,10 @@ def light_of(scene) -> tuple[tuple | None, str]:
 def _kept(scene, key: str) -> tuple | None:
     """The light of a digest from memory, or from the file."""
     if key not in _Now.known and scene.rle_splat.world_light:
-        saved, mean, first, second = json.loads(scene.rle_splat.world_light)
-        if saved == key:
-            _Now.known[key] = tuple(mean), None if first is None else Environment(first, second)
+        with suppress(ValueError, TypeError, RleSplatError):  # one that is damaged is rendered again
+            saved, mean, first, second = json.loads(scene.rle_splat.world_light)
+            if saved == key:
+                _Now.known[key] = tuple(map(float, mean)), None if first is None else Environment(first, second)
     return _Now.known.get(key)
 
 

@@ -8,9 +8,8 @@ from bpy.props import EnumProperty, IntProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..bridge import linked, medium_volumes, volumes
-from ..bridge.jobs import StepwiseOperator
 from ..bridge.medium_volumes import LOOKS
-from ..bridge.source_paths import kept_path
+from ..bridge.source_paths import check_is_no_scan, kept_path
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.reduced import factors_of
 from .placing import make_active
@@ -27,7 +26,6 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
 
     filename_ext = ".vdb"
-    is_confirmed = False  # whether the dialog was shown, whose button calls ``execute``
 
     look: EnumProperty(name="Look", description="How the material shows the volume", items=LOOKS)
     side: IntProperty(
@@ -38,18 +36,13 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
         self.is_confirmed = True
         return ExportHelper.invoke(self, context, event)
 
-    def execute(self, context):
-        if self.is_confirmed:
-            self.is_confirmed = False
-            return self.begin(context)
-        return StepwiseOperator.execute(self, context)
-
     def prepare(self, context):
         if not self.filepath:
             raise RleSplatError("Give the file to write, such as volume.vdb.")
+        self._path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), self.filename_ext))
+        check_is_no_scan(self._path)
         plain, quality = self.read_scene(context)
         owner = volumes.volume_object(context)
-        self._path = Path(bpy.path.ensure_ext(bpy.path.abspath(self.filepath), self.filename_ext))
         self._matrix = owner.evaluated_get(context.evaluated_depsgraph_get()).matrix_world.copy()
         # Location, rotation and scale cannot shear: what they leave is in the file.
         location, rotation, scale = self._matrix.decompose()

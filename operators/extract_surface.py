@@ -50,14 +50,8 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         layout.prop(self, "opacity" if self.of == OPACITY else "value")
 
     def invoke(self, context, _event):
-        self._is_confirmed = True
+        self.is_confirmed = True
         return context.window_manager.invoke_props_dialog(self)
-
-    def execute(self, context):
-        if getattr(self, "_is_confirmed", False):
-            self._is_confirmed = False
-            return self.begin(context)
-        return super().execute(context)
 
     def prepare(self, context):
         owner, scene = volumes.volume_object(context), context.scene

@@ -35,8 +35,8 @@ class LoadsFirst(StepwiseOperator):
 class ReadsFiles(StepwiseOperator):
     """Mix-in for operators that read volume files, most of them after a dialog.
 
-    A subclass sets ``is_confirmed`` when it shows a dialog, and defines ``options_again()``: a dict of the properties
-    with which the operator ``operator_again`` reads the same place again, without a dialog.
+    A subclass defines ``options_again()``: a dict of the properties with which the operator ``operator_again`` reads
+    the same place again, without a dialog.
     """
 
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
@@ -45,13 +45,6 @@ class ReadsFiles(StepwiseOperator):
     time_budget = READ_BUDGET
     out_of_memory = TOO_LARGE
     operator_again = "import_volume"  # name of an operator
-    is_confirmed = False  # whether a dialog was shown, whose button calls ``execute``
-
-    def execute(self, context):
-        if self.is_confirmed:
-            self.is_confirmed = False
-            return self.begin(context)
-        return super().execute(context)
 
     def loading(self, context):
         return None  # the voxels of other volumes are not needed

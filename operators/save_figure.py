@@ -63,7 +63,6 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="Compare", description="Names of presets, separated by commas, each in a picture of its own. Empty uses "
         "the volume's transfer function")
 
-    is_confirmed = False  # whether the file browser was shown, whose button calls ``execute``
     is_new = False  # only files are written
 
     @classmethod
@@ -78,12 +77,6 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             self.view = "VIEWPORT"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
-
-    def execute(self, context):
-        if self.is_confirmed:
-            self.is_confirmed = False
-            return self.begin(context)
-        return super().execute(context)
 
     def draw(self, _context):
         layout = self.layout

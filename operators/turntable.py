@@ -9,6 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from bpy_extras.io_utils import ExportHelper
 
 from ..bridge import camera_path, volumes
+from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.messages import sentence_of
 from ..bridge.output_settings import EXR, EXTENSIONS, MOVIE, PNG, KeptOutput, look_through, write_to
@@ -92,7 +93,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     def execute(self, context):
         in_window = getattr(self, "_is_confirmed", False) and context.window is not None and not bpy.app.background
         scene, renders = context.scene, self.render or self.path == OWN
-        self._kept = KeptOutput(scene)
+        self._kept, self._scene = KeptOutput(scene), Held(scene)
         try:
             if renders:  # before anything is made
                 self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
@@ -138,7 +139,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         _canceled.clear()
         bpy.ops.render.render(animation=True)
         self._finish(context)
-        return self._say(context)
+        return self._say()
 
     def _watch(self, context) -> set:
         """Start Blender's own render, and look from a timer whether it still runs."""
@@ -153,7 +154,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}  # Esc too, which ends Blender's render
         self._finish(context)
-        return self._say(context)
+        return self._say()
 
     def cancel(self, context):
         """Blender calls this when a file is loaded or the window closes, and when the file browser is left."""
@@ -170,12 +171,13 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             self._kept.restore()
             self._kept = None
 
-    def _say(self, context) -> set:
-        settings = context.scene.rle_splat
+    def _say(self) -> set:
+        """Report how it ended.  The window may show another scene by then, and that which was rendered may be gone."""
+        scene = self._scene.find()
         if _canceled:
             self.report({"WARNING"}, f"The animation was canceled; what was rendered is at {self._written}.")
-        elif settings.failed_frames:
-            self.report({"WARNING"}, settings.render_problem or settings.failed_frames)
+        elif scene is not None and scene.rle_splat.failed_frames:
+            self.report({"WARNING"}, scene.rle_splat.render_problem or scene.rle_splat.failed_frames)
         else:
             self.report({"INFO"}, f"The animation is at {self._written}.")
         return {"FINISHED"}

@@ -1,9 +1,9 @@
 """The histogram above the opacity curve: one picture as wide as the curve, its value axis, and the selected point."""
 
-from ..bridge import histogram_picture, previews, transfer_nodes
+from ..bridge import facts, histogram_picture, previews, transfer_nodes
 from ..bridge.probe import value_text
 from ..bridge.transfer import window_of
-from .places import BORDERS, BUTTON
+from .places import BORDERS, BUTTON, paragraph
 
 
 def draw_histogram(context, layout, owner) -> None:
@@ -19,6 +19,9 @@ def draw_histogram(context, layout, owner) -> None:
     owner : bpy.types.Object
         The volume object.
     """
+    problem = facts.histogram_problem(owner.rle_splat)
+    if problem:
+        paragraph(context, layout, problem, icon="ERROR")
     column = layout.column(align=True)
     icon = previews.histogram_icon(owner)
     if icon:

@@ -142,3 +142,13 @@ def test_bad_input_is_refused(ball, refused, tmp_path):
     bpy.context.scene.rle_splat.max_error = 2.0
     refused(save_figure, "set Maximum Error to 0", filepath=path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["cube.raw"]
+
+
+def test_the_scan_itself_is_never_overwritten(ball, refused, tmp_path):
+    """A file's content decides its format, so a scan may be called as a figure or a baked volume is."""
+    for name, operator in (("scan.png", bpy.ops.rle_splat.save_figure), ("scan.vdb", bpy.ops.rle_splat.bake_volume)):
+        path = tmp_path / name
+        path.write_bytes(BALL.tobytes())
+        ball.rle_splat.filepath = str(path)
+        refused(operator, "'cube' is read from, and is never overwritten", filepath=str(tmp_path / "." / name))
+        assert path.read_bytes() == BALL.tobytes()

@@ -320,6 +320,14 @@ def test_deleting_the_volume_deletes_its_grid(cube, grid):
     render()
 
 
+def test_a_grid_removed_by_hand_takes_its_surface_along(cube, grid, bridge):
+    bpy.data.objects.remove(grid())
+    update()
+    held = [one for one in bpy.data.objects if one.rle_splat.is_shadow_grid]
+    assert len(held) == 2 and bridge("mesh_shadows").surface_of(grid()) in held
+    assert [mesh.name for mesh in bpy.data.meshes if "Shadow" in mesh.name] == ["cube Shadow Surface"]
+
+
 def test_copies_of_the_volume_and_of_the_scene(cube, grid, bridge):
     """A copied volume gets a grid of its own, whether that was copied, too, or not."""
     grids = bridge("mesh_shadows").grids

@@ -317,3 +317,16 @@ def test_grayed_buttons_say_why(volume_object):
     for name in ("render_image", "set_backdrop", "composite"):
         with pytest.raises(RuntimeError, match="camera"):
             getattr(bpy.ops.rle_splat, name)()
+
+
+def test_a_damaged_histogram_is_said_and_a_damaged_record_is_as_none(volume_object, bridge, monkeypatch):
+    problem = "The histogram saved in this file is damaged"
+    assert problem not in texts(draw_all(monkeypatch))
+    for damaged in ("{", "[1]", '{"edges": [0, 1]}', '{"edges": 3, "counts": []}'):
+        volume_object.rle_splat.histogram = damaged
+        assert problem in " ".join(texts(draw_all(monkeypatch)).split())
+    image = bpy.data.images.new("picture", 2, 2)
+    freshness = bridge("freshness")
+    for damaged in ("{", "[1, 2, 3, 4]", "7"):
+        image[freshness.MADE_FROM] = damaged
+        assert freshness.made_from(image) is None

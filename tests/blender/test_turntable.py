@@ -1,6 +1,8 @@
 """Turntable: the camera turns about the volume and sees all of it, files are written, and no setting is lost."""
 
+from importlib import import_module
 from math import radians
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -9,6 +11,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix
 
 from tests.blender import scenes
+from tests.blender.real_blender import MODULE
 
 FRAMES = 4
 
@@ -171,3 +174,17 @@ def test_the_turn_follows_a_tilted_volume_without_patient_axes(cube):
     turn(elevation=0.0)
     scenes.to_frame(11)
     np.testing.assert_allclose(np.array(bpy.context.scene.camera.matrix_world)[:3, 1], (0, -1, 0), atol=1e-5)
+
+
+def test_the_report_is_of_the_scene_that_was_rendered(cube, bridge):
+    """The window may show another scene when a render ends, and the scene may be gone."""
+    module = import_module(f"{MODULE}.operators.turntable")
+    scene, said = bpy.context.scene, []
+    scene.rle_splat.failed_frames, scene.rle_splat.render_problem = "2", "The file is gone."
+    ended = SimpleNamespace(
+        _scene=bridge("held").Held(scene), _written="turn.mp4", report=lambda kinds, text: said.append((*kinds, text)))
+    bpy.context.window.scene = bpy.data.scenes.new("Another")
+    module.RLE_SPLAT_OT_turntable._say(ended)
+    bpy.data.scenes.remove(scene)
+    module.RLE_SPLAT_OT_turntable._say(ended)
+    assert said == [("WARNING", "The file is gone."), ("INFO", "The animation is at turn.mp4.")]

@@ -180,6 +180,13 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     again = read(bridge, bpy.data.objects[name]).environment
     np.testing.assert_array_equal(again.first, kept.first)
     np.testing.assert_array_equal(again.second, kept.second)
+    settings = bpy.context.scene.rle_splat
+    for damaged in ("{", "7", settings.world_light.replace("[", "{", 1), '["a", [1], [2], [3]]'):
+        bridge("world_render").forget()
+        settings.world_light = damaged
+        assert bridge("world_render").light_of(bpy.context.scene)[0] is None
+    picture()
+    np.testing.assert_allclose(read(bridge, bpy.data.objects[name]).environment.first, kept.first, atol=1e-6)
 
 
 def test_what_the_panel_says_of_the_world(ball, bridge):
