@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import signal
 import uuid
 from argparse import Namespace
 from contextlib import ExitStack, contextmanager, suppress
@@ -208,13 +209,40 @@ def worker_count(args) -> int:
     return args.workers or max(2, (os.cpu_count() or 1) // 4)
 
 
+@contextmanager
 def _local_cluster(args):
+    """Context manager: a cluster of processes of this machine."""
     from distributed import LocalCluster
 
-    return LocalCluster(
-        n_workers=worker_count(args), threads_per_worker=1, processes=True, silence_logs=logging.CRITICAL,
-        memory_limit=0, dashboard_address=":0",
-    )  # fmt: skip
+    with _uninterrupted():
+        local = LocalCluster(
+            n_workers=worker_count(args), threads_per_worker=1, processes=True, silence_logs=logging.CRITICAL,
+            memory_limit=0, dashboard_address=":0",
+        )  # fmt: skip
+    try:
+        yield local
+    finally:
+        with _uninterrupted():
+            local.close()
+
+
+@contextmanager
+def _uninterrupted():
+    """Context manager: Ctrl+C waits for the end of the block, and processes that begin there never hear of it.
+
+    A terminal sends it to all of them, and a worker would tell of it by a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # it unblocks the signal when it begins
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # which threads and processes inherit
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _check_workers(client, paths) -> None:

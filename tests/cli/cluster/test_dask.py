@@ -1,12 +1,15 @@
 """Pictures and frames on a Dask cluster have the bits of those of one machine; what a cluster cannot do is a sentence.
 
-One cluster within this process serves all tests but that of a lost worker, which needs processes.
+One cluster within this process serves all tests but those of a lost worker and of Ctrl+C, which need processes.
 """
 
 import json
+import logging
 import os
 import signal
 import socket
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -83,6 +86,34 @@ def test_nobody_answers(refused, raw, raw_options, tmp_path, monkeypatch):
     for address in (free, "nonsense://x"):
         sentence = refused("render", raw, *raw_options, *WORDS, "-o", tmp_path / "a.npy", "--dask", address)
         assert "No Dask scheduler answers at" in sentence
+
+
+def test_dask_tells_as_much_afterward_as_before(render, address):
+    logger, inner = logging.getLogger("distributed"), logging.getLogger("distributed.comm.tcp")
+    before = logger.level, inner.level
+    try:
+        logger.setLevel(logging.INFO)
+        inner.setLevel(logging.NOTSET)
+        render("a.npy", "--dask", address)
+        assert (logger.level, inner.level) == (logging.INFO, logging.NOTSET)
+    finally:
+        logger.setLevel(before[0])
+        inner.setLevel(before[1])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no groups of processes that a signal reaches")
+def test_ctrl_c_is_one_sentence(raw, raw_options, tmp_path):
+    """A terminal sends it to the workers too."""
+    words = "render", raw, *raw_options, "--backend", "numpy", "--size", "900", "--tile", "16", "-o", tmp_path / "a.npy"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rle_splat", *map(str, words), "--dask", "--workers", "1"], start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    assert process.stdout.readline().startswith(b"Cluster of 1 workers")
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err.decode()) == (130, b"", "Stopped; nothing was written.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
 def test_a_lost_worker_costs_its_tasks_alone(render, monkeypatch):
