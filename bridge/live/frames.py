@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ...rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
-from .view import Matrices, View, furthest_of_blocks, pixels_of, view_of, with_margin
+from .view import Matrices, View, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT = "draft"
 DRAFT_SLABS = 4  # in which a draft mixes volumes that overlap
@@ -81,7 +82,7 @@ class Shot:
     pixels: dict
     groups: tuple = ()
 
-    @property
+    @cached_property
     def part(self) -> tuple[int, int, int, int] | None:
         """The region's pixels whose depth the pictures depend on; None where no volume is in the view."""
         if not self.pixels:
@@ -108,8 +109,10 @@ def shot_of(matrices: Matrices, contents) -> Shot:
         As ``view_of``.
     """
     view = view_of(matrices, 0.0)
-    depths = [one.corners @ depth_row(view.camera)[:3] + depth_row(view.camera)[3] - view.set_back for one in contents]
-    view = view_of(matrices, min((float(depth.min()) for depth in depths), default=0.0))
+    row = depth_row(view.camera)
+    depths = [one.corners @ row[:3] + row[3] - view.set_back for one in contents]
+    if view.camera.type == "ORTHO":  # the only one that may be set back
+        view = view_of(matrices, min((float(depth.min()) for depth in depths), default=0.0))
     groups = near_to_far([one.corners for one in contents], view.camera)[::-1]
     groups = [sorted(group, key=lambda n: -float(depths[n].mean())) for group in groups]
     order = [n for group in groups for n in group]
@@ -137,7 +140,7 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
     halvings = max(coarseness - 1, 0) if coarseness else 0
     view = shot.view
     if block > 1:
-        view = _sized(shot, -(-width // block), -(-height // block))
+        view = resized(view, -(-width // block), -(-height // block))
         ends = None if ends is None else furthest_of_blocks(ends, block)
     made = []
     for group in shot.groups:
@@ -162,16 +165,6 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
         made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
     return made
-
-
-def _sized(shot: Shot, width: int, height: int) -> View:
-    """The same view in another size, from the same place."""
-    again = view_of(replace(shot.matrices, width=width, height=height), 0.0)
-    camera = replace(
-        again.camera, matrix_world=shot.view.camera.matrix_world, clip_start=shot.view.camera.clip_start,
-        clip_end=shot.view.camera.clip_end,
-    )
-    return View(camera, width, height, shot.view.window, shot.view.set_back)
 
 
 def draft_of(quality: Quality) -> Quality:

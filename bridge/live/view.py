@@ -6,7 +6,7 @@ offset.  Rows are from the top here, as in the renderer; Blender counts them fro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class View:
     set_back: float
 
 
-def view_of(matrices: Matrices, nearest: float = np.inf, size: tuple[int, int] | None = None) -> View:
+def view_of(matrices: Matrices, nearest: float = np.inf) -> View:
     """The camera that sees what a viewport sees.
 
     Parameters
@@ -71,8 +71,6 @@ def view_of(matrices: Matrices, nearest: float = np.inf, size: tuple[int, int] |
     nearest : float
         Smallest depth ahead of the view's origin of what is to be shown, world units; only used for orthographic views
         that begin behind their origin.
-    size : (width, height), optional
-        Pixels of a picture of the same view in another size; by default the region's.
 
     Returns
     -------
@@ -83,16 +81,14 @@ def view_of(matrices: Matrices, nearest: float = np.inf, size: tuple[int, int] |
     RleSplatError
         For matrices that are not finite, flat or no projection, and a region without pixels.
     """
-    width, height = size or (matrices.width, matrices.height)
+    width, height = matrices.width, matrices.height
     view, window = (np.array(rows, np.float64).reshape(4, 4) for rows in (matrices.view, matrices.window))
     _check(view, window, width, height)
     to_world = np.linalg.inv(view)
     to_world[3] = 0.0, 0.0, 0.0, 1.0
     parallel = window[3, 3] != 0.0
-    across, up = float(window[0, 0]), float(window[1, 1])
-    tall = width * across / (height * up)  # height of a pixel in widths of a pixel
-    # The principal point, in half widths and half heights from the middle.
-    right, above = (-window[0, 3], -window[1, 3]) if parallel else (window[0, 2], window[1, 2])
+    across = float(window[0, 0])
+    right = -window[0, 3] if parallel else window[0, 2]  # the principal point, in half widths from the middle
     begin, end = _clip_distances(window, parallel)
     if matrices.clip is not None and not parallel:
         begin, end = matrices.clip
@@ -105,10 +101,34 @@ def view_of(matrices: Matrices, nearest: float = np.inf, size: tuple[int, int] |
     to_world[:3, 3] += set_back * to_world[:3, 2] / np.linalg.norm(to_world[:3, 2])
     camera = Camera(
         matrix_world=to_world, type="ORTHO" if parallel else "PERSP", sensor_fit="HORIZONTAL", sensor_width=SENSOR,
-        lens=0.5 * SENSOR * across, ortho_scale=2.0 / across, shift_x=float(0.5 * right),
-        shift_y=float(0.5 * above * height * tall / width), clip_start=begin, clip_end=end, pixel_aspect=(1.0, tall),
+        lens=0.5 * SENSOR * across, ortho_scale=2.0 / across, shift_x=float(0.5 * right), clip_start=begin,
+        clip_end=end, **_of_size(window, width, height),
     )
     return View(camera, width, height, window, set_back)
+
+
+def _of_size(window: np.ndarray, width: int, height: int) -> dict:
+    """What of a Camera depends on the size of its picture, by name."""
+    tall = width * float(window[0, 0]) / (height * float(window[1, 1]))  # height of a pixel in widths of a pixel
+    above = -window[1, 3] if window[3, 3] != 0.0 else window[1, 2]  # the principal point, in half heights
+    return {"pixel_aspect": (1.0, tall), "shift_y": float(0.5 * above * height * tall / width)}
+
+
+def resized(view: View, width: int, height: int) -> View:
+    """The same view in another size, from the same place.
+
+    Parameters
+    ----------
+    view : View
+    width, height : int
+        Pixels.
+
+    Returns
+    -------
+    View
+    """
+    camera = replace(view.camera, **_of_size(view.window, width, height))
+    return replace(view, camera=camera, width=width, height=height)
 
 
 def _check(view: np.ndarray, window: np.ndarray, width: int, height: int) -> None:

@@ -102,7 +102,7 @@ def test_a_coarser_picture_is_of_the_same_view(view, to_pixel):
     camera = add_camera((3.0, -7.0, 4.0), (1.1, 0.1, 0.4), shift_x=0.1)
     bpy.context.view_layer.update()
     matrices = matrices_of(view, camera)
-    half = view.view_of(matrices, size=(320, 180))
+    half = view.resized(view.view_of(matrices), 320, 180)
     whole = to_pixel(view.view_of(matrices).camera, SIZE)
     np.testing.assert_allclose(to_pixel(half.camera, (320, 180))[:, :2], whole[:, :2] / 2.0, atol=1e-6)
 
