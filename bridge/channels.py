@@ -14,7 +14,7 @@ import bpy
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import Channel, RleSplatError
 from ..rle_splat.volume.regrid import on_grid_steps
-from . import linked, presence, transfer, volumes
+from . import encoded, linked, presence, transfer, volumes
 from .labels import remove_row
 from .overridable import BoolProperty, PointerProperty
 
@@ -35,8 +35,8 @@ class ChannelProperties(bpy.types.PropertyGroup):
 
 
 def can_be_added(owner, other) -> bool:
-    """Whether an object is a volume other than ``owner``."""
-    return other.rle_splat.is_volume and other != owner
+    """Whether an object is a volume other than ``owner``, with values."""
+    return other.rle_splat.is_volume and other != owner and not encoded.is_of(other)
 
 
 def _grid_of(volume) -> tuple:
@@ -56,6 +56,8 @@ def placed_steps(channel, volume):
     RleSplatError
         If the channel lies elsewhere.
     """
+    if not channel.holds_values:
+        raise RleSplatError(f"A channel {encoded.NO_VALUES}.")
     if not is_placed(channel, volume):
         found = yield from on_grid_steps(channel, volume, values=True)
         _placed[channel] = _grid_of(volume), None if found is channel else found

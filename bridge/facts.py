@@ -1,6 +1,7 @@
 """Facts, histogram and memory estimate of a volume, stored on its object so that panels need no voxels."""
 
 import json
+import math
 import os
 from dataclasses import dataclass
 
@@ -12,8 +13,10 @@ from ..rle_splat.scene import NO_RAYS
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
 from ..rle_splat.view.footprints import FOOTPRINTS
+from ..rle_splat.volume.axes import AXIS_NAMES
 from ..rle_splat.volume.orientation import short_orientation_text
 from ..rle_splat.volume.volume import PATIENT
+from . import encoded
 
 BINS = 256
 
@@ -25,20 +28,27 @@ def write_facts(volume_object, volume, counted) -> None:
     ----------
     volume_object : bpy.types.Object
         The volume object.
-    volume : Volume
+    volume : Volume, StoredVolume or FolderVolume
         Its voxels.
-    counted : Histogram
-        Of its values, with BINS bins.
+    counted : Histogram or None
+        Of its values, with BINS bins; None of encoded voxels.
     """
     properties = volume_object.rle_splat
-    low, high = volume.value_range
-    properties.value_low, properties.value_high = low, high
-    properties.value_unit = volume.value_unit or ""
     properties.length_unit = volume.unit
     properties.found_spacing = volume.spacing
     properties.space = volume.space or ""
-    properties.facts = "\n".join(fact_lines(volume, os.path.basename(properties.filepath.replace("\\", "/"))))
     properties.remarks = "\n".join(volume.remarks)
+    properties.facts = "\n".join(fact_lines(volume, os.path.basename(properties.filepath.replace("\\", "/"))))
+    if not volume.holds_values:
+        properties.stored_transfer, properties.histogram = json.dumps(volume.transfer_function), ""
+        function = encoded.transfer_of(volume_object)
+        properties.transfer_name = function.name
+        properties.transfer_unit = properties.value_unit = function.unit or ""
+        properties.value_low, properties.value_high = function.span
+        return
+    properties.stored_transfer = ""
+    properties.value_low, properties.value_high = volume.value_range
+    properties.value_unit = volume.value_unit or ""
     properties.histogram = json.dumps({
         "edges": [float(counted.edges[0]), float(counted.edges[-1])], "counts": counted.counts.tolist(),
         "shape": list(volume.shape_xyz), "dtype": volume.voxels.dtype.name,
@@ -50,10 +60,10 @@ def fact_lines(volume, file_name: str) -> list[str]:
 
     Parameters
     ----------
-    volume : Volume
+    volume : Volume, StoredVolume or FolderVolume
         The volume.
     file_name : str
-        Name of its file, without the folder.
+        Name of its file or folder, without where it is.
 
     Returns
     -------
@@ -62,23 +72,31 @@ def fact_lines(volume, file_name: str) -> list[str]:
     """
     unit = volume.unit
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
+    before, behind = _of_values(volume) if volume.holds_values else _of_tables(volume)
+    oriented = [f"Orientation: {short_orientation_text(volume.affine)}"] if volume.space == PATIENT else []
+    place = [f"Spacing: {_by(volume.spacing)} {unit}", f"Box: {_by(extent)} {unit}"]
+    return [f"File: {file_name}", *before, *oriented, *place, *behind]
+
+
+def _of_values(volume) -> tuple[list[str], list[str]]:
+    """Lines on the grid and the values of a Volume, before and behind those on its place."""
     low, high = volume.value_range
     value_unit = f" {volume.value_unit}" if volume.value_unit else ""
-    lines = [
-        f"File: {file_name}",
-        f"Voxels: {_by(volume.shape_xyz)}, {volume.voxels.dtype.name}",
-        f"Spacing: {_by(volume.spacing)} {unit}",
-        f"Box: {_by(extent)} {unit}",
-        f"Values: {low:.6g} to {high:.6g}{value_unit}",
-        f"In Memory: {memory_text(volume.voxels.nbytes)}",
-    ]
-    if volume.space == PATIENT:
-        lines.insert(2, f"Orientation: {short_orientation_text(volume.affine)}")
-    if volume.frames > 1:
-        lines.insert(2, f"Frames: {volume.frames}")
+    lines = [f"Voxels: {_by(volume.shape_xyz)}, {volume.voxels.dtype.name}"]
     if volume.modality:
-        lines.insert(1, f"Modality: {volume.modality}")
-    return lines
+        lines.insert(0, f"Modality: {volume.modality}")
+    if volume.frames > 1:
+        lines.append(f"Frames: {volume.frames}")
+    return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {memory_text(volume.voxels.nbytes)}"]
+
+
+def _of_tables(volume) -> tuple[list[str], list[str]]:
+    """Lines on encoded voxels, as ``_of_values``."""
+    share = volume.visible_voxels / math.prod(volume.shape_xyz)
+    by = "voxel by voxel" if volume.classification == "pre" else "in the picture"
+    name = volume.transfer_function.get("name") or "its own transfer function"
+    lines = [f"Encoded: {name}, classified {by}", f"Voxels: {_by(volume.shape_xyz)}, {share:.1%} stored"]
+    return lines, [f"Principal Axes: {', '.join(AXIS_NAMES[axis] for axis in volume.principal_axes)}"]
 
 
 def _by(numbers) -> str:

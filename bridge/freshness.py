@@ -213,6 +213,8 @@ def _feed(total, value) -> None:
     """Add plain data to a hash."""
     if isinstance(value, Volume):
         total.update(f"{value.key}{value.unit}".encode())
+    elif not getattr(value, "holds_values", True):
+        total.update(value.key.encode())
     elif is_dataclass(value):
         total.update(type(value).__name__.encode())
         _feed(total, [getattr(value, entry.name) for entry in fields(value)])

@@ -24,8 +24,8 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
         What was read.
     options : SourceOptions or PlainOptions
         The options with which it was read.
-    transfer_function : TransferFunction
-        Its first transfer function.
+    transfer_function : TransferFunction or None
+        Its first transfer function; None for encoded voxels, which have their own.
     at_cursor : bool
         Whether to place the center of the box at the 3D cursor instead of keeping the file's coordinates.
 
@@ -45,7 +45,7 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
     source_options.copy(options, properties)
     properties.playback = HOLD if found.is_in_time and not options.frame else FIXED
     fill_volume(context.scene, owner, found)
-    remark = write_transfer(owner, transfer_function)
+    remark = "" if transfer_function is None else write_transfer(owner, transfer_function)
     home = context.collection if linked.is_own(context.collection) else context.scene.collection
     home.objects.link(owner)
     if at_cursor:
@@ -78,7 +78,8 @@ def fill_volume(scene, owner, found: Found) -> None:
     properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
     source_paths.write_path(owner, "filepath", os.path.abspath(found.path), bpy.data.filepath)
-    properties.data_key, properties.series_key = volume.voxel_key, volume.series
+    properties.data_key = volumes.hash_of(volume)
+    properties.series_key = volume.series if volume.holds_values else ""
     properties.frame_count, properties.data_frame = found.frames, found.frame
     write_facts(owner, volume, found.counted)
     properties.remarks = "\n".join(found.remarks)

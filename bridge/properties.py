@@ -143,6 +143,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
     remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
+    stored_transfer: StringProperty(
+        name="Stored Transfer Function", description="Transfer function of encoded voxels (.rle) as JSON; empty for "
+        "other volumes", options={"HIDDEN"})
     space: StringProperty(
         name="Space", description="\"patient\" if the file says where the patient's left, front and head are")
     length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")

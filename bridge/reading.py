@@ -28,10 +28,10 @@ class Found:
     ----------
     path : str
         The file or folder.
-    volume : Volume
+    volume : Volume, StoredVolume or FolderVolume
         One of the source's volumes.
-    counted : Histogram
-        Of its values.
+    counted : Histogram or None
+        Of its values; None of encoded voxels.
     frame, frames : int
         Its number among them, from 1, and how many there are.
     remarks : tuple of str
@@ -40,7 +40,7 @@ class Found:
 
     path: str
     volume: Volume
-    counted: Histogram
+    counted: Histogram | None
     frame: int
     frames: int
     remarks: tuple
@@ -76,6 +76,8 @@ def found_steps(path: str, options):
                 "Sequence off, or choose one of the numbered files."
             )
     volume = yield from part(volumes.file_steps(path, given), 0.0, MEASURING)
+    if not volume.holds_values:
+        return Found(path, volume, None, 1, 1, volume.remarks)
     check_values(volume)
     counted = yield from portion(histogram_steps(volume, BINS), MEASURING, 1.0, "counting the values")
     if numbered is None:

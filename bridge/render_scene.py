@@ -8,11 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
+from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.pipeline.previews import progressive_steps
 from ..rle_splat.pipeline.render import render_steps
 from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.scene import RleSplatError, Scene
-from . import settings, transfer, volumes
+from . import encoded, settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .channels import read_channels
 from .clip_objects import clip_objects, read_clips
@@ -77,7 +78,7 @@ def read_scene(
     plain = _in_picture(
         volume_object, depsgraph, view, in_region, moving, camera, triangles=triangles, with_shadows=with_shadows,
         warn=warn)
-    return plain, settings.quality_of(depsgraph.scene_eval)
+    return plain, encoded.suited(settings.quality_of(depsgraph.scene_eval), plain.volume)
 
 
 def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
@@ -178,7 +179,10 @@ def seen_by(
     scene = depsgraph.scene_eval
     camera, width, height = view
     volume = volumes.load_volume(volume_object, warn, depsgraph)
-    transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
+    if volume.holds_values:
+        transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
+    else:  # its own, also where the file was encoded again since the import
+        transfer_function = TransferFunction.from_json(volume.transfer_function)
     lighting = scene.rle_splat.lighting
     own = np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
     moved = None if matrix is None else matrix @ np.linalg.inv(own)
@@ -288,4 +292,4 @@ def steps(
             plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
             earlier=earlier)
     make = progressive_steps if previews else render_steps
-    return make(plain, quality, KEPT, refuse_empty_view=refuse_empty_view)
+    return make(plain, encoded.suited(quality, plain.volume), KEPT, refuse_empty_view=refuse_empty_view)

@@ -7,7 +7,7 @@ group, as copies share a material, but has its own window.
 
 from ..rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from ..rle_splat.scene import MODES, RleSplatError
-from . import linked
+from . import encoded, linked
 from . import transfer_nodes as nodes
 from .animation import curves_of
 from .decimals import rounded_to_span, typed
@@ -99,6 +99,8 @@ def why_unusable(volume_object) -> str:
         A clause with the reason and what to do, without a period; "" if it has one.
     """
     tree = volume_object.rle_splat.transfer
+    if encoded.is_of(volume_object):
+        return ""
     if tree is None or not nodes.is_marked(tree):
         return f"{volume_object.name!r} has no transfer function; apply a preset in the RLE Splat tab"
     missing = nodes.missing_nodes(tree)
@@ -128,6 +130,8 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     RleSplatError
         If the object has no usable transfer function.
     """
+    if encoded.is_of(volume_object):
+        return encoded.transfer_of(volume_object)
     source = volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)
     properties = source.rle_splat
     tree = properties.transfer
@@ -187,7 +191,7 @@ def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
     """
     own = read_transfer(volume_object, depsgraph)
     mode = scene.rle_splat.mode
-    if not scene.rle_splat.use_grays or mode == MODES[0]:
+    if not scene.rle_splat.use_grays or mode == MODES[0] or encoded.is_of(volume_object):
         return own
     low, high = window_of((volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)).rle_splat)
     return TransferFunction(

@@ -16,7 +16,7 @@ from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.measure import measured_steps
-from . import file_state
+from . import encoded, file_state
 from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
@@ -74,7 +74,7 @@ def expose_modules() -> None:
 
 
 def file_steps(path: str, options: dict):
-    """Generator of Progress: read a volume and measure its values; return the Volume.
+    """Generator of Progress: read a volume and measure its values, or open encoded voxels.
 
     Parameters
     ----------
@@ -82,11 +82,22 @@ def file_steps(path: str, options: dict):
         Absolute path.
     options : dict
         Keyword arguments of ``read_volume``.
+
+    Returns
+    -------
+    Volume, StoredVolume or FolderVolume
     """
+    if encoded.is_encoded(path):
+        return (yield from encoded.open_steps(path, options))
     expose_modules()
     volume = yield from part(read_steps(path, **options), 0.0, READING)
     yield from part(measured_steps(volume), READING, 1.0)
     return volume
+
+
+def hash_of(volume) -> str:
+    """Hash of the voxels of a volume, or of all of an encoded one."""
+    return volume.voxel_key if volume.holds_values else volume.key
 
 
 def read_file(path: str, options: dict):
@@ -219,7 +230,7 @@ def load_volume(owner, warn=None, depsgraph=None):
         if properties.files_digest and properties.files_digest != files_digest(owner):
             warn(f"The files of {owner.name!r} have changed since the import; if frame {frame} looks wrong, import "
                  "them again.")
-    elif volume.voxel_key != properties.data_key:
+    elif hash_of(volume) != properties.data_key:
         warn(f"The voxels of {owner.name!r} are not those that were imported, because {resolved_path(owner)} has "
              "changed; import it again, or press Relocate to choose the original file.")
     return volume

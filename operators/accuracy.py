@@ -13,7 +13,7 @@ from ..rle_splat.accuracy.planner.plans import sensible_plans
 from ..rle_splat.runtime.figures import figure_text
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
-from .through_camera import evaluated, has_volume_and_camera
+from .through_camera import evaluated, has_values_and_camera
 
 PROBES, REPEATS = 400, 3
 
@@ -23,7 +23,7 @@ class _Measurement(StepwiseOperator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume_and_camera(cls, context)
+        return has_values_and_camera(cls, context)
 
     def read(self, context):
         """Return (Scene, Quality), and remember Blender's scene and volume for ``commit``."""

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..bridge import clip_objects, transfer, volumes
+from ..bridge import clip_objects, encoded, transfer, volumes
 from ..bridge.attached import volume_frame
 from ..bridge.settings import scene_scale_of
 from ..rle_splat.classify.visible_box import visible_box
@@ -56,6 +56,8 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         """(4, 4) float64: the clip's unit space to voxel indices."""
         first, last = np.zeros(3), np.array(volume.shape_xyz, dtype=np.float64) - 1.0
         if self.fit == "VISIBLE":
+            if not volume.holds_values:
+                raise RleSplatError(f"{encoded.why_no_values(owner)}, or choose Whole Volume.")
             found = visible_box(volume, transfer.read_transfer(owner))
             if found is None:
                 raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")

@@ -7,7 +7,7 @@ from ..bridge import follow_slices, slices, viewports, volumes
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
-from .refusal import has_volume, refuse
+from .refusal import has_values, refuse
 
 ALL = "ALL"
 KINDS = (
@@ -30,7 +30,7 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_values(cls, context)
 
     def execute(self, context):
         owner = volumes.volume_object(context)

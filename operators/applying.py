@@ -3,7 +3,7 @@
 from ..bridge import transfer, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import has_editable_volume, refuse
+from .refusal import has_editable_values, refuse
 
 
 class AppliesTransfer(LoadsFirst):
@@ -13,7 +13,7 @@ class AppliesTransfer(LoadsFirst):
 
     @classmethod
     def poll(cls, context):
-        return has_editable_volume(cls, context)
+        return has_editable_values(cls, context)
 
     def _warn(self, sentence):
         self.report({"WARNING"}, sentence)

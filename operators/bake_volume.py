@@ -13,7 +13,7 @@ from ..bridge.source_paths import check_is_no_scan, kept_path
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.reduced import factors_of
 from .placing import make_active
-from .through_camera import ThroughCamera
+from .through_camera import ThroughCamera, has_values_and_camera
 
 
 class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
@@ -31,6 +31,10 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     side: IntProperty(
         name="Resolution", description="Voxels along the longest side; 0 keeps every voxel", default=0, min=0,
         soft_max=1024)
+
+    @classmethod
+    def poll(cls, context):
+        return has_values_and_camera(cls, context)
 
     def invoke(self, context, event):
         self.is_confirmed = True

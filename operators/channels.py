@@ -6,7 +6,7 @@ from bpy.props import IntProperty
 from ..bridge import channels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import has_editable_volume, refuse
+from .refusal import has_editable_values, has_editable_volume, refuse
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
@@ -18,7 +18,7 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_volume(cls, context):
+        if not has_editable_values(cls, context):
             return False
         owner = volumes.volume_object(context)
         if not any(channels.can_be_added(owner, one) for one in context.selected_objects):

@@ -15,7 +15,7 @@ from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.effects.clips import half_spaces
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
-from .refusal import has_volume
+from .refusal import has_values
 from .through_camera import evaluated
 
 OPACITY, VALUE = "OPACITY", "VALUE"
@@ -41,7 +41,7 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_values(cls, context)
 
     def draw(self, _context):
         layout = self.layout

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import box, facts, first_light, new_volume, preferences, source_options, viewports, volumes
+from ..bridge import box, encoded, facts, first_light, new_volume, preferences, source_options, viewports, volumes
 from ..bridge.automatic import draw_number
 from ..bridge.live import shown
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
@@ -20,14 +20,16 @@ from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
-LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in suffixes()))
+LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in (*suffixes(), encoded.SUFFIX)))
 # Without the suffixes of pictures and other files that Blender itself or other add-ons take when they are dropped.
-DROPPED_SUFFIXES = tuple(dict.fromkeys(
-    "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes))
+DROPPED_SUFFIXES = (*dict.fromkeys(
+    "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
+    encoded.SUFFIX)
 CHOOSING = 0.95  # share of the time until the transfer function is chosen
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
+ENCODED = "encoded"  # in place of the name of a format
 LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -122,7 +124,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             shown.switch_all(context.window, False)
 
     def _steps(self, paths):
-        """Generator of Progress: (Found, options, TransferFunction, reason for it) of each path."""
+        """Generator of Progress: (Found, options, TransferFunction or None, reason for it) of each path."""
         read = []
         for i, path in enumerate(paths):
             options = source_options.PlainOptions()
@@ -133,9 +135,12 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return read
 
     def _one_steps(self, path: str, options):
+        path = encoded.place_of(path)
         if os.path.isfile(path) and format_of(path) is RAW:
             yield from self._completed_steps(path, options)
         found = yield from part(found_steps(path, options), 0.0, CHOOSING)
+        if not found.volume.holds_values:
+            return found, options, None, encoded.STORED_VALUES
         source_options.keep_level(options, found.volume)
         transfer_function, reason = yield from part(
             chosen_transfer_steps(self.preset, found.volume), CHOOSING, 1.0)
@@ -224,6 +229,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         self.sequence_text, self.use_sequence = _sequence_among(paths)
         kind = _shared_format(paths)
         self.format_name = kind.name if kind else ""
+        if paths and all(encoded.is_encoded(encoded.place_of(one)) for one in paths):
+            self.format_name = ENCODED
         if kind is RAW and path:
             try:
                 guess = guess_raw(path, limit=DIALOG_GUESS_LIMIT)
@@ -240,6 +247,11 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.use_property_decorate = False
         paths = self.chosen_paths()
         kind = self._kind(paths)
+        if self.format_name == ENCODED:
+            for line in textwrap.wrap(f"{encoded.STORED_VALUES}.", LETTERS):
+                layout.label(text=line)
+            self._draw_placing(layout)
+            return
         if len(paths) > 1:
             together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack"}
             layout.label(text=f"{len(paths)} files; {together.get(kind, 'each layout is guessed')}")
@@ -262,9 +274,11 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         source_options.draw_calibration(layout, self)
         layout.separator()
         layout.prop(self, "preset")
-        layout.prop(self, "at_cursor")
-        layout.prop(self, "use_framing")
-        layout.prop(self, "use_headlight")
+        self._draw_placing(layout)
+
+    def _draw_placing(self, layout):
+        for name in ("at_cursor", "use_framing", "use_headlight"):
+            layout.prop(self, name)
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""

@@ -5,7 +5,7 @@ import bpy
 from ..bridge import labels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import has_editable_volume, refuse
+from .refusal import has_editable_values, refuse
 
 
 class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_volume(cls, context):
+        if not has_editable_values(cls, context):
             return False
         if not volumes.volume_object(context).rle_splat.label_file:
             cls.poll_message_set("Choose a label file first")

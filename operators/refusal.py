@@ -1,6 +1,6 @@
 """What operators share: reporting an error, and ``poll`` checks that say why a button is disabled."""
 
-from ..bridge import linked, transfer, volumes
+from ..bridge import encoded, linked, transfer, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
 WHICH_VOLUME = "Select one of the volumes in the scene"
@@ -38,9 +38,19 @@ def has_editable_volume(cls, context) -> bool:
     return has_volume(cls, context) and _is_no_problem(cls, linked.why_not_editable(volumes.volume_object(context)))
 
 
+def has_values(cls, context) -> bool:
+    """For ``poll``: as ``has_volume``, and the volume has values, not voxels that are encoded already."""
+    return has_volume(cls, context) and _is_no_problem(cls, encoded.why_no_values(volumes.volume_object(context)))
+
+
+def has_editable_values(cls, context) -> bool:
+    """For ``poll``: as ``has_editable_volume`` and ``has_values``."""
+    return has_editable_volume(cls, context) and has_values(cls, context)
+
+
 def has_editable_transfer(cls, context) -> bool:
-    """For ``poll``: as ``has_editable_volume``, and the volume has a transfer function."""
-    return has_editable_volume(cls, context) and _is_no_problem(
+    """For ``poll``: as ``has_editable_values``, and the volume has a transfer function."""
+    return has_editable_values(cls, context) and _is_no_problem(
         cls, transfer.why_unusable(volumes.volume_object(context)))
 
 

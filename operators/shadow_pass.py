@@ -6,7 +6,7 @@ from ..bridge import pictures, render_scene
 from ..bridge.settings import tolerance_of
 from ..rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from ..rle_splat.scene import RleSplatError
-from .through_camera import ThroughCamera
+from .through_camera import ThroughCamera, has_values_and_camera
 
 
 class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
@@ -15,6 +15,10 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     bl_description = (
         "Make a grayscale image of the share of each pixel's light that shadows and ambient occlusion remove, from 0 "
         "(none) to 1 (all)")
+
+    @classmethod
+    def poll(cls, context):
+        return has_values_and_camera(cls, context)
 
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:

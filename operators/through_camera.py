@@ -5,7 +5,7 @@ from bpy.props import BoolProperty
 from ..bridge import render_scene, transfer, volumes, world_render
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
-from .refusal import has_volume
+from .refusal import has_values, has_volume
 
 
 class ThroughCamera(StepwiseOperator):
@@ -39,6 +39,11 @@ def has_volume_and_camera(cls, context) -> bool:
         cls.poll_message_set("The scene has no active camera; add one and make it active with Ctrl+Numpad 0")
         return False
     return True
+
+
+def has_values_and_camera(cls, context) -> bool:
+    """For ``poll``: as ``has_volume_and_camera``, and the volume has values."""
+    return has_volume_and_camera(cls, context) and has_values(cls, context)
 
 
 def evaluated(context, volume_object):

@@ -9,7 +9,7 @@ from ..rle_splat.classify.presets import RELATIVE
 from ..rle_splat.classify.transfer_files import chosen, fitted, read_transfer_functions
 from ..rle_splat.scene import RleSplatError
 from .choose_transfer import FILES, choose
-from .refusal import has_editable_volume, has_volume, refuse
+from .refusal import has_editable_values, has_volume, refuse
 
 
 class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
@@ -25,7 +25,7 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
 
     @classmethod
     def poll(cls, context):
-        return has_editable_volume(cls, context)
+        return has_editable_values(cls, context)
 
     def execute(self, context):
         owner = volumes.volume_object(context)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import transfer_nodes, volumes
+from ..bridge import encoded, transfer_nodes, volumes
 from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume
 
@@ -16,13 +16,17 @@ class DisplayPanel:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        properties = volumes.volume_object(context).rle_splat
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
         settings = context.scene.rle_splat
         layout.prop(settings, "display")
         if settings.mode != MODES[0]:
             layout.prop(settings, "use_grays")
+        is_encoded = encoded.is_of(owner)
         is_there = properties.transfer is not None and transfer_nodes.is_transfer_tree(properties.transfer)
-        name = properties.transfer_name if is_there else ""
+        name = properties.transfer_name if is_there or is_encoded else ""
+        layout = layout.column()
+        layout.enabled = not is_encoded
         layout.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
         layout.prop(properties, "shift", slider=True)
         row = layout.row()

@@ -2,12 +2,13 @@
 
 import bpy
 
-from ..bridge import volumes
-from .places import OfVolume
+from ..bridge import encoded, volumes
+from .places import OfVolume, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
+NO_SEGMENTS = "Segments need the values of the scan, which a .rle file does not hold"
 BUTTON = 2.5  # width of a button beside a path, in buttons
 
 
@@ -38,7 +39,11 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         layout.use_property_decorate = False
-        properties = volumes.volume_object(context).rle_splat
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
+        if encoded.is_of(owner):
+            paragraph(context, layout, NO_SEGMENTS, icon="INFO")
+            return
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
         button = row.row(align=True)

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import linked, preset_entries, thumbnails, volumes
+from ..bridge import encoded, linked, preset_entries, thumbnails, volumes
 from .places import BORDERS, BUTTON, OfVolume
 
 # Pixels at interface scale 1: width of a picture, and of one with a second button or a name of more letters than fit.
@@ -26,7 +26,7 @@ class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
             header, body = layout.panel(f"RLE_SPLAT_presets_{group.name}", default_closed=not group.is_open)
             header.label(text=group.label)
             if body is not None:
-                body.enabled = not linked.why_not_editable(owner)
+                body.enabled = not (linked.why_not_editable(owner) or encoded.is_of(owner))
                 _draw_grid(context, body, owner, group)
 
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import volumes
+from ..bridge import encoded, volumes
 from .places import DataTab, OfVolume, paragraph
 
 BUTTON = 3.5  # width of the button beside the path, in buttons
@@ -16,7 +16,8 @@ class ScanPanel:
 
     def draw(self, context):
         layout = self.layout
-        properties = volumes.volume_object(context).rle_splat
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
         row = layout.row(align=True)
         row.prop(properties, "filepath", text="")
         button = row.row(align=True)
@@ -24,6 +25,8 @@ class ScanPanel:
         button.operator("rle_splat.relocate", text="Relocate")
         row = layout.row(align=True)
         row.operator("rle_splat.reload", text="Reload", icon="FILE_REFRESH").use_dialog = False
+        row = row.row(align=True)
+        row.enabled = not encoded.is_of(owner)
         row.operator("rle_splat.reload", text="Edit…", icon="GREASEPENCIL").use_dialog = True
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import effects, first_light, volumes
+from ..bridge import effects, encoded, first_light, volumes
 from ..bridge.world import state as world_state
 from .places import OfVolume, paragraph
 
@@ -16,8 +16,13 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
     def draw(self, context):
         layout = self.layout
         layout.use_property_split = True
-        properties = volumes.volume_object(context).rle_splat
+        owner = volumes.volume_object(context)
+        properties = owner.rle_splat
         settings = context.scene.rle_splat
+        if encoded.is_of(owner):
+            paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
+            layout.prop(settings, "use_mist")
+            return
         layout.prop(settings, "lighting")
         unused = first_light.unused_lights(context.scene)
         if unused:

@@ -2,11 +2,11 @@
 
 import bpy
 
-from ..bridge import linked, transfer, transfer_nodes, volumes
+from ..bridge import encoded, linked, transfer, transfer_nodes, volumes
 from ..bridge.translations import with_unit
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .histogram import draw_histogram, draw_selected
-from .places import DataTab, OfVolume
+from .places import DataTab, OfVolume, paragraph
 
 
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
@@ -30,6 +30,9 @@ class ColorPanel:
     def draw(self, context):
         layout = self.layout
         owner = volumes.volume_object(context)
+        if encoded.is_of(owner):
+            paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
+            return
         tree = owner.rle_splat.transfer
         if tree is None or not transfer_nodes.is_transfer_tree(tree):
             layout.label(text="No transfer function. Apply a preset", icon="ERROR")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...rle_splat.scene import Camera
 from ...rle_splat.view.box_order import box_of
-from .. import freshness, loading, preferences, read_ahead, render_scene, settings
+from .. import encoded, freshness, loading, preferences, read_ahead, render_scene, settings
 from ..decimals import typed
 from . import shown
 from .floor import without_floor
@@ -138,7 +138,7 @@ class BlenderSurface:
         overrides = {name: on for name, on in plain.effects.items() if not (on and name in ELSEWHERE)}
         if overrides != plain.effects:
             plain = replace(plain, effects=overrides)
-        quality = settings.quality_of(self._depsgraph.scene_eval)
+        quality = encoded.suited(settings.quality_of(self._depsgraph.scene_eval), plain.volume)
         digest = freshness.made_of(plain, quality, None, triangles is not None).digest
         return Contents(plain, quality, digest, box_of(plain.index_to_world, plain.volume.shape_xyz, BEYOND))
 

@@ -64,10 +64,6 @@ class SceneHashes:
         elif isinstance(value, np.ndarray):
             digest.update(f"{value.dtype.str}{value.shape};".encode())
             digest.update(np.ascontiguousarray(value))
-        elif not getattr(value, "holds_values", True):
-            if self._tables[0] is not value:
-                self._tables = value, self._of_dataclass(value)
-            digest.update(self._tables[1])
         elif is_dataclass(value):
             digest.update(self._of_dataclass(value))
         elif isinstance(value, Mapping):

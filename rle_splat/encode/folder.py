@@ -46,7 +46,7 @@ def unfinished(path: Path) -> Path:
 
 def is_folder_form(path) -> bool:
     """Whether a path is a folder of tables."""
-    return (Path(path) / HEADER).is_file()
+    return os.path.isfile(Path(path) / HEADER)
 
 
 def check_folder_output(path) -> None:
@@ -226,6 +226,11 @@ def read_header(path) -> dict:
         with open(file, encoding="utf-8") as stream:
             text = stream.read(MOST_HEADER)
     except OSError as problem:
+        if os.path.isfile(Path(path) / JOURNAL):  # False without rights, where Path.is_file raises
+            raise RleSplatError(
+                f"{path} is not complete: its encoding was interrupted. Encode the volume again with the same command, "
+                "which goes on where it was."
+            ) from None
         raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check the path and its permissions.") from None
     except ValueError:
         raise damaged(path, "its header is not text") from None
@@ -272,29 +277,43 @@ class MappedTables:
         """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
         if name not in self._mapped:
             kind, words, parts = self._dtypes[name]
-            dtype, size = np.dtype(LITTLE + kind), self._size(name, parts)
-            mapped = self._map(name, size, dtype)
+            mapped = self._map(name, np.dtype(LITTLE + kind))
             shape = (parts, -1) if parts else (-1, words) if words else (-1,)
             self._mapped[name] = mapped.reshape(shape)
         return self._mapped[name]
 
-    def _size(self, name: str, parts: int) -> int:
-        names = [f"{name}.{part}" for part in range(parts)] or [name]
-        return sum(int(slab[one][0]) for slab in self._slabs for one in names)
+    def check_sizes(self) -> None:
+        """RleSplatError if a mapped file was removed or cut since: a read beyond its end would end the program."""
+        for name in self._mapped:
+            with self._reading(name):
+                self._checked_size(name)
 
-    def _map(self, name: str, size: int, dtype: np.dtype) -> np.ndarray:
-        file = self.path / name
-        try:
-            held = file.stat().st_size
-            if held != size:
-                raise damaged(self.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
-            if size == 0:  # an empty file cannot be mapped
+    def _checked_size(self, name: str) -> int:
+        """Bytes of a file, which are those of its slabs."""
+        names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
+        size = sum(int(slab[one][0]) for slab in self._slabs for one in names)
+        held = (self.path / name).stat().st_size
+        if held != size:
+            raise damaged(self.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
+        return size
+
+    def _map(self, name: str, dtype: np.dtype) -> np.ndarray:
+        with self._reading(name):
+            if self._checked_size(name) == 0:  # an empty file cannot be mapped
                 return np.empty(0, dtype)
-            return np.asarray(np.memmap(file, dtype=dtype, mode="r"))
+            return np.asarray(np.memmap(self.path / name, dtype=dtype, mode="r"))
+
+    @contextmanager
+    def _reading(self, name: str):
+        """Context manager: a failure of the system becomes a RleSplatError."""
+        try:
+            yield
         except FileNotFoundError:
             raise damaged(self.path, f"{name} is missing") from None
         except OSError as problem:
-            raise RleSplatError(f"Cannot read {file}: {problem.strerror}; check its permissions.") from None
+            raise RleSplatError(
+                f"Cannot read {self.path / name}: {problem.strerror}; check its permissions."
+            ) from None
 
     def entries(self, name: str, number: int) -> int:
         """Entries of slab ``number`` in a table."""

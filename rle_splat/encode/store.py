@@ -7,6 +7,7 @@ kernel reads them.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -62,6 +63,8 @@ class StoredVolume:
     remarks : tuple of str
     space : {"patient"} or None
         See Volume.
+    key : str or None
+        Hash of the checksums of the file's members; None of one that was not read from a file.
     """
 
     axes: dict
@@ -73,6 +76,7 @@ class StoredVolume:
     source: str = ""
     remarks: tuple = field(default=())
     space: str | None = None
+    key: str | None = None
 
     holds_values: ClassVar[bool] = False
     classification: ClassVar[str] = "pre"
@@ -223,8 +227,14 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
             raise ValueError(f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
     return StoredVolume(
         axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
-        header["lighting"], header["source"], tuple(header["remarks"]), header.get("space"),
+        header["lighting"], header["source"], tuple(header["remarks"]), header.get("space"), _key_of(archive),
     )
+
+
+def _key_of(archive: zipfile.ZipFile) -> str:
+    """Hash of what the archive says of its members, whose checksums were compared while they were read."""
+    members = [(member.filename, member.file_size, member.CRC) for member in archive.infolist()]
+    return hashlib.blake2b(repr(members).encode(), digest_size=16).hexdigest()
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, file_bytes: int) -> np.ndarray:

@@ -168,7 +168,9 @@ class FolderVolume:
             If a file is missing, cut short or damaged.
         """
         wanted = self.planes if axis == 2 else None
-        if axis not in self.opened or self.opened[axis][0] != wanted:
+        if axis in self.opened and self.opened[axis][0] == wanted:
+            self.mapped.check_sizes()
+        else:
             try:
                 slabs = yield from self._slabs_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
                 self.opened[axis] = wanted, self._of_axis(axis, slabs)

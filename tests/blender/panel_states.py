@@ -150,6 +150,17 @@ def slices_of_a_deleted_volume(folder):
     assert "not the child of a volume" in bpy.context.scene.rle_splat.message
 
 
+def encoded(folder):
+    """A volume whose voxels are encoded: nothing of its look can be edited."""
+    add_volume(folder)
+    core = {name: import_module(f"{MODULE}.rle_splat.{name}") for name in ("encode.store", "pipeline.encode_scene")}
+    plain, quality = import_module(f"{MODULE}.bridge.render_scene").read_scene(
+        bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    stored = core["pipeline.encode_scene"].encode_scene(plain, quality.classified("pre"))
+    core["encode.store"].save(folder / "scan.rle", stored)
+    assert bpy.ops.rle_splat.import_volume(filepath=str(folder / "scan.rle")) == {"FINISHED"}
+
+
 def measured(folder):
     add_volume(folder)
     bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1)
@@ -209,6 +220,6 @@ STATES = {
     state.__name__: state for state in (
         empty, one, many_with_none_selected, linked, overridden, deleted, other_objects_deleted, without_transfer,
         shared_transfer, labels, channels, clip_objects, slices,
-        slices_of_a_deleted_volume, measured, effects_listed, message, paper, custom, composited,
+        slices_of_a_deleted_volume, encoded, measured, effects_listed, message, paper, custom, composited,
         in_time, in_time_looped, preparing)
 }
