@@ -61,6 +61,9 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
     ):
         viewport = SimpleNamespace(is_busy=is_busy, is_refined=is_refined, problem="", halvings=0, pictures=[None])
         assert ("label", text) in state_line(True, monkeypatch, [viewport])
+    with monkeypatch.context() as preparing:
+        preparing.setattr(import_module(f"{MODULE}.bridge.kernel_preparation"), "is_due", lambda: True)
+        assert state_line(True, preparing, [viewport]) == [], "nothing is drawn yet"
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     picture()
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
