@@ -24,7 +24,9 @@ def smoke(stage: Stage):
     stage = Stage.of(stage.volume, stage.folder)
     look = stage.volume.rle_splat
     look.opacity_scale, look.ambient, look.diffuse = 5.0, 0.2, 1.0
-    stage.camera((1.35, -1.75, 0.12), lens=64.0)
+    toward = (1.35, -1.75, 0.45)
+    stage.camera(toward, lens=62.0, aim=(0.0, 0.0, -0.03))
+    stage.sweep(toward, -0.565, (0.02, 0.022, 0.026))
     brass = material("Brass", (0.9, 0.55, 0.2), roughness=0.25, metallic=1.0)
     heart = stage.at(0.0, 0.0, -0.08)
     bpy.ops.mesh.primitive_torus_add(
@@ -34,7 +36,7 @@ def smoke(stage: Stage):
     named("Ring", brass)
     bpy.ops.mesh.primitive_ico_sphere_add(radius=0.035 * stage.size, subdivisions=6, location=heart)
     named("Ember", material("Ember", (1.0, 0.2, 0.02), glow=1.6))
-    stage.disk("Stone", stage.at(0.06, 0.04, -0.475), 0.2, 0.09, material("Stone", (0.02, 0.022, 0.026), 0.5))
+    stage.disk("Stone", stage.at(0.06, 0.04, -0.475), 0.2, 0.09, material("Stone", (0.05, 0.053, 0.06), 0.5))
     # The ember itself must not shade what it lights.
     stage.lamp("Glow", "POINT", 0.9, (0.0, 0.0, -0.08), (1.0, 0.3, 0.06), shadow_soft_size=0.01, use_shadow=False)
     stage.key(2.2, (1.9, 0.6, 1.4))
@@ -42,14 +44,12 @@ def smoke(stage: Stage):
     softbox_world(((0.02, 0.022, 0.03), (0.1, 0.11, 0.13), (0.2, 0.22, 0.26)),
                   (((1.3, -1.0, 1.2), 22.0, (6.0, 5.4, 4.6)), ((-1.6, -0.4, 0.4), 15.0, (1.5, 2.2, 3.4))), 1.0)
     stage.settings.ambient_occlusion = 0.5
-    stage.without_background(samples=12)
     view_transform("Standard")
     yield RENDER
 
 
 def _lit(stage: Stage, toward) -> None:
     """Three lights around what a camera ``toward`` sees."""
-    stage.without_background()
     away = math.atan2(toward[1], toward[0])
 
     def around(degrees, far, up):
@@ -70,5 +70,6 @@ def engine(stage: Stage):
     toward = (-1.7, -2.4, 1.5)
     stage.cut_box("Quarter", stage.at(-0.5, -0.5, 0.3), (0.42, 0.42, 0.3))
     stage.camera(toward, lens=90.0, aim=(0.0, 0.0, -0.02))
+    stage.sweep(toward, stage.foot)
     _lit(stage, toward)
     yield RENDER

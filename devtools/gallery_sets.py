@@ -7,7 +7,7 @@ import math
 
 import bpy
 from demo_scene import material, named, rod
-from gallery_data import HEART, PEELED, STRAY, organs, peel
+from gallery_data import HEART, KIDNEYS, PEELED, SPECKS, STRAY, organs, peel
 from gallery_objects import engine, smoke
 from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
@@ -33,6 +33,8 @@ LOOKS = {
         "opacity": [[-1000, 0], [180, 0], [330, 0.4], [700, 0.85], [2000, 0.97]],
     },
 }  # fmt: skip
+# Names and colors of a chest's labels.
+ORGANS = {HEART: ("Heart and great vessels", (0.72, 0.07, 0.05)), KIDNEYS: ("Kidneys", (0.42, 0.13, 0.09))}
 BONES = {
     "name": "bones", "unit": None, "opacity": [[0, 0], [60, 0], [100, 0.25], [170, 0.75], [255, 0.95]],
     "color": [[0, 0.8, 0.62, 0.45], [110, 0.84, 0.72, 0.55], [190, 0.9, 0.83, 0.7], [255, 0.97, 0.94, 0.88]],
@@ -64,16 +66,16 @@ def plate(stage: Stage):
             row.label_name, row.look = "Peeled", "ct-bone"
     # Labels with a transfer function of their own are pre-classified: a wider footprint than the tent is smoother.
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
-    toward = (-1.75, 3.2, 0.7)
-    stage.camera(toward, lens=114.0, aim=(-0.075, -0.04, 0.05))
-    titanium = material("Titanium", (0.42, 0.42, 0.44), roughness=0.38, metallic=1.0)
+    toward = (-1.75, 3.2, 0.95)
+    stage.camera(toward, lens=112.0, aim=(-0.06, -0.03, 0.01))
+    titanium = material("Titanium", (0.36, 0.36, 0.38), roughness=0.45, metallic=1.0)
     screws = material("Screws", (0.3, 0.3, 0.33), roughness=0.3, metallic=1.0)
     bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
     steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
-    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.012, 0.013, 0.015), 0.55))
+    stage.sweep(toward, -0.41)
+    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.16, 0.165, 0.175), 0.5))
     rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
-    stage.without_background(samples=12)
-    stage.key(3.2, (0.6, 2.6, 2.2))
+    stage.key(3.2, (0.9, 2.4, 2.4))
     stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
     stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
     stage.area("Fill", 8.0, (1.8, 2.6, 0.0), WARM, side=2.0)
@@ -106,17 +108,17 @@ def looks(stage: Stage):
 def chest(stage: Stage):
     """The bones of the chest; the heart and its vessels are a label with its own color, and the front is cut away."""
     stage.show(BONES)
-    bpy.context.view_layer.objects.active = stage.volume
-    stage.volume.rle_splat.label_file = str(organs(stage.folder))
-    bpy.ops.rle_splat.read_labels()
+    stage.hide_labels(organs(stage.folder), {SPECKS: "Specks"})
     for row in stage.volume.rle_splat.labels:
-        if row.label == HEART:
-            row.label_name, row.use_color, row.color = "Heart and great vessels", True, (0.72, 0.07, 0.05)
+        if row.label in ORGANS:
+            row.use_color, (row.label_name, row.color) = True, ORGANS[row.label]
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
     stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
-    stage.camera((-1.3, -3.0, 0.5), lens=92.0, aim=(-0.02, 0.0, 0.0))
-    stage.without_background()
+    stage.clip_plane("Front", stage.at(0.0, -0.205, 0.0), (0.0, -1.0, 0.0))
+    toward = (-1.3, -3.0, 0.75)
+    stage.camera(toward, lens=92.0, aim=(0.0, 0.0, -0.03))
+    stage.sweep(toward, stage.foot)
     stage.key(3.8, (-1.8, -2.2, 2.0))
     stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
     stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
@@ -127,10 +129,11 @@ def chest(stage: Stage):
 
 
 def vessels(stage: Stage):
-    """The same angiography twice: the largest value along each ray, and shaded under three lights."""
+    """The same angiography twice: shaded under three lights on a floor, and the largest value along each ray."""
     stage.show(BLOOD)
-    stage.camera((0.9, -3.0, 0.25), lens=126.0, aim=(0.02, -0.03, -0.02))
-    stage.without_background()
+    toward = (0.9, -3.0, 0.55)
+    stage.camera(toward, lens=118.0, aim=(0.02, -0.03, -0.04))
+    floor = stage.sweep(toward, stage.foot)
     stage.key(3.4, (-1.6, -2.2, 1.9))
     stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)
@@ -138,6 +141,8 @@ def vessels(stage: Stage):
     stage.settings.ambient_occlusion = 0.8
     view_transform("Standard")
     yield "shaded"
+    floor.hide_render = True
+    stage.without_background()
     plain_world((0.0, 0.0, 0.0), 0.0)
     stage.settings.display = "mip"
     stage.volume.rle_splat.window_center, stage.volume.rle_splat.window_width = 120.0, 250.0

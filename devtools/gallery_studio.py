@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from demo_scene import bevelled, box_of, named
+from demo_scene import bevelled, box_of, material, named
 from mathutils import Matrix, Vector
 
 WARM, COLD = (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
@@ -21,12 +21,13 @@ RENDER = "render"  # the usual name of a picture
 
 @dataclass
 class Stage:
-    """A volume object with the middle and the largest side of its box, and the folder for files."""
+    """A volume object with the middle and the largest side of its box, the folder for files, and what it stands on."""
 
     volume: bpy.types.Object
     folder: Path
     middle: Vector
     size: float
+    ground: tuple = ()
 
     @classmethod
     def of(cls, volume_object, folder: Path) -> Stage:
@@ -42,6 +43,11 @@ class Stage:
     def low(self) -> Vector:
         bpy.context.view_layer.update()
         return box_of(self.volume)[0]
+
+    @property
+    def foot(self) -> float:
+        """The height of the volume's lowest slice above its middle, in sizes: where it stands on a floor."""
+        return (self.low.z - self.middle.z) / self.size
 
     def at(self, *place) -> Vector:
         """A place given from the middle, in sizes."""
@@ -114,7 +120,14 @@ class Stage:
         data.use_shadow = False
         for key, value in settings.items():
             setattr(data, key, value)
-        return _placed(name, data, spot, target)
+        made = _placed(name, data, spot, target)
+        if self.ground:  # what casts no shadow would wash the key's shadow out
+            spared = bpy.data.collections.new(f"Not lit by {name}")
+            for n, one in enumerate(self.ground):
+                spared.objects.link(one)
+                spared.collection_objects[n].light_linking.link_state = "EXCLUDE"
+            made.light_linking.receiver_collection = spared
+        return made
 
     def key(self, strength: float, place, color=WARM) -> bpy.types.Object:
         """The sun of the studio, small enough for the shadows of contact to be dark."""
@@ -140,13 +153,34 @@ class Stage:
 
     # --- what stands around -------------------------------------------------------------------------------------------
 
+    def sweep(self, toward, height: float, color=(0.09, 0.095, 0.105)) -> bpy.types.Object:
+        """A photographer's paper sweep for a camera ``toward`` from the middle: a floor ``height`` sizes above it that
+        bends up into a wall behind the volume, for the shadow of the volume and of meshes."""
+        away = -Vector((toward[0], toward[1], 0.0)).normalized()
+        bend = [math.radians(90.0 * step / 24) for step in range(25)]
+        profile = [(-9.0, 0.0), *((1.9 + math.sin(a), 1.0 - math.cos(a)) for a in bend), (2.9, 9.0)]
+        across = away.cross(Vector((0.0, 0.0, 1.0)))
+        places = [self.at(*(ahead * away + side * across + Vector((0.0, 0.0, height + up))))
+                  for ahead, up in profile for side in (-9.0, 9.0)]  # fmt: skip
+        mesh = bpy.data.meshes.new("Floor")
+        mesh.from_pydata(places, [], [(n, n + 1, n + 3, n + 2) for n in range(0, len(places) - 2, 2)])
+        mesh.materials.append(material("Paper", color, roughness=0.6))
+        mesh.shade_smooth()
+        floor = bpy.data.objects.new("Floor", mesh)
+        bpy.context.scene.collection.objects.link(floor)
+        self.ground = (floor,)
+        return floor
+
     def disk(self, name: str, place: Vector, radius: float, height: float, coat) -> bpy.types.Object:
-        """A round plinth whose top is at ``place``; radius and height in sizes."""
+        """A round plinth whose top is at ``place``; radius and height in sizes. On a sweep it is part of the ground."""
         bpy.ops.mesh.primitive_cylinder_add(
             radius=radius * self.size, depth=height * self.size, vertices=192,
             location=place - Vector((0.0, 0.0, 0.5 * height * self.size)),
         )  # fmt: skip
-        return bevelled(named(name, coat), 0.012 * self.size)
+        made = bevelled(named(name, coat), 0.012 * self.size)
+        if self.ground:
+            self.ground = (*self.ground, made)
+        return made
 
 
 def _placed(name: str, data, spot, target):
