@@ -29,15 +29,16 @@ class DepthLayers:
     ----------
     near, far : (H, W) ndarray of float32
         Planar depths in world units, inf for no mesh.
-    coverage : (H, W) ndarray of float32
-        The share of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same.
+    coverage : (H, W) ndarray of float32 or None
+        The share of each pixel that ends at ``near``; 1 away from silhouettes, where both layers are the same. None
+        where there are no silhouettes.
     first_pixel : (column, row)
         Of the first pixel in the picture.
     """
 
     near: np.ndarray
     far: np.ndarray
-    coverage: np.ndarray
+    coverage: np.ndarray | None
     first_pixel: tuple[int, int] = (0, 0)
 
     @property

@@ -35,6 +35,8 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
         each plane that shows any of them, cut to a window for the far layer.
     """
     found = [(layers.near, region, list(enumerate(planes)))]
+    if layers.coverage is None:
+        return found
     past = layers.coverage_of(region) < 1.0
     if past.any():  # most pictures have no silhouette, and finding its pixels reads them all again
         rows, columns = np.nonzero(past)

@@ -101,7 +101,7 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
         return None
     if scene.ray_ends is not None and quality.warp_filter == "bilinear":
         surface = samples[..., 0]
-        return DepthLayers(surface, surface, np.broadcast_to(np.float32(1.0), surface.shape), region[:2])
+        return DepthLayers(surface, surface, None, region[:2])
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
     return depth_layers(
         samples, 0.5 * voxel, first_pixel=region[:2], backend=quality.backend, threads=quality.threads

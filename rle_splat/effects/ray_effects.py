@@ -163,7 +163,7 @@ class RayEffects:
         Parameters
         ----------
         depth : (H, W) ndarray of float32
-            Planar depth in world units.
+            Planar depth in world units; changed in place.
 
         Returns
         -------
@@ -175,9 +175,11 @@ class RayEffects:
         """
         if not any(effect.moves_depth for effect in self._chain):
             return depth
-        camera, largest = self._scene.camera, float(np.finfo(np.float32).max)
-        held = np.clip(depth, min(camera.clip_start, largest), min(camera.clip_end, largest))
-        return np.where(depth == np.float32(NO_DEPTH), depth, held)
+        camera, largest, none = self._scene.camera, float(np.finfo(np.float32).max), np.float32(NO_DEPTH)
+        missing = depth == none
+        np.clip(depth, min(camera.clip_start, largest), min(camera.clip_end, largest), out=depth)
+        np.copyto(depth, none, where=missing)
+        return depth
 
     def remarks(self, picture, some_visible: bool) -> list[str]:
         """Sentences for the report on a finished picture.
