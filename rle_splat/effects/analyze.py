@@ -6,7 +6,8 @@ scene without it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
@@ -46,8 +47,7 @@ EFFECTS: dict[str, Kind] = {
 }
 
 
-@dataclass(frozen=True)
-class Effect:
+class Effect(NamedTuple):
     """The state of an effect in a scene.
 
     Attributes
@@ -108,7 +108,7 @@ class EffectSet:
         -------
         EffectSet
         """
-        found = replace(self[name], on=False, reason=reason, tried=True)
+        found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
     def fitted(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:

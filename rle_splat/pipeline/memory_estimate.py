@@ -87,7 +87,7 @@ class MemoryEstimate:
 
     def with_shadows(self, count: int) -> MemoryEstimate:
         """The same with what ``count`` lights leave to each voxel, the ambient light among them."""
-        return replace(self, normals=self.normals + shadow_bytes(count, self.visible_voxels))
+        return replace(self, normals=self.normals + shadow_bytes(count, self.visible_voxels)) if count else self
 
     def with_visible(self, more: int) -> MemoryEstimate:
         """The same with ``more`` bytes beside the visible voxels, however many these are."""

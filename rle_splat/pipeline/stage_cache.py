@@ -89,8 +89,10 @@ class StageCache:
         return needed < FEW * self._free
 
     def _add(self, entry, result, size: int) -> None:
-        self._drop(entry)
+        was_held = self._results.pop(entry, None) is not None
         self._results[entry] = (result, size)
+        if was_held:
+            return
         alike = [other for other in self.contents if other[0] == entry[0]]
         for oldest in alike[: -MOST_RESULTS.get(entry[0], len(alike))]:
             self._drop(oldest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -69,6 +70,11 @@ class Lighting:
         """(3, TERMS) float64 of ``environment.terms_of``, times diffuse; (3, 0) without an environment."""
         return self.material[SKY:].reshape(3, -1)
 
+    @cached_property
+    def is_parallel(self) -> bool:
+        """Whether all lights are parallel."""
+        return bool((self.rows[:, KIND] == SUN).all())
+
     @property
     def has_highlights(self) -> bool:
         """Whether any light makes highlights; the light from all directions makes none."""
@@ -88,7 +94,7 @@ class Lighting:
         if self.shadows is not None or self.material[PHONG] > 0.0:
             return False
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
-        return not (sees_highlights or (self.rows[:, KIND] != SUN).any())
+        return self.is_parallel and not sees_highlights
 
     @property
     def near(self) -> tuple | None:

@@ -36,8 +36,10 @@ def light_rows(lights, headlight_direction, index_to_world) -> np.ndarray:
     -------
     (n, COLUMNS) ndarray of float64
     """
-    half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(np.asarray(index_to_world)[:3, :3])))
-    rows = [_light_row(light, half_voxel) for light in lights]
+    rows = []
+    if lights:
+        half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(np.asarray(index_to_world)[:3, :3])))
+        rows = [_light_row(light, half_voxel) for light in lights]
     if headlight_direction is not None:
         row = np.zeros(COLUMNS)
         row[KIND], row[AXIS:RGB], row[RGB:NEAREST] = SUN, _unit(headlight_direction), 1.0

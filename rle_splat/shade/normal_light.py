@@ -9,6 +9,7 @@ splatted, for the voxels that the sheet reads. Shear-warp renderers look it up i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from .lighting import BACK, PHONG, Lighting
-from .lights import KIND, SUN
 from .shading import components
 from .voxel_light import light_bounds
 
@@ -94,19 +94,22 @@ class NormalLight:
 
     def lamps(self, normals: np.ndarray, axis: int) -> Lamps:
         """For kernels: ``normals``, (3, m) codes in the order of the tables of principal axis ``axis``."""
-        falling, material = self.falling, self.falling.material
-        rays = falling.rays().astype(np.float64)
+        falling = self.falling
+        from_line = np.ascontiguousarray(-falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]])
+        from_line[:, 3] += falling.eye[:3]
+        is_near = bool(falling.eye[3] != 0.0)
+        return Lamps(read_only(normals), *self._of_all_axes, is_near, read_only(from_line))
+
+    @cached_property
+    def _of_all_axes(self) -> tuple:
+        """``rays``, ``surface``, ``whole`` and ``parts`` of Lamps, whatever the principal axis."""
+        material, rays = self.falling.material, self.falling.rays().astype(np.float64)
         strengths = rays[:, MATT:GLOSS]
         rays = np.hstack((rays[:, :MATT], material[1] * strengths, material[2] * strengths))
         places = round(float(material[3]) * 2**PART_BITS)
         faintest = 2.0 ** -(FAINT_BITS / max(float(material[3]), 0.5))
         surface = np.array((*material[4:7], material[BACK], faintest), np.float32)
-        from_line = np.ascontiguousarray(-falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]])
-        from_line[:, 3] += falling.eye[:3]
-        return Lamps(
-            read_only(normals), read_only(rays.astype(np.float32)), read_only(surface), places >> PART_BITS,
-            places % 2**PART_BITS, bool(falling.eye[3] != 0.0), read_only(from_line),
-        )  # fmt: skip
+        return read_only(rays.astype(np.float32)), read_only(surface), places >> PART_BITS, places % 2**PART_BITS
 
 
 def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
@@ -130,7 +133,7 @@ def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
         If the light is above BRIGHTEST.
     """
     material = falling.material
-    is_parallel = falling.shadows is None and (falling.rows[:, KIND] == SUN).all()
+    is_parallel = falling.shadows is None and falling.is_parallel
     if falling.sky.size or not is_parallel or (material[2] > 0.0 and (material[PHONG] > 0.0 or material[3] > SHARPEST)):
         return None
     bounds = light_bounds(falling, shape_xyz)

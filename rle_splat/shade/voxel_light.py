@@ -124,7 +124,8 @@ def light_bounds(falling: Lighting, shape_xyz) -> LightBounds:
     """Bounds of a Lighting on the voxels of a volume; RleSplatError if the light is above BRIGHTEST."""
     strengths = falling.rows[:, RGB:NEAREST]
     everywhere, sky = falling.most_everywhere, falling.sky
-    white = all((of == of[0]).all() for of in (strengths.T, falling.material[4:7], sky))
+    colors = (*strengths.tolist(), falling.material[4:7].tolist(), *sky.T.tolist())
+    white = all(red == green == blue for red, green, blue in colors)
     each = 1 if white else 3
     ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
     strongest = float((strengths / _nearest(falling, shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
@@ -140,7 +141,7 @@ def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
     is the distance to the sphere around the volume.
     """
     matrix, rows = falling.matrix, falling.rows
-    if (rows[:, KIND] == SUN).all():
+    if falling.is_parallel:
         return np.ones(len(rows))
     half = 0.5 * (np.array(shape_xyz) - 1.0)
     corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half

@@ -195,7 +195,7 @@ def worth_grouping(sheets) -> bool:
     They are where there are several per voxel and each has a slab of its own.  The few sheets of a quick picture do
     not pay for compiling another kernel.
     """
-    return len(sheets.kind) > 0 and sheets.thickness.mean() < WORTH_GROUPING and bool((sheets.kind == OWN).all())
+    return len(sheets.kind) > 0 and bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
 
 
 def scratch_for(

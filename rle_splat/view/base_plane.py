@@ -200,6 +200,8 @@ def _clip(polygon: list, line) -> list:
     """The part of a convex polygon of points (X, Y) where line @ (X, Y, 1) >= 0 (Sutherland and Hodgman)."""
     a, b, c = line
     sides = [a * x + b * y + c for x, y in polygon]
+    if all(side >= 0.0 for side in sides):  # as with most lines of most views
+        return polygon
     kept = []
     for n, ((x, y), side) in enumerate(zip(polygon, sides)):
         (u, v), beyond = polygon[n + 1 - len(polygon)], sides[n + 1 - len(polygon)]
@@ -255,22 +257,24 @@ def _columns_within(sides: list, origin, width: int, height: int) -> np.ndarray:
     ``sides``: half-planes as of ``_sides``, in sheet pixels; ``origin``: number of the first pixel.
     """
     rows = np.arange(height) + origin[1]
-    left, right = [(0.0, float(origin[0]))], [(0.0, origin[0] + width - 1.0)]  # slope and column of the first row
-    columns = np.empty((2, height))
+    # Slope and column of the first row; of the right sides negated, so that the largest counts of both.
+    left, right = [(0.0, float(origin[0]))], [(-0.0, 1.0 - origin[0] - width)]
     level = []
     for a, b, c in sides:
         if abs(a) <= SLANTED * abs(b):  # parallel to the rows: it keeps or removes whole rows
             level.append(b * rows + c < 0.0)
+        elif a > 0.0:
+            left.append((-b / a, -c / a))
         else:
-            (left if a > 0.0 else right).append((-b / a, -c / a))
-    for n, (ends, reduce, whole) in enumerate(((left, np.maximum, np.ceil), (right, np.minimum, np.floor))):
-        slopes, firsts = np.array(ends).T[:, :, None]
-        whole(reduce.reduce(slopes * rows + firsts, axis=0), out=columns[n])
-    columns[1] += 1.0
+            right.append((b / a, c / a))
+    most = max(len(left), len(right))
+    ends = np.array([[*side, *side[:1] * (most - len(side))] for side in (left, right)])
+    columns = np.ceil(np.maximum.reduce(ends[..., :1] * rows + ends[..., 1:], axis=1))
+    np.subtract(1.0, columns[1], out=columns[1])
     for outside in level:
         columns[1, outside] = columns[0, outside]
     columns -= origin[0]
-    return columns.clip(0, width).astype(np.int64)
+    return np.minimum(np.maximum(columns, 0.0), width).astype(np.int64)
 
 
 def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
@@ -284,13 +288,13 @@ def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
 
 
 def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
-    """Scale (n,) and offsets (n,), (n,) of slices at ``positions`` on the base plane (algorithm.md, 1.4 and 3)."""
+    """Scale (n,) and offsets (n, 2) of slices at ``positions`` on the base plane (algorithm.md, 1.4 and 3)."""
     i, j, k = axes
     eye = view.eye
     beyond = eye[3] * positions - eye[k]
     scale = (eye[3] * reference - eye[k]) / beyond
     away = (positions - reference) / beyond
-    return scale, away * eye[i], away * eye[j]
+    return scale, np.multiply.outer(away, (eye[i], eye[j]))
 
 
 def base_plane(
@@ -331,10 +335,10 @@ def base_plane(
     reference = float(sheets.position[0])
     if not view.is_parallel and sign * (reference - eye_position) < 1.0:
         reference = eye_position + sign
-    scale, move_x, move_y = _slice_map(view, axes, reference, sheets.position)
+    scale, moves = _slice_map(view, axes, reference, sheets.position)
 
     # Extent of the volume with the footprints of its outermost voxels. It is monotone in depth, so the ends decide.
-    ends = [[(float(move[end]), float(scale[end])) for end in (0, -1)] for move in (move_x, move_y)]
+    ends = [[(float(moves[end, n]), float(scale[end])) for end in (0, -1)] for n in (0, 1)]
     low = [min(move - radius * stretch for move, stretch in along) for along in ends]
     high = [max(move + (n - 1.0 + radius) * stretch for move, stretch in along) for along, n in zip(ends, counts)]
     homography = [[row[i], row[j], row[3] + reference * row[k]] for row in view.projection.tolist()]
@@ -373,8 +377,7 @@ def base_plane(
             sides.append((a, b, c + (reach + MARGIN) * (abs(a) + abs(b))))
     seen = _columns_within(sides, first, *size)
     scales = scale[:, None] * density
-    lands = np.stack((move_x, move_y), axis=1) * density
-    offsets = _exactly_movable(lands, float(max(map(abs, (*first, *last))))) - first
+    offsets = _exactly_movable(moves * density, float(max(map(abs, (*first, *last))))) - first
     return BasePlane(
         axis, sign, reference, tuple(density), tuple(first), *size, np.array(homography), sheets,
         np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view, seen,
@@ -391,7 +394,7 @@ def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets,
     if not view.is_parallel and ends[0] - sign * view.eye[axes[2]] < 1.0:
         return []
     rectangles = []
-    for scale, *moves in zip(*(each.tolist() for each in _slice_map(view, axes, reference, sign * np.array(ends)))):
+    for scale, moves in zip(*(each.tolist() for each in _slice_map(view, axes, reference, sign * np.array(ends)))):
         left, top = (move - radius * scale for move in moves)
         right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts))
         rectangles.append([(left, top), (right, top), (right, bottom), (left, bottom)])

@@ -6,6 +6,7 @@ The view is expressed in voxel-index space, the only space in which voxel scanli
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -103,18 +104,18 @@ def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) 
     depth = depth_row(camera) @ index_to_world
     # Null vector by signed 3x3 minors: no inverse, and no division by a small w. Only their ratios matter, so scaling
     # by a power of two, which changes no bits, keeps the products in the range of float64.
-    scaled = np.ldexp(projection, -int(np.frexp(np.abs(projection).max())[1]))
-    minors = np.array([
-        (-1.0) ** i * determinant for i, determinant in enumerate(np.linalg.det(scaled[:, OTHERS].transpose(1, 0, 2)))
-    ])
-    if not (np.isfinite(minors).all() and (minors[:3] if camera.type == "ORTHO" else minors[3:]).any()):
+    scaled = np.ldexp(projection, -math.frexp(float(np.abs(projection).max()))[1])
+    x, y, z, w = np.linalg.det(scaled[:, OTHERS].transpose(1, 0, 2)).tolist()
+    minors = x, -y, z, -w
+    if not (all(map(math.isfinite, minors)) and any(minors[:3] if camera.type == "ORTHO" else minors[3:])):
         raise RleSplatError(
             "Camera and volume differ too much in size, or are too far apart, for the arithmetic; bring them closer."
         )
     if camera.type == "ORTHO":
-        eye = np.append(minors[:3] / np.abs(minors[:3]).max(), 0.0)
+        largest = max(map(abs, minors[:3]))
+        eye = np.array([*(minor / largest for minor in minors[:3]), 0.0])
         if depth[:3] @ eye[:3] > 0.0:
             eye = -eye
     else:
-        eye = minors / minors[3]
+        eye = np.array([minor / minors[3] for minor in minors])
     return IndexView(projection, depth, eye, np.array(linear), width, height)

@@ -35,15 +35,15 @@ def axis_shares(view: IndexView, band: float) -> list[tuple[int, int, float]]:
         camera turns.
     """
     direction = -view.eye[:3]
-    leading = int(dominant_axis(direction)[0])
-    fastest = abs(direction[leading])
-    beside = 45.0 - np.degrees(np.arctan2(np.abs(direction), fastest))  # degrees before each axis would be the fastest
-    coming = np.maximum(1.0 - beside / band, 0.0) if band > 0.0 else np.zeros(3)
-    weights = coming / (2.0 - coming)  # makes the shares of two axes linear in the angle
+    lengths = np.abs(direction)
+    leading = int(lengths.argmax())
+    beside = 45.0 - np.degrees(np.arctan2(lengths, lengths[leading]))  # degrees before each axis would be the fastest
+    coming = [max(1.0 - away / band, 0.0) if band > 0.0 else 0.0 for away in beside.tolist()]
+    weights = [one / (2.0 - one) for one in coming]  # makes the shares of two axes linear in the angle
     weights[leading] = 1.0
+    whole = weights[0] + weights[1] + weights[2]
     order = [leading, *(axis for axis in range(3) if axis != leading and weights[axis] > 0.0)]
-    signs = np.where(direction < 0.0, -1, 1)
-    return [(axis, int(signs[axis]), float(weights[axis] / weights.sum())) for axis in order]
+    return [(axis, -1 if direction[axis] < 0.0 else 1, weights[axis] / whole) for axis in order]
 
 
 def candidate_pyramids(view: IndexView) -> list[tuple[int, int]]:

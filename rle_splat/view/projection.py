@@ -76,7 +76,7 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
         beyond = ahead - np.array((0.0, 0.0, 0.0, camera.focus_distance))
         right, up = right - camera.slant[0] * beyond, up - camera.slant[1] * beyond
     weight = ahead if camera.type == "PERSP" else np.array((0.0, 0.0, 0.0, 1.0))
-    return np.stack((
+    return np.array((
         right / pixel + center_column * weight,
         -up / (pixel * tallness) + center_row * weight,
         weight,
