@@ -119,6 +119,7 @@ def blood(voxels: np.ndarray) -> np.ndarray:
 
 
 HEART, KIDNEYS, SPECKS = 1, 2, 3  # labels of a chest; 0 for all else
+FRONT = 0.297  # where the front of a chest is cut off, in shares of its depth
 
 
 def organs(folder: Path) -> Path:
@@ -156,8 +157,10 @@ def _kidneys(voxels) -> np.ndarray:
 
 
 def _specks(voxels, organs_mask) -> np.ndarray:
-    """What is bright in the lower front, is no organ and not connected to the spine: lime in cartilage, food."""
-    bright = (voxels > 60) & ~organs_mask
+    """What is bright in the lower front, is no organ and behind the cut not connected to the spine: lime in cartilage,
+    food."""
+    behind = _between(voxels.shape, (0.0, 1.0), (FRONT, 1.0), (0.0, 1.0))
+    bright = (voxels > 60) & ~organs_mask & behind
     spine = _between(voxels.shape, (0.0, 1.0), (0.6, 0.68), (0.4, 0.52))
     loose = bright & ~connected(bright, spine) & _between(voxels.shape, (0.0, 0.5), (0.0, 0.6), (0.0, 1.0))
     return share(loose, 1) > 0.0

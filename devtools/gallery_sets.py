@@ -7,7 +7,7 @@ import math
 
 import bpy
 from demo_scene import material, named, rod
-from gallery_data import HEART, KIDNEYS, PEELED, SPECKS, STRAY, organs, peel
+from gallery_data import FRONT, HEART, KIDNEYS, PEELED, SPECKS, STRAY, organs, peel
 from gallery_objects import engine, smoke
 from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
@@ -115,11 +115,11 @@ def chest(stage: Stage):
     stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
     stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
     stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
-    stage.clip_plane("Front", stage.at(0.0, -0.205, 0.0), (0.0, -1.0, 0.0))
+    stage.clip_plane("Front", stage.at(0.0, FRONT - 0.5, 0.0), (0.0, -1.0, 0.0))
     toward = (-1.3, -3.0, 0.75)
     stage.camera(toward, lens=92.0, aim=(0.0, 0.0, -0.03))
     stage.sweep(toward, stage.foot)
-    stage.key(3.8, (-1.8, -2.2, 2.0))
+    stage.key(3.8, (-1.5, -1.8, 2.3))
     stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
     stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
     plain_world((0.06, 0.07, 0.09), 0.6)
@@ -134,7 +134,7 @@ def vessels(stage: Stage):
     toward = (0.9, -3.0, 0.55)
     stage.camera(toward, lens=118.0, aim=(0.02, -0.03, -0.04))
     floor = stage.sweep(toward, stage.foot)
-    stage.key(3.4, (-1.6, -2.2, 1.9))
+    stage.key(3.4, (-1.2, -1.6, 2.5))
     stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)
     plain_world((0.03, 0.034, 0.042), 0.6)
