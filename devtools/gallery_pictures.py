@@ -10,12 +10,18 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 MOST_BYTES = 480_000  # of a JPEG
 COLUMNS = {"single": 1, "row": 2, "grid": 2}
 GAP = 8  # pixels between parts
 FRAME_MS = 90
+# Part -> what is written below it, where parts stand side by side.
+CAPTIONS = {
+    "skin": "Skin", "glass": "Bone under clear skin", "bone": "Bone", "xray": "X-ray",
+    "shaded": "Shaded", "mip": "Maximum intensity projection",
+}  # fmt: skip
+INK = (214, 218, 224)
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
 
@@ -40,6 +46,14 @@ def on_backdrop(part: Image.Image) -> Image.Image:
     return Image.alpha_composite(backdrop, part.convert("RGBA")).convert("RGB")
 
 
+def captioned(part: Image.Image, text: str) -> Image.Image:
+    """A picture with a line of text in its lower left corner."""
+    found, margin = part.copy(), part.height // 30
+    font = ImageFont.load_default(size=max(part.height // 28, 6))
+    ImageDraw.Draw(found).text((margin, part.height - margin), text, fill=INK, font=font, anchor="ls")
+    return found
+
+
 def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
     """Save with the best quality that keeps to a number of bytes; returns that quality."""
     for quality in range(92, 30, -4):
@@ -62,8 +76,10 @@ def main(folder: Path, layout: str, path: Path) -> None:
     parts = [on_backdrop(Image.open(folder / f"{name}.png")) for name in names]
     if layout == "turn":
         save_turn(parts, path)
-    else:
-        save_jpeg(put_together(parts, COLUMNS[layout]), path)
+        return
+    if len(parts) > 1:
+        parts = [captioned(part, CAPTIONS[name]) for part, name in zip(parts, names)]
+    save_jpeg(put_together(parts, COLUMNS[layout]), path)
 
 
 if __name__ == "__main__":

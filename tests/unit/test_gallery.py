@@ -121,6 +121,12 @@ def test_a_share_is_that_of_the_box_around_a_voxel():
 # --- pictures ---------------------------------------------------------------------------------------------------------
 
 
+def test_parts_beside_each_other_have_captions():
+    part = Image.new("RGB", (300, 200))
+    seen = np.asarray(gallery_pictures.captioned(part, gallery_pictures.CAPTIONS["glass"])).max(axis=2) > 0
+    assert seen[180:, :150].any() and not seen[:180].any() and not np.asarray(part).any()
+
+
 def test_parts_are_put_side_by_side_in_their_order():
     parts = [Image.new("RGB", (4, 2), color) for color in ((9, 0, 0), (0, 9, 0), (0, 0, 9))]
     whole = np.asarray(gallery_pictures.put_together(parts, 2, gap=1))
