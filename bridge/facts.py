@@ -17,6 +17,7 @@ from ..rle_splat.volume.axes import AXIS_NAMES
 from ..rle_splat.volume.orientation import short_orientation_text
 from ..rle_splat.volume.volume import PATIENT
 from . import encoded
+from .translations import filled
 
 BINS = 256
 
@@ -168,7 +169,7 @@ def histogram_problem(properties) -> str:
     """What a panel says of a histogram that is damaged; "" for any other."""
     if not properties.histogram or stored_histogram(properties) is not None:
         return ""
-    return "The histogram saved in this file is damaged; press Reload in the panel Scan."
+    return filled("The histogram saved in this file is damaged; press Reload in the panel Scan.")
 
 
 @dataclass(frozen=True)
@@ -231,8 +232,10 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     alone, others = wanted(), []
     if quality.is_preset and kind.traces_rays and quality.rays == NO_RAYS:
-        others.append(f"{memory_text(wanted(traced=True).needed)} with single rays")
+        others.append(filled("{memory} with single rays", memory=memory_text(wanted(traced=True).needed)))
     if meshes:
-        others.append(f"{memory_text(wanted(meshes=True).needed)} among meshes")
+        others.append(filled("{memory} among meshes", memory=memory_text(wanted(meshes=True).needed)))
     beside = f" ({', '.join(others)})" if others else ""
-    return f"About {memory_text(alone.needed)}{beside}, {alone.visible_fraction:.1%} of the voxels"
+    return filled(
+        "About {memory}, {share} of the voxels", memory=f"{memory_text(alone.needed)}{beside}",
+        share=f"{alone.visible_fraction:.1%}")

@@ -11,12 +11,14 @@ import time
 from dataclasses import replace
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..rle_splat.pipeline.previews import Preview
 from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import Cancelled, RleSplatError
 from . import loading, volumes
 from .canvas import redraw, redraw_sidebars
+from .translations import filled, told
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
 READ_BUDGET = 0.03  # the same while a file is read
@@ -169,7 +171,7 @@ class StepwiseOperator:
                 progress = replace(progress, fraction=last.fraction)
             StepwiseOperator._progress = progress
             context.window_manager.progress_update(progress.fraction)
-            self._say(context, f"{progress.message} ({progress.fraction:.0%})")
+            self._say(context, f"{told(progress.message)} ({progress.fraction:.0%})")
             if time.perf_counter() - self._drawn > REDRAW:
                 self._drawn = time.perf_counter()
                 redraw_sidebars(context)
@@ -179,10 +181,10 @@ class StepwiseOperator:
         self._shown = f"{preview.describe()}; "
         self.show_preview(context, preview)
         redraw(context)
-        self._say(context, "Refining")
+        self._say(context, pgettext_iface("Refining"))
 
     def _say(self, context, doing: str):
-        context.workspace.status_text_set(f"RLE Splat: {self._shown}{doing}, Esc cancels")
+        context.workspace.status_text_set(filled("RLE Splat: {work}, Esc cancels", work=self._shown + doing))
 
     def _succeed(self, context, result):
         in_window = self.is_in_window

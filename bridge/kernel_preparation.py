@@ -18,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..rle_splat.pipeline.prepare import is_needed
 from ..rle_splat.runtime import child_python
@@ -26,6 +27,7 @@ from . import prepare_process
 from .canvas import redraw
 from .messages import tell
 from .paths import EXTENSION
+from .translations import filled
 
 FIRST, POLL = 1.0, 1.0  # seconds until the first look, and between looks
 LOG = "preparing.log"
@@ -151,11 +153,15 @@ def environ() -> dict[str, str]:
 
 def describe(seconds: float | None) -> str:
     """The line of the panel; ``seconds`` that are left, None where that is not known yet."""
-    left = ""
-    if seconds is not None:
-        tens = 10 * max(round(seconds / 10), 1)
-        left = f", about {tens} s left" if tens < 100 else f", about {round(seconds / 60)} min left"
-    return f"Preparing kernels{left}: the first picture waits for those it needs"
+    if seconds is None:
+        return pgettext_iface("Preparing kernels: the first picture waits for those it needs")
+    tens = 10 * max(round(seconds / 10), 1)
+    if tens < 100:
+        return filled(
+            "Preparing kernels, about {seconds} s left: the first picture waits for those it needs", seconds=tens)
+    return filled(
+        "Preparing kernels, about {minutes} min left: the first picture waits for those it needs",
+        minutes=round(seconds / 60))
 
 
 def _seconds_left() -> float | None:

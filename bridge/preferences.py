@@ -12,6 +12,7 @@ from ..rle_splat.runtime.jit import cache_folder
 from . import kernel_cache, kernel_preparation
 from .automatic import draw_number, switch
 from .paths import EXTENSION
+from .translations import filled
 
 BESIDE, PACKED = "BESIDE", "PACKED"
 GIBIBYTE = 1 << 30
@@ -92,7 +93,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
             draw_number(layout, self, name, automatic)
         layout.prop(self, "prepare_kernels")
         row = layout.row()
-        row.label(text=f"Compiled kernels: {memory.bytes_text(kernel_cache.size())}")
+        row.label(text=filled("Compiled kernels: {size}", size=memory.bytes_text(kernel_cache.size())))
         row.operator("rle_splat.clear_kernels", icon="TRASH")
         layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
 

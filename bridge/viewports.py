@@ -7,6 +7,7 @@ import numpy as np
 from mathutils import Matrix, Quaternion
 
 from ..rle_splat.scene import RleSplatError
+from .translations import filled
 
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
 HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
@@ -170,7 +171,9 @@ def hiding_meshes(view_layer, corners: np.ndarray) -> list[str]:
 def hiding_sentence(view_layer, corners: np.ndarray) -> str:
     """What to do where a mesh hides a box; "" where none does.  The parameters are those of ``hiding_meshes``."""
     names = hiding_meshes(view_layer, corners)
-    return f"It lies inside {names[0]}, which hides it: hide that object, or move one of them." if names else ""
+    if not names:
+        return ""
+    return filled("It lies inside {mesh}, which hides it: hide that object, or move one of them.", mesh=names[0])
 
 
 def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:

@@ -5,6 +5,7 @@ import bpy
 from ..bridge import compositor, images, mesh_shadows, pictures, preferences, versions, volumes, world_render
 from ..bridge.camera import read_camera
 from ..bridge.transfer import read_transfer
+from ..bridge.translations import filled
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import refuse
@@ -55,7 +56,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(f"So are {', '.join(others)}; disable a volume in renders (Outliner) to leave it out.")
-        self.report({"INFO"}, " ".join([f"{volume_object.name} is now included in every render.", *remarks]))
+        included = filled("{volume} is now included in every render.", volume=volume_object.name)
+        self.report({"INFO"}, " ".join([included, *remarks]))
         return {"FINISHED"}
 
 

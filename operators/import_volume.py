@@ -12,6 +12,7 @@ from ..bridge.automatic import draw_number
 from ..bridge.live import shown
 from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.reading import found_steps
+from ..bridge.translations import filled, told
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
@@ -97,23 +98,24 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        corners, told = [], []
+        corners, sentences = [], []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             for sentence in (*found.remarks, remark):
                 if sentence:
-                    self.report({"WARNING"}, sentence)
+                    self.report({"WARNING"}, told(sentence))
             corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
-            told.append(" ".join(filter(None, (f"Imported {owner.name}.", inside, reason))))
+            imported = filled("Imported {volume}.", volume=owner.name)
+            sentences.append(" ".join(filter(None, (imported, inside, told(reason)))))
         self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
         if self.use_headlight and corners:
-            told.append(first_light.light_if_dark(context, len(corners), corners[0]))
-        for sentence in filter(None, told):
+            sentences.append(first_light.light_if_dark(context, len(corners), corners[0]))
+        for sentence in filter(None, sentences):
             self.report({"INFO"}, sentence)
 
     def _show(self, context, added: int) -> None:
@@ -296,7 +298,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             row.prop(self, "use_file_spacing", text="Unknown: Enter It (Counts as 1)", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
-            layout.label(text=f"In memory: {facts.memory_text(source_options.bytes_of(self))}", icon="MEMORY")
+            layout.label(text=filled(
+                "In memory: {size}", size=facts.memory_text(source_options.bytes_of(self))), icon="MEMORY")
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8

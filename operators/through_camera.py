@@ -5,6 +5,7 @@ from bpy.props import BoolProperty
 from ..bridge import render_scene, transfer, volumes, world_render
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.translations import filled
 from .refusal import has_values, has_volume
 
 
@@ -86,6 +87,7 @@ def report_picture(operator, image, rendering) -> None:
     sentences = " ".join(rendering.report["remarks"])
     if rendering.rgba[..., 3].any():
         height, width = rendering.depth.shape
-        operator.report({"INFO"}, f"{image.name}: {width} x {height} pixels. {sentences}".rstrip())
+        said = filled("{image}: {width} x {height} pixels.", image=image.name, width=width, height=height)
+        operator.report({"INFO"}, f"{said} {sentences}".rstrip())
     else:
         operator.report({"WARNING"}, sentences or "The picture is blank; the volume is hidden or transparent here.")

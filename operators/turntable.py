@@ -13,6 +13,7 @@ from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.messages import sentence_of
 from ..bridge.output_settings import EXR, EXTENSIONS, MOVIE, PNG, KeptOutput, look_through, write_to
+from ..bridge.translations import filled
 from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 
@@ -175,11 +176,12 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         """Report how it ended.  The window may show another scene by then, and that which was rendered may be gone."""
         scene = self._scene.find()
         if _canceled:
-            self.report({"WARNING"}, f"The animation was canceled; what was rendered is at {self._written}.")
+            self.report({"WARNING"}, filled(
+                "The animation was canceled; what was rendered is at {file}.", file=self._written))
         elif scene is not None and scene.rle_splat.failed_frames:
             self.report({"WARNING"}, scene.rle_splat.render_problem or scene.rle_splat.failed_frames)
         else:
-            self.report({"INFO"}, f"The animation is at {self._written}.")
+            self.report({"INFO"}, filled("The animation is at {file}.", file=self._written))
         return {"FINISHED"}
 
 

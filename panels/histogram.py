@@ -3,6 +3,7 @@
 from ..bridge import facts, histogram_picture, previews, transfer_nodes
 from ..bridge.probe import value_text
 from ..bridge.transfer import window_of
+from ..bridge.translations import filled
 from .places import BORDERS, BUTTON, paragraph
 
 
@@ -53,7 +54,7 @@ def draw_selected(layout, owner) -> None:
         low, high = window_of(properties)
         value = value_text(low + chosen[0].x * (high - low), low, high, properties.value_unit)
         opacity = min(max(chosen[0].y * properties.opacity_scale, 0.0), 1.0)
-        layout.label(text=f"Selected: {value}, opacity {opacity:.2f}")
+        layout.label(text=filled("Selected: {value}, opacity {opacity}", value=value, opacity=f"{opacity:.2f}"))
 
 
 def _side(context) -> float:

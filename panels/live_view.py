@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import kernel_preparation, live, preferences, volumes
 from ..bridge.live import shown
+from ..bridge.translations import filled
 from .outdated import draw_outdated
 from .places import paragraph
 
@@ -42,7 +43,7 @@ def draw_state(context, layout) -> None:
     if remark:
         paragraph(context, layout, remark, icon="INFO")
     if problem:
-        paragraph(context, layout, f"Not shown in this viewport: {problem}", icon="ERROR")
+        paragraph(context, layout, filled("Not shown in this viewport: {problem}", problem=problem), icon="ERROR")
         layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
     elif not preferences.shows_live():
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")

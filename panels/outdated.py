@@ -1,6 +1,7 @@
 """Pictures that no longer show the scene, with the buttons that make them again."""
 
 from ..bridge import freshness
+from ..bridge.translations import filled
 from .places import paragraph
 
 
@@ -22,7 +23,8 @@ def draw_outdated(context, layout) -> bool:
     pinned = {row.image for row in context.scene.rle_splat.pictures if row.kind == "backdrop"}
     outdated = freshness.out_of_date(context.scene)
     for image in outdated:
-        paragraph(context, layout, f"Out of date: {image.name}. The scene has changed since", icon="ERROR")
+        sentence = filled("Out of date: {image}. The scene has changed since", image=image.name)
+        paragraph(context, layout, sentence, icon="ERROR")
         again = "rle_splat.set_backdrop" if image in pinned else "rle_splat.render_image"
         layout.operator(again, text="Update", icon="FILE_REFRESH")
     return bool(outdated)

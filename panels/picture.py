@@ -1,8 +1,10 @@
 """The Render panel: the volume in renders, pinned to the camera and as a picture, and the messages about them."""
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..bridge import volumes
+from ..bridge.translations import filled
 from ..rle_splat.scene import PRESET_AIMS
 from .outdated import draw_outdated
 from .places import RenderTab, Sidebar, paragraph
@@ -70,15 +72,22 @@ def _draw_composite(context, layout) -> None:
     target = settings.composite_object
     if target is not None:
         names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render]
-        verb = "are" if len(names) > 1 else "is"
-        if names:
-            paragraph(context, layout, f"{', '.join(names)} {verb} included in every render. Lock Interface is on "
-                                       "while rendering.", icon="CHECKMARK")
+        if len(names) > 1:
+            sentence = filled(
+                "{volumes} are included in every render. Lock Interface is on while rendering.",
+                volumes=", ".join(names))
+            paragraph(context, layout, sentence, icon="CHECKMARK")
+        elif names:
+            sentence = filled(
+                "{volume} is included in every render. Lock Interface is on while rendering.", volume=names[0])
+            paragraph(context, layout, sentence, icon="CHECKMARK")
         else:
             paragraph(context, layout, "All volumes are disabled in renders, so renders show none.", icon="INFO")
     else:
-        paragraph(context, layout, f"{settings.deleted_volume or 'The volume'} was deleted and is missing in "
-                                   "renders. Include another volume, or press Remove from Renders.", icon="ERROR")
+        sentence = filled(
+            "{volume} was deleted and is missing in renders. Include another volume, or press Remove from Renders.",
+            volume=settings.deleted_volume or pgettext_iface("The volume"))
+        paragraph(context, layout, sentence, icon="ERROR")
     layout.prop(settings, "on_failed_frame", text="On Error")  # the full name would be cut off
 
 

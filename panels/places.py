@@ -2,9 +2,8 @@
 
 import textwrap
 
-from bpy.app.translations import pgettext_iface
-
 from ..bridge import volumes
+from ..bridge.translations import told
 
 # Pixels at interface scale 1.
 PIXELS_A_LETTER = 6.0  # the average is 5.2; lines of mostly wide letters must fit too
@@ -61,7 +60,7 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     layout : bpy.types.UILayout
         Where the labels are added.
     text : str
-        The text, which is translated if it is whole; it is broken at spaces.
+        The text, which is translated, see ``told``; it is broken at spaces.
     icon : str
         Identifier of an icon for the first line; the other lines are indented by its width.
     """
@@ -71,6 +70,6 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     letters = max(16, int(room / PIXELS_A_LETTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for line in textwrap.wrap(pgettext_iface(text), letters):
+    for line in textwrap.wrap(told(text), letters):
         column.label(text=line, icon=icon)
         icon = "BLANK1" if icon != "NONE" else "NONE"

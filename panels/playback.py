@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import volumes
 from ..bridge.playback import FIXED, shown_frame
+from ..bridge.translations import filled
 from .places import Sidebar
 
 
@@ -26,7 +27,8 @@ class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("frame",) if properties.playback == FIXED else ("frame_offset", "frame_step"):
             column.prop(properties, name)
-        layout.label(text=f"Shows {shown_frame(owner)} of {properties.frame_count}")
+        layout.label(text=filled(
+            "Shows {frame} of {frames}", frame=shown_frame(owner), frames=properties.frame_count))
 
 
 CLASSES = (RLE_SPLAT_PT_playback,)

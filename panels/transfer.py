@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge import encoded, linked, transfer, transfer_nodes, volumes
-from ..bridge.translations import with_unit
+from ..bridge.translations import filled, with_unit
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .histogram import draw_histogram, draw_selected
 from .places import DataTab, OfVolume, paragraph
@@ -47,7 +47,8 @@ class ColorPanel:
         _draw_opacity(layout, owner.rle_splat)
         layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
         if transfer.is_shared(owner):
-            layout.operator("rle_splat.own_transfer", text=f"Make Own Copy ({tree.users} Users)", icon="DUPLICATE")
+            label = filled("Make Own Copy ({users} Users)", users=tree.users)
+            layout.operator("rle_splat.own_transfer", text=label, icon="DUPLICATE")
 
 
 def _draw_window(layout, properties) -> None:

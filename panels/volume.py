@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge import kernel_preparation, read_ahead, volumes
 from ..bridge.jobs import StepwiseOperator
-from ..bridge.translations import OURS
+from ..bridge.translations import OURS, told
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.volume.volume import PATIENT
@@ -65,7 +65,7 @@ def _draw_progress(layout) -> None:
     """Say how far a file is read, or another long job is."""
     progress = StepwiseOperator.progress() or read_ahead.progress()
     if progress is not None:
-        layout.progress(factor=progress.fraction, type="BAR", text=progress.message)
+        layout.progress(factor=progress.fraction, type="BAR", text=told(progress.message))
 
 
 def _warn_without_numba(context, layout) -> None:

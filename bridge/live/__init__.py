@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 
 from .. import jobs, kernel_preparation, preferences, render_scene
 from ..messages import tell
+from ..translations import filled
 from . import drawing, shown, surface
 from .viewport import Viewport
 
@@ -189,7 +190,9 @@ def remark_of(area) -> str:
     halvings = max((one.halvings for one in viewports_of(area) if one.is_refined), default=0)
     if not halvings:
         return ""
-    return f"Shown with voxels {2**halvings} times as large, because the volume's own need more memory than is free."
+    return filled(
+        "Shown with voxels {times} times as large, because the volume's own need more memory than is free.",
+        times=2**halvings)
 
 
 def try_again(area) -> None:

@@ -1,20 +1,48 @@
 """Translations of the interface, in Blender's own way: one JSON file for each language, English text -> translation.
 
-A text that Blender composes, such as a sentence with a name in it, stays English.
+A sentence with a name or a number in it is a template with fields in braces: ``filled`` puts them into its translation.
+The renderer knows nothing of languages.  Its sentences that users meet most are found again by ``told``.
 """
 
 from __future__ import annotations
 
 import json
+import re
+from functools import cache
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..paths import EXTENSION
 
 FOLDER = Path(__file__).parent
 # Blender's own translations come first: a word that means something else in them, such as Level, is given this context.
 OURS = "RLE Splat"
+# Sentences that the renderer composes, and what may stand in their fields REASONS; the first one that fits counts.
+COMPOSED = (
+    "The preset {name} was chosen because {reason}.",
+    "the modality is {modality} and the name of the volume contains {word}",
+    "the modality of the volume is {modality}",
+    "the name of the volume contains {word}",
+    "Unit, name and modality do not say what the volume is, so values {side} {value} are shown.",
+    "All values are about {value}, so everything is shown.",
+    "No spacing was given; 1 x 1 x 1 {unit} is assumed.",
+    "{work}, about {seconds} s",
+    "Rendering {plan}",
+    "reading {file}",
+)
+REASONS = ("reason", "side", "work")
+# Those that it says as they stand.
+WHOLE = (
+    "the values are Hounsfield units and include bone", "the values are Hounsfield units and include little bone",
+    "the values are Hounsfield units and include little but fat", "above", "below",
+    "The values are signed distances, so the inside of the surface is shown.",
+    "The file states no unit of length; mm is assumed.",
+    "The file does not say where the patient's left and right are.",
+    "The file does not say how it lies in the patient, so left and right are not known.",
+    "Looking through the voxels", "Shading", "Splatting", "Warping", "counting the values", "adding the volume",
+)
 CONTEXTS = ("*", "Operator", OURS)  # Blender looks the labels of operators up in a context of their own
 
 
@@ -25,8 +53,48 @@ def languages() -> dict[str, dict[str, str]]:
 
 def with_unit(label: str, unit: str) -> str:
     """A label in the language of the interface, with a unit in brackets if there is one."""
-    told = bpy.app.translations.pgettext_iface(label, OURS)
-    return f"{told} ({unit})" if unit else told
+    label = pgettext_iface(label, OURS)
+    return f"{label} ({unit})" if unit else label
+
+
+def filled(template: str, **values) -> str:
+    """A sentence in the language of the interface.
+
+    Parameters
+    ----------
+    template : str
+        The English sentence, with fields in braces.
+    **values
+        What stands in the fields.
+
+    Returns
+    -------
+    str
+    """
+    return pgettext_iface(template).format(**values)
+
+
+def told(sentence: str) -> str:
+    """A sentence of the renderer in the language of the interface, if it is whole or one of COMPOSED; else as it is."""
+    whole = pgettext_iface(sentence)
+    if whole != sentence:
+        return whole
+    for template in COMPOSED:
+        found = _pattern(template).fullmatch(sentence)
+        if found is not None:
+            return filled(template, **{
+                name: told(value) if name in REASONS else value for name, value in found.groupdict().items()
+            })
+    return sentence
+
+
+@cache
+def _pattern(template: str) -> re.Pattern:
+    """What a filled template looks like."""
+    words = re.split(r"\{(\w+)\}", template)
+    words[::2] = map(re.escape, words[::2])
+    words[1::2] = (f"(?P<{name}>.+)" for name in words[1::2])
+    return re.compile("".join(words))
 
 
 def register():

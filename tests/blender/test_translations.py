@@ -1,5 +1,7 @@
 """Every text of the interface has a German translation, and no translation is left over."""
 
+import re
+
 import bpy
 import pytest
 
@@ -15,7 +17,7 @@ def german(bridge):
 
 
 def test_every_text_has_a_german_translation(german, addon):
-    texts = {**ui_strings.registered(MODULE), **ui_strings.written()}
+    texts = {**ui_strings.registered(MODULE), **ui_strings.written(), **ui_strings.of_the_renderer(MODULE)}
     assert len(texts) > 700
     missing = [f'{where}: "{text}"' for text, where in sorted(texts.items(), key=lambda pair: pair[1]) if
                not german.get(text)]
@@ -58,3 +60,33 @@ def test_the_interface_speaks_german(addon):
         assert bpy.app.translations.pgettext_iface("Include in Renders", "Operator") == "In Renderings aufnehmen"
     finally:
         view.language = before
+
+
+def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
+    """Templates that no source composes any more would translate nothing."""
+    translations = bridge("translations")
+    said = ui_strings.said_by_the_renderer()
+    ours = *translations.COMPOSED, *translations.WHOLE
+    stale = [text for text in ours if re.sub(r"\{\w+\}", "{}", text) not in said]
+    assert not stale, "\n".join(stale)
+    monkeypatch.setattr(translations, "pgettext_iface", lambda text, *_: german.get(text, text))
+    for sentence, expected in (
+        ("Unit, name and modality do not say what the volume is, so values above 48.5 are shown.",
+         "Einheit, Name und Modalität sagen nicht, was das Volumen ist; gezeigt werden Werte über 48.5."),
+        ("The preset ct-bone was chosen because the values are Hounsfield units and include bone.",
+         "Die Vorgabe ct-bone wurde gewählt, denn die Werte sind Hounsfield-Einheiten und enthalten Knochen."),
+        ("The preset ct-lung was chosen because the modality is CT and the name of the volume contains lung.",
+         "Die Vorgabe ct-lung wurde gewählt, denn die Modalität ist CT und der Name des Volumens enthält lung."),
+        ("Rendering post simpson 2 bilinear, about 5 s", "Rendern von post simpson 2 bilinear, etwa 5 s"),
+        ("reading Shading", "Lesen von Shading"),
+        ("Nobody translates this.", "Nobody translates this."),
+    ):  # fmt: skip
+        assert translations.told(sentence) == expected
+    assert bridge("kernel_preparation").describe(50).startswith("Kernel werden vorbereitet, noch etwa 50 s")
+    assert translations.filled("Imported {volume}.", volume="head") == "head importiert."
+
+
+def test_translated_templates_have_the_fields_of_theirs(german):
+    fields = re.compile(r"\{\w+\}")
+    wrong = [text for text, told in german.items() if sorted(fields.findall(text)) != sorted(fields.findall(told))]
+    assert not wrong, "\n".join(wrong)

@@ -5,6 +5,7 @@ functions pass to the layout, and whole sentences of reports and refusals, are r
 """
 
 import ast
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,7 +22,7 @@ FOLDERS = ("bridge", "operators", "panels")
 # A call -> which of its positional arguments is a text for the user.
 POSITIONAL = {
     "report": 1, "poll_message_set": 0, "refuse": 1, "RleSplatError": 0, "paragraph": 2, "tell": 0, "pgettext_tip": 0,
-    "pgettext_iface": 0, "with_unit": 0,
+    "pgettext_iface": 0, "with_unit": 0, "filled": 0,
 }  # fmt: skip
 OF_CLASS = ("bl_label", "bl_description")  # also of a tool, which is no registered class
 LAYOUT_TEXT = "text"  # the keyword argument of layout functions
@@ -68,6 +69,27 @@ def written(root: Path = ROOT) -> dict:
         for node in ast.walk(tree):
             if isinstance(node, ast.Call):
                 found.update((text, f"{path}:{node.lineno}") for text in _of_call(node, named) if _is_text(text))
+    return found
+
+
+def of_the_renderer(module: str) -> dict:
+    """Text -> file, of the sentences of the renderer that the interface translates."""
+    path = "bridge/translations/__init__.py"
+    known = import_module(f"{module}.bridge.translations")
+    return dict.fromkeys((*known.COMPOSED, *known.WHOLE), path)
+
+
+def said_by_the_renderer(root: Path = ROOT) -> set:
+    """The texts in the renderer's sources, those that are composed with {} for each field."""
+    found = set()
+    paths = (path for folder in ("rle_splat", "bridge", "operators") for path in (root / folder).rglob("*.py"))
+    for path in (one for one in paths if one.parent.name != "translations"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                found.add("".join(getattr(part, "value", "{}") if isinstance(part, ast.Constant) else "{}"
+                                  for part in node.values))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found.add(node.value)
     return found
 
 
