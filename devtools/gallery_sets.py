@@ -13,6 +13,7 @@ from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
 from mathutils import Vector
 
+CLEAR = 0.02  # sizes from a thin foot to the floor, which gets no shadow where it touches the volume's box
 SKIN_AND_BONE = {
     "name": "skin and bone", "unit": "HU",
     "opacity": [[-1000, 0], [-650, 0], [-200, 0.5], [50, 0.9], [200, 0.9], [600, 0.97], [2000, 0.98]],
@@ -118,7 +119,7 @@ def chest(stage: Stage):
     stage.clip_plane("Front", stage.at(0.0, FRONT - 0.5, 0.0), (0.0, -1.0, 0.0))
     toward = (-1.3, -3.0, 0.75)
     stage.camera(toward, lens=92.0, aim=(0.0, 0.0, -0.03))
-    stage.sweep(toward, stage.foot)
+    stage.sweep(toward, stage.foot - CLEAR)
     stage.key(3.8, (-1.5, -1.8, 2.3))
     stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
     stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
@@ -133,7 +134,7 @@ def vessels(stage: Stage):
     stage.show(BLOOD)
     toward = (0.9, -3.0, 0.55)
     stage.camera(toward, lens=118.0, aim=(0.02, -0.03, -0.04))
-    floor = stage.sweep(toward, stage.foot)
+    floor = stage.sweep(toward, stage.foot - CLEAR)
     stage.key(3.4, (-1.2, -1.6, 2.5))
     stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
     stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)

@@ -46,9 +46,8 @@ class Stage:
 
     @property
     def foot(self) -> float:
-        """The height above the volume's middle, in sizes, of a floor just below its box: a floor that touches the box
-        gets no shadow there."""
-        return (self.low.z - self.middle.z) / self.size - 0.02
+        """The height of the volume's lowest slice above its middle, in sizes."""
+        return (self.low.z - self.middle.z) / self.size
 
     def at(self, *place) -> Vector:
         """A place given from the middle, in sizes."""
