@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.planner import machine
+from rle_splat.accuracy.planner import tolerance as planned
 from rle_splat.accuracy.planner.candidates import KEPT_KNOBS
 from rle_splat.accuracy.planner.machine import MachineProfile, profile_steps
 from rle_splat.accuracy.planner.ray_cost import measured_us
@@ -157,3 +158,11 @@ def test_the_time_of_rays_is_that_of_their_work_scaled_by_what_some_took():
     found = measured_us((20.0, 40.0), 1000, (2.0, 0.5))  # 4 and 6 ms were counted for 4 and 8 slabs
     assert found == pytest.approx((10.0, 2.5))
     assert measured_us((20.0, 24.0), 1000, (2.0, 0.5)) == pytest.approx((8.0, 2.0)), "the lesser ratio counts"
+
+
+def test_the_time_that_is_told_of_rays_is_corrected_by_what_they_take(monkeypatch):
+    """Before, the FLAIR brain for 1 level was told to take six seconds until it was done after three."""
+    now = iter((10.0, 10.1, 11.5))
+    monkeypatch.setattr(planned.time, "perf_counter", lambda: next(now))
+    told = planned._told_rays(6200.0)
+    assert told(0.02).endswith(", about 6 s") and told(0.5).endswith(", about 3 s")

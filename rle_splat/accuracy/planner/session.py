@@ -109,15 +109,16 @@ class PlannerSession:
         return picture_steps(self.scene, plan, self.cache, begin, end, message, self.refuse_empty_view)
 
     def traced_steps(
-        self, columns, rows, slabs: int, plan: Quality, begin: float, end: float, message: str = TRACING
+        self, columns, rows, slabs: int, plan: Quality, begin: float, end: float, message=lambda done: TRACING
     ):
         """Generator of Progress from ``begin`` to ``end``: trace pixels of a plan's picture by single rays.
 
-        Returns premultiplied rgba (n, 4) float32 and the milliseconds that the rays took.
+        ``message``: the message of progress for a fraction of the rays that is done.  Returns premultiplied rgba (n, 4)
+        float32 and the milliseconds that the rays took.
         """
         quality = replace(self.quality, termination=plan.termination)
         steps = single_ray_steps(self.shown, quality, columns, rows, slabs, self.cache)
-        rgba, _, spent = yield from portion(steps, begin, end, message)
+        rgba, _, spent = yield from mapped(steps, lambda done: Progress(begin + (end - begin) * done, message(done)))
         return rgba, spent
 
     def ray_pixels(self, choice: Choice, correction: float = 1.0) -> np.ndarray:

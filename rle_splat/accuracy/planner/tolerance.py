@@ -35,6 +35,7 @@ MOST_ESCALATIONS = 3
 ACCEPTED = 0.9
 HALF = 0.5
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
+FIRST_RAYS = 0.05  # the fraction of rays after which their time is told by what they took
 LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
 PILOTS_END = 0.2  # the fraction of the work after which the pilots end
 
@@ -178,7 +179,7 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
         if new.any():
             rows, columns = np.nonzero(new)
             part = 0.5 * (begin + middle), middle
-            message = _told_time(TRACING, session.ray_cost.expected_ms(len(rows), choice.slabs))
+            message = _told_rays(session.ray_cost.expected_ms(len(rows), choice.slabs))
             values, spent = yield from session.traced_steps(columns, rows, choice.slabs, choice.plan, *part, message)
             picture = with_pixels(picture, columns, rows, values)
             rays_ms += spent
@@ -217,6 +218,17 @@ def _frame_steps(session: PlannerSession, choice: Choice, begin: float, end: flo
 def _told_time(message: str, milliseconds: float) -> str:
     """A message of progress, with how long the work is expected to take if that is worth saying."""
     return f"{message}, about {milliseconds / 1e3:.0f} s" if milliseconds > WORTH_SAYING_MS else message
+
+
+def _told_rays(expected_ms: float):
+    """The message of progress of rays, as a function of the fraction done: their time as expected, then as found."""
+    began = time.perf_counter()
+
+    def message(done: float) -> str:
+        found_ms = 1e3 * (time.perf_counter() - began)
+        return _told_time(TRACING, found_ms / done if done > FIRST_RAYS else expected_ms)
+
+    return message
 
 
 def _is_last(rounds: list[Round], tolerance: float) -> bool:
