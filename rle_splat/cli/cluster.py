@@ -56,7 +56,7 @@ class Cluster:
     def threads(self) -> int:
         return max(sum(self.client.nthreads().values()), 1)
 
-    def submit(self, job: Command, function, *task, inputs=(), slab: int | None = None):
+    def submit(self, job: Command, function, *task, inputs=(), slab: tuple[int, int] | None = None):
         """Hand out a task; return its future.
 
         Parameters
@@ -66,8 +66,9 @@ class Cluster:
             ``function(job, *task, *inputs)``.
         inputs : sequence of futures
             Results of other tasks, which workers hand to one another.
-        slab : int or None
-            Number of the slab that it reads: tasks of a slab go to the same worker where that is possible.
+        slab : (int, int) or None
+            Number of the slab that it reads, and of how many: tasks of a slab go to the same worker where that is
+            possible, and so do neighbors where there are fewer workers.
         """
         from distributed.protocol.pickle import dumps
 
@@ -81,8 +82,10 @@ class Cluster:
 
         where = {}
         if slab is not None:
+            number, count = slab
             workers = sorted(self.client.nthreads())
-            where = {"workers": [workers[slab % len(workers)]], "allow_other_workers": True} if workers else {}
+            own = workers[number * len(workers) // count :][:1]  # none while all are lost
+            where = {"workers": own, "allow_other_workers": True} if own else {}
         return self.client.submit(unpacked, dumps((function, job, task)), *inputs, pure=False, **where)
 
     def results(self, job: Command, tasks, line, what: str, parts: int = 1):
@@ -364,7 +367,7 @@ def _tile_task(tile, slabs: int | None):
         return lambda submit: submit(make_tile, tile)
 
     def hand_out(submit):
-        parts = [submit(make_slab, tile, number, slabs, slab=number) for number in range(slabs)]
+        parts = [submit(make_slab, tile, number, slabs, slab=(number, slabs)) for number in range(slabs)]
         while len(parts) > 1:  # a tree of neighbors, the same for any number of workers
             pairs = zip(parts[::2], parts[1::2])
             parts = [submit(cover, inputs=pair) for pair in pairs] + parts[len(parts) // 2 * 2 :]
