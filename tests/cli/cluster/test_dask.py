@@ -76,6 +76,8 @@ def test_workers_without_the_data_or_of_another_version(refused, raw, raw_option
     assert "cannot read" in refused("render", tmp_path / "missing.raw", *words)
     monkeypatch.setattr(cluster, "source_hash", lambda: "another")
     assert "has another version of RLE Splat" in refused("render", raw, *words)
+    monkeypatch.setitem(sys.modules, "rle_splat.cli.made", None)
+    assert "does not have the package rle-splat" in refused("render", raw, *words)
 
 
 def test_nobody_answers(refused, raw, raw_options, tmp_path, monkeypatch):
