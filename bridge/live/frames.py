@@ -154,7 +154,8 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
         def make(plain, number, group=group, halved=halved):
             quality = shot.contents[group[number]].quality
             quality = quality if coarseness is None else draft_of(quality)
-            rendering, times = yield from fitting_steps(plain, quality, cache, halvings)
+            rendering, times = yield from fitting_steps(
+                plain, quality, cache, halvings, is_draft=coarseness is not None)
             halved.append(times)
             return rendering
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from ..classify.default import default_transfer_function
 from ..classify.presets import fit_preset, preset
 from ..classify.transfer_files import chosen, fitted, read_transfer_functions
@@ -57,6 +61,15 @@ def choose_transfer_function(args, volume, given):
     reason : str
         Why it was chosen, for the report.
     """
+    function, reason = _chosen(args, volume, given)
+    if volume.levels and function.opacity_unit_distance is None:  # or a coarser level would be less dense
+        finer = np.array(volume.shape_xyz) / volume.levels[0]
+        function = replace(function, opacity_unit_distance=float((volume.spacing * finer).min()))
+    return function, reason
+
+
+def _chosen(args, volume, given):
+    """``choose_transfer_function`` for the level that the volume is."""
     if given is not None:
         return fitted(given.function, volume), " ".join((f"read from {args.transfer_function}", *given.remarks))
     if args.preset is not None:

@@ -84,7 +84,8 @@ def add_volume_options(parser) -> None:
         "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them")
     group.add_argument(
         "--level", type=int, metavar="N",
-        help="the level of an OME-Zarr pyramid, 0 for the finest (default the finest that fits into memory)")
+        help="the level of an OME-Zarr pyramid, 0 for the finest (default the finest that fits into memory); of other "
+        "formats, keep every 2^N-th voxel along each axis, for a quick look (default 0, all)")
     group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a volume in time (default 1)")
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")

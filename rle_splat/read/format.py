@@ -9,6 +9,7 @@ from pathlib import Path
 
 MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
 PLACE_OPTIONS = ("spacing", "orientation", "flip")  # corrections of the grid, for every format
+LEVEL = "level"  # of a pyramid that a format has; for every other format, voxels that are left out
 HEAD_BYTES = 4096  # bytes of a file that are looked at, packed and unpacked
 PIECE = 16  # bytes unpacked at a time
 GZIP_MAGIC = b"\x1f\x8b"
@@ -73,7 +74,7 @@ class Format:
         With the leading dot, lower case.
     description : str
     options : tuple of str
-        Options that ``read_steps`` takes itself. Those of MEANING_OPTIONS and PLACE_OPTIONS that it does not
+        Options that ``read_steps`` takes itself. LEVEL and those of MEANING_OPTIONS and PLACE_OPTIONS that it does not
         take are applied to its result.
     read_steps : callable
         ``read_steps(path, **options)``: a generator of Progress that returns a Volume. It yields at least every
@@ -108,4 +109,4 @@ class Format:
     @property
     def all_options(self) -> tuple:
         """All options of ``read_volume`` that apply to the format."""
-        return tuple(dict.fromkeys((*self.options, *MEANING_OPTIONS, *PLACE_OPTIONS)))
+        return tuple(dict.fromkeys((*self.options, *MEANING_OPTIONS, *PLACE_OPTIONS, LEVEL)))

@@ -17,10 +17,11 @@ from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.placement import placed
+from ..volume.reduced import sampled_steps
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
-from .format import MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of
+from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
@@ -157,12 +158,15 @@ def read_steps(path, **options):
     place = {name: given.pop(name) for name in PLACE_OPTIONS if name in given and name not in chosen.options}
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
     checked = dict(zip(scale, checked_scale(*scale.values())))
+    level = 0 if LEVEL in chosen.options else int(given.pop(LEVEL, 0))
     volume = yield from chosen.read_steps(path, **given)
     changed = {name: checked.get(name, value) for name, value in meaning.items()}
     if numbered is not None:
         changed["frames"] = numbered.count
     if place:
         volume = placed(volume, **place)
+    if level:
+        volume = yield from sampled_steps(volume, level)
     return _with_guessed_unit(replace(volume, **changed) if changed else volume)
 
 
@@ -204,6 +208,7 @@ def read_volume(path, **options) -> Volume:
         that was read before, to find it again.
         OME-Zarr: ``level`` of the pyramid, 0 for the finest, by default the finest that fits into memory; ``scratch``,
         a file to be made, in which the voxels are kept and mapped; ``quick``, for a level that is read at once.
+        All other formats: ``level`` L, of which every 2^L-th voxel along each axis is kept, by default all.
         Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
         from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,

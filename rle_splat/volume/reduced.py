@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from ..runtime.memory import refuse_beyond
+from ..runtime.steps import Progress
+from ..scene import RleSplatError
 from .volume import Volume
 
 
@@ -24,6 +27,55 @@ def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
     wanted = float(lengths.max()) / side
     found = np.maximum(1, np.rint(wanted / np.where(volume.spacing > 0.0, volume.spacing, wanted)))
     return tuple(int(min(factor, count)) for factor, count in zip(found, volume.shape_xyz))
+
+
+def sampled_steps(volume: Volume, level: int):
+    """Generator of Progress: every 2^``level``-th voxel along each axis, so that little of a large file is read.
+
+    Parameters
+    ----------
+    volume : Volume
+        Possibly mapped from its file.
+    level : int
+        At least 1.
+
+    Returns
+    -------
+    Volume
+        Its voxels are where they were. Its ``levels`` are those that can be sampled, with the volume itself before
+        them, and a remark says that voxels were left out.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such level, or its voxels need more memory than is free.
+    """
+    most = max(volume.shape_xyz).bit_length() - 1
+    if not 0 < level <= most:
+        raise RleSplatError(f"There is no level {level}: {volume.name or 'the volume'} has those from 0 to {most}.")
+    levels = tuple(tuple(len(_every(2**n, count)) for count in volume.shape_xyz) for n in range(most + 1))
+    chosen = [_every(2**level, count) for count in volume.shape_xyz]
+    size = math.prod(levels[level]) * volume.voxels.dtype.itemsize
+    refuse_beyond(size, f"Level {level} of the volume needs", "choose a coarser one")
+    voxels = np.empty(levels[level][::-1], volume.voxels.dtype)
+    x, y = (slice(one.start, one.stop, one.step) for one in chosen[:2])
+    for number, plane in enumerate(chosen[2]):
+        yield Progress(number / len(voxels), f"Reading one of {2**level} planes")
+        voxels[number] = volume.voxels[plane, y, x]
+    voxels.flags.writeable = False
+    to_voxels = np.diag((*(3 * [float(2**level)]), 1.0))
+    to_voxels[:3, 3] = [one.start for one in chosen]
+    remark = (
+        f"Of every {2**level} voxels along each axis one was read, and none were averaged: what is thinner than that "
+        "may be jagged or missing."
+    )
+    return replace(
+        volume, voxels=voxels, affine=volume.affine @ to_voxels, levels=levels, remarks=(*volume.remarks, remark))
+
+
+def _every(step: int, count: int) -> range:
+    """Every ``step``-th of so many voxels, one at least, from the middle of the first block on."""
+    return range(min(step // 2, count // 2), count, step)
 
 
 def reduced_steps(volume: Volume, factors: tuple[int, int, int]):

@@ -64,3 +64,17 @@ def test_a_color_map_spans_the_values(picture, tmp_path):
     done, rgba, function = picture("--transfer-function", tmp_path / "map.cmap", "--no-shading")
     assert done.code == 0 and function["name"] == "map"
     assert rgba[..., 0].max() > 0.1 and rgba[..., 2].max() == 0.0
+
+
+def test_a_coarser_level_is_as_dense(call, tmp_path, write_json):
+    z, y, x = np.mgrid[:32, :32, :32] - 15.5
+    np.where(x**2 + y**2 + z**2 < 12.0**2, 200, 0).astype(np.uint8).tofile(tmp_path / "ball.raw")
+    function = write_json({"opacity": [[100, 0.0], [101, 0.03]], "color": [[0, 1, 1, 1]], "shade": False})
+    words = "--shape", 32, 32, 32, "--dtype", "uint8", "--transfer-function", function, "--size", 32
+    inside = []
+    for level in (0, 2):
+        out = tmp_path / f"{level}.npy"
+        done = call("render", tmp_path / "ball.raw", *words, "--level", level, "--backend", "numpy", "-o", out)
+        assert done.code == 0 and ("one was read" in done.out) == (level == 2)
+        inside.append(np.load(out)[14:18, 14:18, 3].mean())
+    assert inside[0] == pytest.approx(1.0 - 0.97**24, abs=0.05) and inside[1] == pytest.approx(inside[0], abs=0.05)

@@ -55,6 +55,16 @@ def test_a_large_file_is_mapped(tmp_path, all_large, suffix):
     np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values())
 
 
+@pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".raw"])
+def test_some_voxels_of_a_file(tmp_path, all_large, suffix):
+    write(tmp_path / f"a{suffix}", values())
+    given = {"shape": SHAPE, "dtype": "int16"} if suffix == ".raw" else {}
+    volume = read_volume(tmp_path / f"a{suffix}", level=1, **given)
+    np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values()[1::2, 1::2, 1::2])
+    np.testing.assert_allclose(volume.spacing, 2.0)
+    assert not is_mapped(volume) and read_volume(tmp_path / f"a{suffix}", level=0, **given).shape_xyz == SHAPE
+
+
 def test_a_frame_of_a_large_file_is_mapped(tmp_path, all_large):
     nibabel.save(nibabel.Nifti1Image(np.stack((values(), values() + 1), axis=3), np.eye(4)), tmp_path / "a.nii")
     volume = read_volume(tmp_path / "a.nii", frame=2)

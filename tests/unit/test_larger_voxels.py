@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline import memory_estimate
+from rle_splat.pipeline import fitting, memory_estimate
 from rle_splat.pipeline.fitting import HALVED, TOO_LARGE, fitting_steps
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels, Quality, RleSplatError, Scene, TooLargeError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.reduced import factors_of, reduced_steps
+from rle_splat.volume.reduced import factors_of, reduced_steps, sampled_steps
 from rle_splat.volume.volume import Volume
 
 QUALITY = Quality.preset("draft", backend="numpy")
@@ -68,6 +68,32 @@ def test_blocks_of_voxels_lie_where_the_volume_does():
     assert small.voxels[3, 1, 10] == voxels[3, 3:6, 30].mean(), "filled up with the voxels at the far face"
 
 
+@pytest.mark.parametrize("level", (1, 2, 4))
+def test_sampled_voxels_stay_where_they_are(level):
+    affine = np.array([[0, 0, 3.0, 5], [1, 0, 0, 6], [0, -1, 0, 7], [0, 0, 0, 1]])
+    volume = Volume(np.arange(9 * 20 * 31, dtype=np.uint16).reshape(9, 20, 31), affine)
+    some = drain(sampled_steps(volume, level))
+    assert some.shape_xyz == volume_levels(volume, level)[level] == some.levels[level] and some.levels[0] == (31, 20, 9)
+    for place in ((0, 0, 0), np.array(some.shape_xyz) - 1):
+        x, y, z = np.linalg.solve(affine, some.affine @ (*place, 1))[:3].round(9).astype(int)
+        assert some.voxels[tuple(place)[::-1]] == volume.voxels[z, y, x]
+    assert "one was read" in some.remarks[-1] and not some.voxels.flags.writeable
+
+
+def volume_levels(volume: Volume, most: int) -> list:
+    """Shapes of the levels up to one: of each block of 2^level voxels the middle one, if the volume has it."""
+    return [
+        tuple(max(1, sum((i + 2**n // 2) < count for i in range(0, count, 2**n))) for count in volume.shape_xyz)
+        for n in range(most + 1)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("level", (-1, 7))
+def test_there_is_no_such_level(level):
+    with pytest.raises(RleSplatError, match=f"There is no level {level}: the volume has those from 0 to 6"):
+        drain(sampled_steps(ball(), level))
+
+
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_fewer_voxels_are_as_dense_as_the_volume(classification):
     scene, quality = scene_of(ball()), QUALITY.classified(classification)
@@ -77,6 +103,19 @@ def test_fewer_voxels_are_as_dense_as_the_volume(classification):
     assert coarse.rgba[..., 3].sum() == pytest.approx(whole[..., 3].sum(), rel=0.02)
     inside = np.s_[44:52, 44:52]
     np.testing.assert_allclose(coarse.rgba[inside], whole[inside], atol=0.04)
+
+
+def test_drafts_of_a_large_volume_are_of_some_voxels(monkeypatch):
+    """As dense as the volume; the picture that follows a draft is of averages."""
+    scene = scene_of(ball())
+    whole = render(scene, QUALITY).rgba
+    monkeypatch.setattr(fitting, "LARGE", N**3 - 1)
+    monkeypatch.setattr(fitting, "SAMPLED_BYTES", N**3 // 8)
+    cache = StageCache()
+    draft, halvings = drain(fitting_steps(scene, QUALITY, cache, is_draft=True))
+    assert halvings == 1 and "some voxels" in dict(cache.contents) and "larger voxels" not in dict(cache.contents)
+    assert draft.rgba[..., 3].sum() == pytest.approx(whole[..., 3].sum(), rel=0.03)
+    assert drain(fitting_steps(scene, QUALITY, cache))[1] == 0
 
 
 def test_what_fits_is_the_picture_itself_to_the_bit():
