@@ -12,6 +12,7 @@ from . import (
     effects,
     engine,
     kernels,
+    large_picture,
     paper,
     plans,
     presets,
@@ -31,6 +32,7 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
+    "large-picture": large_picture.main,
 }  # fmt: skip
 
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -20,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.cli.options import memory_size
+from rle_splat.cli.options import CUSTOM_QUALITY, memory_size
 from rle_splat.encode.store import load
 from rle_splat.pipeline.fitting import fitting_steps
 from rle_splat.pipeline.render import render
@@ -35,6 +37,8 @@ SHAPE = 2048, 2048, 1024
 WALL, BRIGHT = 0.10, 40000.0  # half-width of the wall in the gyroid's value, and the stored value inside it
 PERIODS = 5.0  # of the gyroid along the longest side
 PIXELS = 512
+LEVEL = 3  # of the quick look
+AMPLE = "12GiB"  # for pictures from memory
 LOOK_EVERY = 0.02  # seconds
 FUNCTION = {
     "name": "Wall", "unit": None, "opacity": [[20000, 0.0], [30000, 0.6]], "color": [[20000, 0.9, 0.6, 0.4]],
@@ -60,8 +64,9 @@ def make_volume(path: Path, shape_xyz) -> None:
 
 
 def watched(words) -> dict:
-    """Run a command; seconds, the largest anonymous memory and the largest memory in all, in bytes, and its output."""
-    began, most, whole = time.perf_counter(), 0, 0
+    """Run a command; seconds, seconds of processor time, the largest anonymous memory and the largest memory in all,
+    in bytes, and its output."""
+    began, spent, most, whole = time.perf_counter(), _processor_seconds(), 0, 0
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen([sys.executable, *map(str, words)], stdout=output)
         while process.poll() is None:
@@ -77,7 +82,16 @@ def watched(words) -> dict:
             raise SystemExit(f"{' '.join(map(str, words))} ended with code {process.returncode}.")
         output.seek(0)
         text = output.read()
-    return {"seconds": time.perf_counter() - began, "anonymous": most, "resident": whole, "output": text}
+    return {
+        "seconds": time.perf_counter() - began, "processor": _processor_seconds() - spent, "anonymous": most,
+        "resident": whole, "output": text,
+    }  # fmt: skip
+
+
+def _processor_seconds() -> float:
+    """Of all processes that this one has started and that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def scene_of(volume, view: str, headlight: bool) -> Scene:
@@ -94,7 +108,7 @@ def quality_of(classification: str) -> Quality:
     """One plan, whatever the volume is."""
     if classification == "pre":
         return Quality.preset("standard", classification="pre")
-    return Quality(classification="post", depth_rule="preintegrated", rays=0.0)
+    return Quality(classification="post", depth_rule="preintegrated", rays=0.0, name=CUSTOM_QUALITY)
 
 
 def frames(args) -> int:
@@ -105,17 +119,20 @@ def frames(args) -> int:
     is_folder = args.frames.is_dir()
     volume = load(args.frames) if is_folder else read_volume(args.frames, shape=args.shape, dtype="uint16")
     scene = scene_of(volume, args.view, not is_folder)
-    seconds, halvings, shown = [], 0, None
+    seconds, spent, halvings, shown = [], [], 0, None
     for _ in range(1 if args.coarse else args.repeats + 1):
+        used = time.process_time()
         if args.coarse:
             shown, halvings = drain(fitting_steps(scene, quality, cache))
         else:
             shown = render(scene, quality, cache=cache)
         seconds.append(time.perf_counter() - began)
+        spent.append(time.process_time() - used)
         began = time.perf_counter()
     digest = hashlib.sha256(shown.rgba.tobytes() + shown.depth.tobytes()).hexdigest()
     stages = shown.report["stages_ms"]
-    print(json.dumps({"seconds": seconds, "halvings": halvings, "digest": digest, "stages_ms": stages}))
+    found = {"seconds": seconds, "processor_seconds": spent, "halvings": halvings, "digest": digest}
+    print(json.dumps({**found, "stages_ms": stages}))
     return 0
 
 
@@ -127,6 +144,13 @@ def _measured(args, source: Path, **options) -> dict:
         words += [f"--{name.replace('_', '-')}", *([] if value is True else [value])]
     found = watched(words)
     return {**found, **json.loads(found["output"]), "process_seconds": found["seconds"]}
+
+
+def _forget(path: Path) -> None:
+    """Let the system forget what it holds of a file, so that it is read from the disk."""
+    with open(path, "rb") as file:
+        os.fsync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 def _say(what: str, found: dict) -> None:
@@ -153,35 +177,35 @@ def measure(args, folder: Path) -> dict:
     _say("encode into a folder", found["encode"])
     print(f"The folder: {bytes_text(size)}", flush=True)
     if args.coarse:
+        scene_words = words[words.index("--shape") : words.index("--classification")]
+        _forget(volume)
+        for once in ("first", "again"):
+            words = ["-m", "rle_splat", "render", volume, "-o", folder / "level.png", "--level", LEVEL, *scene_words]
+            found[f"level {once}"] = watched([*words, "--memory-limit", limit])
+            _say(f"one voxel of {2**LEVEL}^3, {once}", found[f"level {once}"])
         found["coarse"] = _measured(args, volume, memory_limit=limit, coarse=True, view="x")
         _say(f"larger voxels (halved {found['coarse']['halvings']} times)", found["coarse"])
     for view in VIEWS if args.classification == "post" else ("x",):  # light is baked where it follows the view
         found[view] = {"folder": _measured(args, tables, memory_limit=limit, view=view)}
         _say(f"along {view}, from the folder", found[view]["folder"])
         if args.compare:
-            found[view]["memory"] = _measured(args, volume, view=view)
+            found[view]["memory"] = _measured(args, volume, memory_limit=AMPLE, view=view)
             _say(f"along {view}, from memory", found[view]["memory"])
             same = found[view]["memory"]["digest"] == found[view]["folder"]["digest"]
-            ratio = min(found[view]["folder"]["seconds"][1:]) / min(found[view]["memory"]["seconds"][1:])
-            print(f"  the same bits: {same}; a frame takes {ratio:.2f} times as long", flush=True)
+            folder, memory = (min(found[view][one]["processor_seconds"][1:]) for one in ("folder", "memory"))
+            spent = f"{folder:.2f} and {memory:.2f} s of processor time, ratio {folder / memory:.2f}"
+            print(f"  the same bits: {same}; a frame takes {spent}", flush=True)
     return found
 
 
-def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench beyond-memory", description=__doc__.splitlines()[0])
-    parser.add_argument("--shape", nargs=3, type=int, default=SHAPE, metavar=("NX", "NY", "NZ"))
-    parser.add_argument("--classification", choices=("pre", "post"), default="pre")
-    parser.add_argument("--memory-limit", type=memory_size, default="2GiB", help="of encoding and of each picture")
-    parser.add_argument("--compare", action="store_true", help="pictures from memory too")
-    parser.add_argument("--coarse", action="store_true", help="the picture of larger voxels that fits, too")
-    parser.add_argument("--repeats", type=int, default=3, help="frames after the first")
+def add_folder_options(parser) -> None:
+    """Add the options that ``measured_in_folder`` takes."""
     parser.add_argument("--folder", type=Path, help="where the files go; they are removed at the end")
     parser.add_argument("--json", type=Path, help="where the figures go")
-    parser.add_argument("--frames", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--view", choices=VIEWS, default="x", help=argparse.SUPPRESS)
-    args = parser.parse_args(arguments)
-    if args.frames is not None:
-        return frames(args)
+
+
+def measured_in_folder(measure, args) -> int:
+    """Call ``measure(args, folder)`` with a folder of its own, which is removed, and write its figures."""
     folder = Path(tempfile.mkdtemp(dir=args.folder))
     try:
         found = measure(args, folder)
@@ -190,6 +214,23 @@ def main(arguments) -> int:
     if args.json is not None:
         args.json.write_text(json.dumps(found, indent=1))
     return 0
+
+
+def main(arguments) -> int:
+    parser = argparse.ArgumentParser(prog="dev.py bench beyond-memory", description=__doc__.splitlines()[0])
+    parser.add_argument("--shape", nargs=3, type=int, default=SHAPE, metavar=("NX", "NY", "NZ"))
+    parser.add_argument("--classification", choices=("pre", "post"), default="pre")
+    parser.add_argument("--memory-limit", type=memory_size, default="2GiB", help="of encoding and of each picture")
+    parser.add_argument("--compare", action="store_true", help="pictures from memory too")
+    parser.add_argument("--coarse", action="store_true", help="few voxels, and the larger ones that fit, too")
+    parser.add_argument("--repeats", type=int, default=3, help="frames after the first")
+    add_folder_options(parser)
+    parser.add_argument("--frames", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--view", choices=VIEWS, default="x", help=argparse.SUPPRESS)
+    args = parser.parse_args(arguments)
+    if args.frames is not None:
+        return frames(args)
+    return measured_in_folder(measure, args)
 
 
 if __name__ == "__main__":
