@@ -15,7 +15,7 @@ from ..volume.checks import check_values
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_figure
 from .figure_options import add_figure_options, panels_of, style_from, wanted_panels
-from .light_options import add_light_effect_options, check_light_effects, with_light_effects
+from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
 from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
@@ -136,7 +136,7 @@ def _made(args, line):
     check_scene_options(args)
     args.tolerance = None
     check_light_effects(args)
-    quality, mixing = quality_from(args), read_mixing(args)
+    quality, mixing, sky = quality_from(args), read_mixing(args), read_sky(args)
     camera, matrix = read_placement(args)
     lights = read_lights(args)
     line.show(0.0, f"reading {Path(args.volume).name}")
@@ -146,7 +146,7 @@ def _made(args, line):
 
     def scene_of(view, function):
         scene = make_scene(view, volume, function, *place(view, volume, camera, matrix), *lights)
-        return mixed(args, with_light_effects(args, scene), mixing, further)
+        return mixed(args, with_light_effects(args, scene, sky), mixing, further)
 
     panels, reasons = panels_of(args, volume, wanted, scene_of)
     made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)

@@ -68,11 +68,24 @@ def refuse_light_effects(args) -> None:
         )
 
 
-def with_light_effects(args, scene: Scene) -> Scene:
-    """The scene with the shadows, world light and ambient occlusion of the options."""
-    scene = replace(scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion)
+def read_sky(args):
+    """Read the picture of ``--environment``, before any volume is read; None without one.
+
+    Returns
+    -------
+    tuple or None
+        What ``panorama_moments`` returns.
+    """
     if args.environment is None:
+        return None
+    return panorama_moments(np.maximum(read_exr(args.environment), 0.0), np.eye(3))
+
+
+def with_light_effects(args, scene: Scene, sky) -> Scene:
+    """The scene with the shadows, world light and ambient occlusion of the options; ``sky`` is of ``read_sky``."""
+    scene = replace(scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion)
+    if sky is None:
         return replace(scene, world=None if args.world is None else tuple(args.world))
-    mean, environment = panorama_moments(np.maximum(read_exr(args.environment), 0.0), np.eye(3))
+    mean, environment = sky
     headlight = scene.headlight and args.headlight is not None
     return replace(scene, world=mean, environment=environment, headlight=headlight)

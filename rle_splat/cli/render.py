@@ -14,7 +14,13 @@ from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import WRITERS, writer_for
-from .light_options import add_light_effect_options, check_light_effects, refuse_light_effects, with_light_effects
+from .light_options import (
+    add_light_effect_options,
+    check_light_effects,
+    read_sky,
+    refuse_light_effects,
+    with_light_effects,
+)
 from .lighting import check_lighting
 from .made import kept_lines, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
@@ -101,8 +107,8 @@ class Checked:
     Attributes
     ----------
     quality : Quality
-    poses, mixing
-        The results of ``read_motion`` and ``read_mixing``.
+    poses, mixing, sky
+        The results of ``read_motion``, ``read_mixing`` and ``read_sky``.
     crop : tuple or None
     is_encoded : bool
         Whether the volume is a .rle file.
@@ -111,6 +117,7 @@ class Checked:
     quality: Quality
     poses: list
     mixing: tuple
+    sky: tuple | None
     crop: tuple | None
     is_encoded: bool
 
@@ -201,7 +208,7 @@ def _checked(args, frames) -> Checked:
     check_tiles(args)
     check_dask(args)
     crop = None if args.crop is None else checked_crop(args.crop, *args.size)
-    poses, mixing = read_motion(args.motion), read_mixing(args)
+    poses, mixing, sky = read_motion(args.motion), read_mixing(args), read_sky(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
@@ -211,7 +218,7 @@ def _checked(args, frames) -> Checked:
         from ..encode.stored_folder import classification_of
 
         usual = classification_of(args.volume)
-    return Checked(quality_from(args, usual), poses, mixing, crop, is_encoded)
+    return Checked(quality_from(args, usual), poses, mixing, sky, crop, is_encoded)
 
 
 def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Prepared, Like | None]:
@@ -220,7 +227,7 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     if checked.is_encoded:
         prepared = _prepare_tables(args, checked.quality)
     else:
-        prepared, like = _prepare_voxels(args, checked.quality, line, like)
+        prepared, like = _prepare_voxels(args, checked, line, like)
     further = read_further(args, prepared.scene.volume, line)
     scene = mixed(args, moving(prepared.scene, checked.poses), checked.mixing, further)
     remarks = (*prepared.remarks, *further.remarks)
@@ -303,7 +310,7 @@ def seen_anew(args, checked: Checked, first: Prepared) -> Prepared:
     return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
 
-def _prepare_voxels(args, quality, line, like: Like | None) -> tuple[Prepared, Like]:
+def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Prepared, Like]:
     """Read a volume and make its scene; options are checked before the volume is read."""
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -316,7 +323,8 @@ def _prepare_voxels(args, quality, line, like: Like | None) -> tuple[Prepared, L
         like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, camera, matrix))
     scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
     described = {"name": like.function.name, "reason": like.reason}
-    return Prepared(with_light_effects(args, scene), quality, read_ms, described, quality_remarks(args, quality)), like
+    scene = with_light_effects(args, scene, checked.sky)
+    return Prepared(scene, checked.quality, read_ms, described, quality_remarks(args, checked.quality)), like
 
 
 def _prepare_tables(args, quality) -> Prepared:

@@ -83,7 +83,7 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
     [
         (["--shadows"], {"lights": False}, "a headlight casts none"),
         (["--world", "-1", "0", "0"], {}, "three finite numbers"),
-        (["--environment", "none.exr"], {}, "Cannot read none.exr"),
+        (["--environment", "none.exr"], {"volume": "none.raw"}, "Cannot read none.exr"),  # before the volume is read
         (["--environment", "none.exr", "--world", "1", "1", "1"], {}, "give one of the two"),
         (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
         (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
