@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..rle_splat.classify.presets import PRESETS
 from . import own_presets, preset_items
+from .translations import filled
 
 MODALITY = "Modality: "  # line of a volume's facts
 NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "SMOKE": "Smoke"}
@@ -92,15 +93,15 @@ def groups(properties) -> list[Group]:
     suits, others = [Entry(*suggested)], []
     for name, label, description in items:
         of = PRESETS[name].modality
-        if modality is None or of in (modality, None):
+        if of in (modality, None):
             suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
         else:
             others.append(Entry(name, _short(label), description))
     own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
     found = [
-        Group("SUITS", f"For {kind}" if kind else "All", tuple(suits), True),
-        Group(OWN, "Own", tuple(own), True),
-        Group("OTHERS", "Others", tuple(others), False),
+        Group("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
+        Group(OWN, filled("Own"), tuple(own), True),
+        Group("OTHERS", filled("Others"), tuple(others), False),
     ]
     return [group for group in found if group.entries]
 

@@ -149,7 +149,8 @@ def test_a_color_map_is_spread_over_the_values(volume_object, own, bridge, tmp_p
 def test_the_menu_and_the_groups_list_own_presets(volume_object, own, bridge):
     bpy.ops.rle_splat.save_own_preset(name="Mine")
     groups = bridge("preset_entries").groups(volume_object.rle_splat)
-    assert [group.label for group in groups] == ["All", "Own"], "without a modality all of ours suit"
+    assert [group.label for group in groups] == ["For Any Scan", "Own", "Others"], "no modality is known"
+    assert [group.is_open for group in groups] == [True, True, False] and len(groups[0].entries) < 12
     assert [entry.name for entry in groups[1].entries] == ["Mine"]
 
 
