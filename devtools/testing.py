@@ -41,6 +41,13 @@ AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages wai
 LONGEST = ("truths", "unit")  # of the core's folders, begun first
 WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
 
+# Threads of small pictures and matrices, which are most of the tests', wait for each other longer than they work.  Those
+# of the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
+# beside other stages.  BLAS with more than one took 1.6 times the processor time and no less time.
+IDLE_THREADS = {
+    "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
+}  # fmt: skip
+
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots"
 CLUSTER_STAGE = "Dask"
@@ -79,9 +86,7 @@ def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: 
     log = report.with_suffix(".txt") if aside else None
     say(f"\n=== {name}" + (" begins" if aside else ""))
     words = [python, "-m", "pytest", "-q", f"--junit-xml={report}", *arguments]
-    # The truths' matrices are small: more threads for them took 1.6 times the CPU and no less time (measured).
-    environ = {**environ, "OPENBLAS_NUM_THREADS": "1"}
-    return measured(name, words, seconds, environ, report, log)
+    return measured(name, words, seconds, {**environ, **IDLE_THREADS}, report, log)
 
 
 def _leave_out(*marks: str) -> list[str]:
