@@ -7,6 +7,7 @@ from time import perf_counter
 
 from ..accuracy.metrics import ERRORS
 from ..accuracy.probes import PROBES
+from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, sweep_plot
@@ -25,7 +26,7 @@ from .options import (
     read_input,
     scene_inputs,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement

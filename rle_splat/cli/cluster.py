@@ -20,11 +20,11 @@ from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
+from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from .cluster_worker import Command, cover, finish_tile, forget, make_frame, make_slab, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
-from .output import whole_files
 from .report import write_report
 from .rows import row_writer_for
 

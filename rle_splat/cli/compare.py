@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
+from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -17,7 +18,7 @@ from .options import (
     read_input,
     scene_inputs,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement

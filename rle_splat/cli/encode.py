@@ -7,6 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..runtime.memory import bytes_text
+from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
@@ -22,7 +23,7 @@ from .options import (
     read_input,
     scene_inputs,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement

@@ -10,6 +10,7 @@ from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
 from ..read.channels import level_options, read_channel_steps
 from ..read.formats import format_named, read_steps
 from ..read.labels import read_label_steps
+from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import read_transfer_function
@@ -31,7 +32,7 @@ from .options import (
     scene_inputs,
     volume_options,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement

@@ -40,7 +40,10 @@ def write_exr(path, rgba, depth, background=None) -> None:
     if depth is not None:
         channels["Depth.Z"] = np.ascontiguousarray(depth, dtype=np.float32)
     with OpenEXR.File(header, channels) as picture:
-        picture.write(str(path))
+        try:
+            picture.write(str(path))
+        except RuntimeError as problem:  # what the package makes of an error of the system
+            raise OSError(str(problem)) from None
 
 
 def read_exr(path) -> np.ndarray:

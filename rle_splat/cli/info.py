@@ -11,6 +11,7 @@ from ..pipeline.quick_estimate import estimate, likely_sides
 from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
+from ..runtime.whole_files import whole_files
 from ..scene import RECORDS, Quality
 from ..volume.counts import counts_values
 from ..volume.few_planes import few_planes
@@ -26,7 +27,7 @@ from .options import (
     add_volume_options,
     read_input,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import number_text, write_report
 

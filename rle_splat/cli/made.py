@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..runtime.whole_files import PART
+
 AT_ONCE = 1 << 20  # bytes of a file
 ABANDONED = 3600.0  # seconds after which a temporary file that nobody writes to is of a command that was killed
 # Fields that a picture's bits do not depend on.
@@ -132,7 +134,7 @@ def delete_abandoned(paths) -> None:
     """Delete temporary files that commands which were killed have left beside pictures."""
     before = time.time() - ABANDONED
     for path in (file for picture in map(Path, paths) for file in (picture, mark_of(picture))):
-        for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        for part in path.parent.glob(f".*{PART}{glob.escape(path.name)}"):
             with suppress(OSError):  # another process deletes it too
                 if part.stat().st_mtime < before:
                     part.unlink()

@@ -7,6 +7,7 @@ need them pay for them and their errors are handled too.
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import re
@@ -30,6 +31,11 @@ COMMANDS = {
     "compare": "compare the methods that the paper names: time, memory, error",
 }
 COMMANDS = {name: purpose for name, purpose in COMMANDS.items() if find_spec(f"{__package__}.{name}")}
+
+ADVICE = {
+    errno.ENOSPC: "make room there, or choose another place",
+    errno.EACCES: "check the permissions, or choose another place",
+}  # fmt: skip
 
 NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
 
@@ -184,5 +190,6 @@ def _verdict(problem, bad_input, cancelled) -> tuple[str, int]:
         return f"There is not enough memory{detail}; use a smaller volume, image or sheet density.", FAILURE
     if isinstance(problem, OSError):
         place = f" ({problem.filename})" if problem.filename else ""
-        return f"The system reported an error: {problem.strerror or problem}{place}.", FAILURE
+        said = f"{problem.strerror or str(problem).rstrip('.')}{place}"
+        return "; ".join(filter(None, (f"The system reported an error: {said}", ADVICE.get(problem.errno)))), FAILURE
     return f"An internal error occurred ({type(problem).__name__}{detail}); add --debug to see where.", FAILURE

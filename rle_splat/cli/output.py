@@ -1,17 +1,11 @@
-"""Output files that are written completely or not at all."""
+"""Output files that are checked before any work is done."""
 
 from __future__ import annotations
 
-import os
-from contextlib import contextmanager
 from pathlib import Path
 
+from ..runtime.whole_files import part_of, writing
 from ..scene import RleSplatError
-
-
-def _part(path: Path) -> Path:
-    """The temporary file beside ``path``: hidden, with the process id in its name."""
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
 def check_outputs(paths, inputs=()) -> None:
@@ -44,36 +38,7 @@ def check_outputs(paths, inputs=()) -> None:
         seen.add(resolved)
         if any(Path(source).resolve() == resolved for source in inputs if source is not None):
             raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
-        trial = _part(path)
-        try:
+        trial = part_of(path)
+        with writing(path):
             trial.touch()
             trial.unlink()
-        except OSError as problem:
-            raise RleSplatError(f"Cannot write {path}: {problem.strerror}; choose another place.") from None
-
-
-@contextmanager
-def whole_files(paths):
-    """Context manager: temporary files that are renamed to their targets on success and deleted on failure.
-
-    All are written before the first is renamed, so an interruption leaves no new or damaged file.
-
-    Parameters
-    ----------
-    paths : iterable of path-like
-        The target files.
-
-    Yields
-    ------
-    list of Path
-        A temporary path for each target.
-    """
-    targets = [Path(path) for path in paths]
-    parts = [_part(target) for target in targets]
-    try:
-        yield parts
-        for part, target in zip(parts, targets):
-            os.replace(part, target)
-    finally:
-        for part in parts:
-            part.unlink(missing_ok=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from time import perf_counter
 
+from ..runtime.whole_files import whole_files
 from .options import add_report_options
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 

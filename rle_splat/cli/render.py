@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ..runtime.whole_files import whole_files, writing
 from ..scene import Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -40,7 +41,7 @@ from .options import (
     scene_inputs,
     volume_options,
 )
-from .output import check_outputs, whole_files
+from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
@@ -267,12 +268,14 @@ def _written(args, rendering, taken, parts) -> float:
     """Write the pictures of a Rendering to ``parts``, and its shadow pass ``taken``; return the milliseconds."""
     began = perf_counter()
     for path, part in zip(args.output, parts):
-        writer_for(path)(part, rendering.rgba, rendering.depth, args.background)
+        with writing(path):
+            writer_for(path)(part, rendering.rgba, rendering.depth, args.background)
     if taken is not None:
         from ..pipeline.shadow_pass import as_picture
 
         write = writer_for(args.shadow_pass)
-        write(parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
+        with writing(args.shadow_pass):
+            write(parts[len(args.output)], as_picture(taken, rendering.rgba), rendering.depth, None)
     return 1e3 * (perf_counter() - began)
 
 

@@ -27,6 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.memory import bytes_text
+from ..runtime.whole_files import writing
 from ..scene import RleSplatError
 from .tables import RunTables
 
@@ -56,17 +57,6 @@ def check_folder_output(path) -> None:
         raise RleSplatError(f"Cannot write {path}: something else has this name; choose another name, or remove it.")
     if not path.parent.is_dir():
         raise RleSplatError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
-
-
-@contextmanager
-def _writing(path: Path):
-    """Context manager: a failure of the system becomes a RleSplatError."""
-    try:
-        yield
-    except OSError as problem:
-        raise RleSplatError(
-            f"Cannot write {path}: {problem.strerror or problem}; choose another place, or make room there."
-        ) from None
 
 
 @dataclass(frozen=True)
@@ -106,7 +96,7 @@ class FolderWriter:
         self.slabs: list[Slab] = []
 
     def __enter__(self) -> FolderWriter:
-        with _writing(self.path):
+        with writing(self.path):
             self.slabs = self._left_behind() or []
             if not self.slabs:
                 self._begin()
@@ -156,7 +146,7 @@ class FolderWriter:
     def append(self, planes: int, tables: dict, facts: dict) -> None:
         """Append a slab up to plane ``planes``; ``tables``: name -> array."""
         written = {}
-        with _writing(self.path):
+        with writing(self.path):
             for name, array in tables.items():
                 content = _bytes(array.astype(array.dtype.newbyteorder(LITTLE), copy=False))
                 self._append(name, content)
@@ -174,7 +164,7 @@ class FolderWriter:
 
         ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
         """
-        with _writing(self.path):
+        with writing(self.path):
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]

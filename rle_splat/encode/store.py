@@ -22,6 +22,7 @@ import numpy as np
 
 from ..classify.limits import BRIGHTEST
 from ..runtime.memory import refuse_beyond
+from ..runtime.whole_files import whole_file
 from ..scene import RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT
@@ -156,18 +157,8 @@ def save(path, stored: StoredVolume) -> None:
         members.update({_member(axis, table): getattr(stored.axes[axis], table) for table in TABLES})
         if stored.axes[axis].decoding is not None:
             members[_member(axis, DECODING)] = stored.axes[axis].decoding
-    path = Path(path)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with open(unfinished, "wb") as file:
-            np.savez(file, **members)
-        os.replace(unfinished, path)
-    except OSError as problem:
-        raise RleSplatError(
-            f"Cannot write {path}: {problem.strerror or problem}; choose another location."
-        ) from None
-    finally:  # also after an interrupt: no partial file is left
-        unfinished.unlink(missing_ok=True)
+    with whole_file(path) as part, open(part, "wb") as file:
+        np.savez(file, **members)
 
 
 def load(path) -> StoredVolume | FolderVolume:

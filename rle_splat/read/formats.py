@@ -6,14 +6,12 @@ content does not tell.
 
 from __future__ import annotations
 
-import os
-import secrets
-from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 from ..runtime.steps import drain
+from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.placement import placed
@@ -235,7 +233,7 @@ def write_steps(volume: Volume, path):
         raise RleSplatError(
             f"{path.name} has no suffix of a writable format; end its name in {', '.join(suffixes(writable=True))}."
         )
-    with staged(path) as unfinished:
+    with whole_file(path) as unfinished:
         return (yield from chosen.write_steps(volume, unfinished))
 
 
@@ -259,19 +257,3 @@ def write_volume(volume: Volume, path) -> dict:
         If the suffix is of no writable format or the file cannot be written.
     """
     return drain(write_steps(volume, path))
-
-
-@contextmanager
-def staged(path: Path):
-    """Context manager: a temporary path beside ``path`` with the same suffixes.
-
-    It is renamed to ``path`` on success and removed otherwise.
-    """
-    unfinished = path.with_name(f".{secrets.token_hex(4)}-{path.name}")
-    try:
-        yield unfinished
-        os.replace(unfinished, path)
-    except OSError as problem:
-        raise RleSplatError(f"Cannot write {path}: {problem.strerror or problem}; choose another location.") from None
-    finally:
-        unfinished.unlink(missing_ok=True)

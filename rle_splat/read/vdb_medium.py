@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
-from .formats import staged
 from .vdb import OPENVDB_PROBLEMS, load_openvdb
 
 DENSITY, EMISSION = "density", "emission"
@@ -72,7 +72,7 @@ class MediumFile:
         path = Path(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with staged(path) as unfinished:
+            with whole_file(path) as unfinished:
                 self._openvdb.write(str(unfinished), grids=[self._density, self._emission])
         except OPENVDB_PROBLEMS as problem:
             reason = getattr(problem, "strerror", None) or str(problem).strip().rstrip(".")

@@ -74,7 +74,7 @@ def test_frames_that_exist_are_kept_when_a_later_one_is_missing(sequence, call, 
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 4, *raw_options, *QUICK)
     assert done.code == 2 and "Frame 3 is missing" in done.err
     assert sorted(path.name for path in tmp_path.glob("*.npy")) == ["out_0001.npy", "out_0002.npy"]
-    assert not list(tmp_path.glob(".*.part"))
+    assert not list(tmp_path.glob(".*.part-*"))
 
 
 # --- frames that differ in their view -------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def test_whole_frames_of_the_same_scene_are_kept(sequence, call, raw_options, tm
     assert kept(frames) == [True, True] and "Kept 2 pictures that were there already" in out
 
     second.write_bytes(bits[:-100])  # half-written
-    abandoned, fresh = tmp_path / ".out_0002.npy.1.part", tmp_path / ".out_0002.npy.2.part"
+    abandoned, fresh = tmp_path / ".1.part-out_0002.npy", tmp_path / ".2.part-out_0002.npy"
     for part in (abandoned, fresh):
         part.touch()
     os.utime(abandoned, (1e9, 1e9))

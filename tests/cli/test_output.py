@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rle_splat.cli.output import check_outputs, whole_files
+from rle_splat.cli.output import check_outputs
 from rle_splat.cli.progress import ProgressLine
 from rle_splat.cli.report import plain, write_report
 from rle_splat.runtime.memory import bytes_text
+from rle_splat.runtime.whole_files import whole_files
 from rle_splat.scene import RleSplatError
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import tempfile
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from ...runtime.cache_folder import RELEASE, cache_folder
 from ...runtime.jit import compiled, thread_count
 from ...runtime.memory import total_bytes
 from ...runtime.steps import Progress, mapped
+from ...runtime.whole_files import whole_files
 from ...scene import Quality, Scene
 from ...view.turntable import turntable
 from ...volume.volume import Volume
@@ -109,9 +109,8 @@ def _write(path: Path, profiles: dict) -> None:
     """Whole or not at all, since another process may read it meanwhile."""
     with suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as part:
-            json.dump(profiles, part, indent=1)
-        os.replace(part.name, path)
+        with whole_files([path]) as (part,):
+            part.write_text(json.dumps(profiles, indent=1), encoding="utf-8")
 
 
 def synthetic_scene(size: Size) -> Scene:

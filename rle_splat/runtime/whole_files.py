@@ -1,0 +1,60 @@
+"""Files that are written completely or not at all."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..scene import RleSplatError
+
+PART = ".part-"  # between the process id and the name of a file that is not complete
+
+
+def part_of(path: Path) -> Path:
+    """The temporary file beside ``path``: hidden, with the process id in its name and the same suffixes."""
+    return path.with_name(f".{os.getpid()}{PART}{path.name}")
+
+
+@contextmanager
+def writing(path):
+    """Context manager: a failure of the system to write ``path`` becomes a RleSplatError."""
+    try:
+        yield
+    except OSError as problem:
+        why = problem.strerror or "not all of it could be written"
+        raise RleSplatError(f"Cannot write {path}: {why}; choose another place, or make room there.") from None
+
+
+@contextmanager
+def whole_files(paths):
+    """Context manager: temporary files that are renamed to their targets on success and deleted on failure.
+
+    All are written before the first is renamed, so an interruption leaves no new or damaged file.
+
+    Parameters
+    ----------
+    paths : iterable of path-like
+        The target files.
+
+    Yields
+    ------
+    list of Path
+        A temporary path for each target.
+    """
+    targets = [Path(path) for path in paths]
+    parts = [part_of(target) for target in targets]
+    try:
+        yield parts
+        for part, target in zip(parts, targets):
+            os.replace(part, target)
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_file(path):
+    """Context manager: the temporary file of one target, as of ``whole_files``; a failure is a RleSplatError."""
+    with writing(path), whole_files([path]) as parts:
+        yield parts[0]
