@@ -41,8 +41,8 @@ AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages wai
 LONGEST = ("truths", "unit")  # of the core's folders, begun first
 WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
 
-# Threads of small pictures and matrices, which are most of the tests', wait for each other longer than they work.  Those
-# of the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
+# Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
+# the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
 # beside other stages.  BLAS with more than one took 1.6 times the processor time and no less time.
 IDLE_THREADS = {
     "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
