@@ -8,7 +8,7 @@ from time import perf_counter
 
 from ..runtime.memory import bytes_text
 from ..runtime.whole_files import whole_files
-from ..scene import RleSplatError
+from ..scene import Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -119,7 +119,7 @@ def _scene(args, line, given, **more):
 
 def _run_folder(args, axes: list[int], start: float) -> None:
     """Encode into a folder of tables."""
-    from ..encode.folder import check_folder_output
+    from ..encode.folder import can_go_on, check_folder_output
 
     check_folder_output(args.output)
     quality = encoding_quality(args).classified(args.classification)
@@ -127,6 +127,10 @@ def _run_folder(args, axes: list[int], start: float) -> None:
     scratch = output.with_name(f".{output.name}.voxels")  # for formats that cannot be mapped as they are
     try:
         report = _folder_report(args, axes, quality, given, scratch, start)
+    except KeyboardInterrupt:
+        if not can_go_on(output):
+            raise
+        raise Cancelled("Stopped; the planes that are done are kept, and the same command goes on with them.") from None
     finally:
         with suppress(OSError):  # Windows removes no file that is still mapped, as after an error
             scratch.unlink()

@@ -184,7 +184,7 @@ def _verdict(problem, bad_input, cancelled) -> tuple[str, int]:
     if isinstance(problem, bad_input):
         return str(problem), BAD_INPUT
     if isinstance(problem, (KeyboardInterrupt, cancelled)):
-        return "Stopped; nothing was written.", INTERRUPTED
+        return str(problem) or "Stopped; nothing was written.", INTERRUPTED
     detail = f" ({problem})" if str(problem) else ""
     if isinstance(problem, MemoryError):
         return f"There is not enough memory{detail}; use a smaller volume, image or sheet density.", FAILURE

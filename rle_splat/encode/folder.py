@@ -38,11 +38,17 @@ ROWS, ACROSS = "rows", "across"  # orders
 ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
 LITTLE = "<"
 MOST_HEADER = 1 << 28  # bytes
+STOPS = KeyboardInterrupt, GeneratorExit
 
 
 def unfinished(path: Path) -> Path:
     """Where a folder is written until it is complete."""
     return path.with_name(f".{path.name}.unfinished")
+
+
+def can_go_on(path) -> bool:
+    """Whether a job that was stopped before it had written the folder ``path`` has left its slabs."""
+    return (unfinished(Path(path)) / JOURNAL).is_file()
 
 
 def is_folder_form(path) -> bool:
@@ -81,6 +87,8 @@ class Slab:
 class FolderWriter:
     """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
 
+    A job that the user stops leaves the slabs that are done, as one that was killed does.
+
     Parameters
     ----------
     path : Path
@@ -103,7 +111,7 @@ class FolderWriter:
         return self
 
     def __exit__(self, kind, _problem, _traceback):
-        if kind is not None:
+        if kind is not None and not (issubclass(kind, STOPS) and can_go_on(self.path) and self.slabs):
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _begin(self) -> None:

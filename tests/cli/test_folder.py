@@ -73,6 +73,31 @@ def test_a_full_disk(encode, tmp_path, monkeypatch):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_ctrl_c_keeps_the_planes_that_are_done(encode, tmp_path, monkeypatch):
+    assert encode(output="whole.rle").code == 0
+    append, slabs = folder_form.FolderWriter.append, []
+
+    def stopped(writer, planes, *more):
+        if len(slabs) == 1:
+            raise KeyboardInterrupt
+        slabs.append(planes)
+        append(writer, planes, *more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(folder_form.FolderWriter, "append", stopped)
+        result = encode()
+        assert result.code == 130 and "the same command goes on" in result.err and result.err.count("\n") == 1
+        slabs[:] = [0]
+        result = encode(output="b.rle")  # before its first slab
+        assert result.code == 130 and result.err == "Stopped; nothing was written.\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".a.rle.unfinished", "data", "whole.rle"]
+    result = encode()
+    assert "Planes up to 5 were there" in result.out
+    whole, again = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in
+                    ("whole.rle", "a.rle"))
+    assert whole == again
+
+
 def test_a_checksum_that_does_not_fit(call, encode, tmp_path):
     assert encode().code == 0
     records = tmp_path / "a.rle" / "across.records"
