@@ -14,6 +14,7 @@ import bpy
 from ..rle_splat.classify.presets import fitted_steps
 from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.runtime.steps import Progress, portion
+from ..rle_splat.runtime.whole_files import whole_files
 from ..rle_splat.scene import RleSplatError
 
 PLACE = "presets/rle_splat"
@@ -135,15 +136,12 @@ def save(name: str, function: TransferFunction, overwrite: bool = False) -> None
     if existing and not overwrite:
         raise RleSplatError(f"There is an own preset {existing!r} already; choose another name, or replace it.")
     place = Path(bpy.utils.user_resource("SCRIPTS", path=PLACE, create=True))
-    temporary = place / f".{name}.{os.getpid()}"
     try:
-        replace(function, name=name).save(temporary)
-        os.replace(temporary, place / f"{existing or name}{SUFFIX}")
+        with whole_files([place / f"{existing or name}{SUFFIX}"]) as (part,):
+            replace(function, name=name).save(part)
     except OSError as problem:
         why = f"Cannot write the preset {name!r}: {problem.strerror}; check the folder {place}."
         raise RleSplatError(why) from None
-    finally:
-        temporary.unlink(missing_ok=True)
     look_again()
 
 

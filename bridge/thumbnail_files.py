@@ -5,7 +5,6 @@ A file's name is a hash of voxels and transfer function; it holds pixels and not
 
 from __future__ import annotations
 
-import os
 import zipfile
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from ..rle_splat.pipeline.thumbnail import SIDE
 from ..rle_splat.runtime.cache_folder import cache_folder
+from ..rle_splat.runtime.whole_files import whole_files
 
 FOLDER = "thumbnails"
 MOST = 600  # files, about 10 kB each
@@ -49,14 +49,11 @@ def load(key: str) -> np.ndarray | None:
 def save(key: str, pixels: np.ndarray) -> None:
     """Keep a thumbnail, and forget the oldest beyond MOST; where nothing can be written it is not kept."""
     place = folder()
-    temporary = place / f".{key}.{os.getpid()}.npz"
     with suppress(OSError):
         place.mkdir(exist_ok=True)
-        np.savez_compressed(temporary, **{PIXELS: pixels})
-        os.replace(temporary, place / f"{key}.npz")
+        with whole_files([place / f"{key}.npz"]) as (part,):
+            np.savez_compressed(part, **{PIXELS: pixels})
         _forget_oldest(place)
-    with suppress(OSError):
-        temporary.unlink(missing_ok=True)
 
 
 def _forget_oldest(place: Path) -> None:
