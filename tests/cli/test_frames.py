@@ -2,11 +2,15 @@
 
 import json
 import os
+import shutil
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
 
-from tests.cli.conftest import SHAPE_XYZ, ball
+from tests.cli.conftest import ROOT, SHAPE_XYZ, ball
 
 QUICK = ["--size", "24", "--backend", "numpy", "--quality", "draft", "--preset", "x-ray"]
 
@@ -191,3 +195,62 @@ def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path
 def test_wrong_series_are_one_sentence(refused, write_json, tmp_path, words, sentence):
     words = [write_json(word) if str(word)[0] in "[{" else word for word in words]
     assert sentence in refused("render", tmp_path / "missing.raw", "-o", tmp_path / "out.npy", *words)
+
+
+def test_a_command_that_is_killed_keeps_its_whole_frames(raw, call, raw_options, tmp_path):
+    words = raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1
+    command = [sys.executable, "-m", "rle_splat", "render", *map(str, (*words, 400))]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=ROOT)
+    while not (tmp_path / "k_0003.npy").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.kill()
+    assert process.wait() != 0, process.stderr.read()
+    process.stderr.close()
+    there = {path: path.read_bytes() for path in tmp_path.glob("k_*.npy")}
+    assert 3 <= len(there) < 400
+    frames, _ = frames_of(call, tmp_path, *words, 5)
+    assert kept(frames)[:2] == [True, True]  # of the last ones the mark may be missing
+    fresh = tmp_path / "fresh"
+    fresh.mkdir()
+    frames_of(call, fresh, *words[:-3], fresh / "k.npy", *words[-2:], 5)
+    for path in there:
+        assert int(path.stem[-4:]) > 5 or (fresh / path.name).read_bytes() == path.read_bytes() == there[path]
+
+
+# --- farms ------------------------------------------------------------------------------------------------------------
+
+FLAMENCO = """
+const tasks = [], author = {
+    Task: (name, type) => ({ name, type, commands: [], addCommand(command) { this.commands.push(command); } }),
+    Command: (name, parameters) => ({ name, parameters }),
+};
+function frameChunker(frames, size) {  // of one range, as the Manager cuts it
+    const [first, last] = frames.split("-").map(Number), chunks = [];
+    for (let from = first; from <= last; from += size) {
+        const to = Math.min(from + size - 1, last);
+        chunks.push(from === to ? `${from}` : `${from}-${to}`);
+    }
+    return chunks;
+}
+const given = JSON.parse(process.argv[1]), settings = {};
+for (const { key, default: usual } of JOB_TYPE.settings) settings[key] = given[key] ?? usual;
+compileJob({ settings, addTask: task => tasks.push(task) });
+console.log(JSON.stringify(tasks));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+def test_the_job_type_of_the_page_makes_the_frames(raw, call, raw_options, tmp_path):
+    page = (ROOT / "docs" / "how-to" / "render-many-frames.md").read_text(encoding="utf-8")
+    script = page.split("```js\n")[1].split("```")[0] + FLAMENCO
+    options = " ".join(map(str, ("--turn 30", *raw_options, *QUICK)))
+    given = {"volume": str(raw), "output": str(tmp_path / "out.npy"), "frames": "1-3", "chunk_size": 2}
+    given["options"] = options
+    words = ["node", "-e", script, json.dumps(given)]
+    tasks = json.loads(subprocess.run(words, check=True, capture_output=True, text=True).stdout)
+    assert [task["name"] for task in tasks] == ["frames 1-2", "frames 3"]
+    for task in tasks:
+        (command,) = task["commands"]
+        assert command["name"] == "exec" and command["parameters"]["exe"] == "rle-splat"
+        assert call(*command["parameters"]["args"]).code == 0
+    assert sorted(path.name for path in tmp_path.glob("*.npy")) == [f"out_{n:04}.npy" for n in (1, 2, 3)]
