@@ -116,10 +116,26 @@ def describe(volume, choice, looked_at=None) -> dict:
         share = len(volume.voxels) / len(looked_at.voxels)
         vars(volume)["value_counts"] = np.rint(share * looked_at.value_counts).astype(np.int64)
     counted = histogram(looked_at, bins=REPORT_BINS)
-    quality = Quality()  # the defaults of the command render
-    picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
-    memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
     low, high = looked_at.value_range
+    visible, needed = _needs(volume, function)
+    return {
+        **_grid(volume),
+        "slope": volume.slope,
+        "intercept": volume.intercept,
+        "value_unit": volume.value_unit,
+        "modality": volume.modality,
+        "range": (low, high),
+        "percentiles": {number_text(p): v for p, v in zip(PERCENTS, percentiles(looked_at, PERCENTS))},
+        "histogram": {"counts": counted.counts, "edges": counted.edges},
+        "not_finite": counted.not_finite,
+        "remarks": [*looked_at.remarks, *_odd(volume, counted, (low, high))],
+        "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": visible},
+        **needed,
+    }
+
+
+def _grid(volume) -> dict:
+    """What the report says of the voxels but for their values."""
     return {
         "name": volume.name,
         "shape_xyz": volume.shape_xyz,
@@ -134,16 +150,15 @@ def describe(volume, choice, looked_at=None) -> dict:
         "levels": volume.levels,
         "labels": [{"label": one.label, "name": one.name, "color": one.color} for one in volume.named_labels],
         "extent": (np.array(volume.shape_xyz) - 1) * volume.spacing,
-        "slope": volume.slope,
-        "intercept": volume.intercept,
-        "value_unit": volume.value_unit,
-        "modality": volume.modality,
-        "range": (low, high),
-        "percentiles": {number_text(p): v for p, v in zip(PERCENTS, percentiles(looked_at, PERCENTS))},
-        "histogram": {"counts": counted.counts, "edges": counted.edges},
-        "not_finite": counted.not_finite,
-        "remarks": [*looked_at.remarks, *_odd(volume, counted, (low, high))],
-        "transfer_function": {"name": function.name, "reason": reason, "visible_fraction": memory.visible_fraction},
+    }
+
+
+def _needs(volume, function) -> tuple[float, dict]:
+    """The share of the voxels that are visible, and what the report says of the memory for them."""
+    quality = Quality()  # the defaults of the command render
+    picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
+    memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
+    return memory.visible_fraction, {
         "memory_bytes": {
             "voxels": memory.volume,
             "classified": memory.visible + memory.normals,
