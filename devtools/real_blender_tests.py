@@ -25,6 +25,7 @@ LIVE = "window_live.py"
 CUT = "window_cut.py"
 LOOK = "window_look.py"
 PRESETS = "window_presets.py"
+REAL_EVENTS = ("window_escape.py",)  # with simulated events Blender hears no real key
 WHOLE = "whole_suite.py"
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
@@ -111,7 +112,8 @@ def window_stage(zip_path: Path | None, script: Path, label: str, size: tuple[in
     try:
         blender = find_blender()
         with _virtual_screen(blender, size) as display:
-            place = ["--enable-event-simulate", "--window-geometry", "0", "0", *map(str, size)]
+            simulates = () if script.name in REAL_EVENTS else ("--enable-event-simulate",)
+            place = [*simulates, "--window-geometry", "0", "0", *map(str, size)]
             return _run(blender, zip_path, script, f", {label}", place, DISPLAY=display)
     except Failure as problem:
         return skipped(f"real blender, {label}", str(problem))

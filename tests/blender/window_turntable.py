@@ -1,6 +1,7 @@
 """Turntable in a window: from the file browser to the movie, and the output settings afterwards.
 
-Esc is Blender's own: it ends the render, and events that are simulated, as here, do not reach that.
+Esc is Blender's own: it ends the render, and events that are simulated, as here, do not reach that.  So
+window_escape.py presses it.
 
     python3 dev.py blender --photograph tests/blender/window_turntable.py --size 1280x800
 """
