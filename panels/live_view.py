@@ -49,7 +49,11 @@ def draw_state(context, layout) -> None:
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
     elif (viewports := live.viewports_of(area)) and not kernel_preparation.is_due():  # the tab says that it waits
         if any(one.is_busy for one in viewports):
-            layout.label(text="Refining", icon="SORTTIME")
+            if halvings := max(one.halvings for one in viewports):
+                told = filled("Refining, until then in voxels {times} times as large", times=2**halvings)
+                paragraph(context, layout, told, icon="SORTTIME")
+            else:
+                layout.label(text="Refining", icon="SORTTIME")
         elif all(one.is_refined or not one.pictures for one in viewports):
             layout.label(text="Up to date", icon="CHECKMARK")
         else:

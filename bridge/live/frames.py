@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.pipeline.fitting import fitting_steps
 from ...rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ...rle_splat.scene import Quality, Scene
@@ -153,10 +154,12 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
 
         def make(plain, number, group=group, halved=halved):
             quality = shot.contents[group[number]].quality
-            quality = quality if coarseness is None else draft_of(quality)
-            rendering, times = yield from fitting_steps(
-                plain, quality, cache, halvings, is_draft=coarseness is not None)
-            halved.append(times)
+            is_draft, times = coarseness is not None, 0
+            if is_draft:
+                quality = draft_of(quality)
+                plain, times = in_larger_voxels(plain)
+            rendering, more = yield from fitting_steps(plain, quality, cache, halvings, is_draft=is_draft)
+            halved.append(times + more)
             return rendering
 
         steps = make(scenes[0], 0)
@@ -166,6 +169,17 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
         made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
     return made
+
+
+def in_larger_voxels(plain: Scene) -> tuple[Scene, int]:
+    """A scene with the larger voxels that a folder of tables also holds, and how often their number is halved along
+    each side; the same scene and 0 where there are none."""
+    coarse = getattr(plain.volume, "coarse", None)
+    if coarse is None:
+        return plain, 0
+    function = TransferFunction.from_json(coarse.transfer_function)
+    times = (max(plain.volume.shape_xyz) // max(coarse.shape_xyz)).bit_length() - 1
+    return replace(plain, volume=coarse, transfer_function=function), times
 
 
 def draft_of(quality: Quality) -> Quality:

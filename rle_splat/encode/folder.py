@@ -33,6 +33,7 @@ from .tables import RunTables
 
 FORMAT, VERSION = "rle-splat folder", 1
 HEADER, JOURNAL = "header.json", "journal"
+COARSE = "coarse"  # a folder of tables inside: the same volume in larger voxels
 COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
 ROWS, ACROSS = "rows", "across"  # orders
 ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
@@ -180,7 +181,7 @@ class FolderWriter:
             (self.folder / HEADER).write_text(f"{zlib.crc32(content.encode()):08x}{content}", encoding="utf-8")
             (self.folder / JOURNAL).unlink()
             size = 0
-            for file in self.folder.iterdir():
+            for file in filter(Path.is_file, self.folder.rglob("*")):
                 with open(file, "rb+") as stream:
                     os.fsync(stream.fileno())
                 size += file.stat().st_size

@@ -15,7 +15,7 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES, Volume
-from .folder import COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
+from .folder import COARSE, COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
 from .records import TYPES, WORDS
 from .tables import (
     RunTables,
@@ -98,6 +98,8 @@ class FolderVolume:
         What was checked already.
     planes : (int, int) or None
         First plane z and the end of those that pictures along z are made of; None for all.
+    coarse : FolderVolume or None
+        The same volume in larger voxels, for drafts; None of a small one, and in folders of earlier versions.
     """
 
     path: Path
@@ -123,6 +125,7 @@ class FolderVolume:
     key: str
     opened: dict = field(default_factory=dict)
     planes: tuple[int, int] | None = None
+    coarse: FolderVolume | None = None
 
     holds_values: ClassVar[bool] = False
 
@@ -311,6 +314,7 @@ def _opened(path: Path, header: dict) -> FolderVolume:
         header["space"], int(header["visible"]), int(header["nan_voxels"]), _values(header),
         _checked_color(header.get("most_color", 0.0)), None if decoding is None else np.array(decoding, np.float32),
         mapped, hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
+        coarse=load_folder(path / COARSE) if header.get(COARSE) else None,
     )  # fmt: skip
 
 

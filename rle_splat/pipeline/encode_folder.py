@@ -21,19 +21,31 @@ from ..effects.analyze import analyzed
 from ..effects.mixing import is_mixed
 from ..effects.ray_values import shown_values
 from ..encode.encode import record_steps, reorder_steps, run_tables
-from ..encode.folder import ACROSS, COUNTS, ROWS, RUNS, FolderWriter, check_folder_output, counts_of, words_of_entry
+from ..encode.folder import (
+    ACROSS,
+    COARSE,
+    COUNTS,
+    ROWS,
+    RUNS,
+    FolderWriter,
+    check_folder_output,
+    counts_of,
+    is_folder_form,
+    words_of_entry,
+)
 from ..encode.records import decoding_of, words_of
 from ..encode.scalars import OWN_TYPES, in_scanlines, scalars_of
 from ..encode.tables import RunTables
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.steps import Clock, Progress, drain, portion, timed
+from ..runtime.steps import Clock, Progress, drain, part, portion, timed
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.normal_light import coded_normals, normal_light
 from ..shade.shading import DENSITY, normals
 from ..shade.voxel_light import voxel_light
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.blocks import block_steps
+from ..volume.reduced import reduced_steps
 from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
 from .lighting import follows_view, scene_lighting
@@ -42,6 +54,7 @@ from .scan_source import LitVolume, scan_source
 from .shadows import shadow_count
 
 VOXEL_WORK = 96  # bytes that a visible voxel of a slab takes at most while it is encoded
+COARSE_VOXELS = 1 << 24  # a volume of more is stored in larger voxels, too: with so many a viewport turns smoothly
 DENSER = 1.5  # times as dense as a slab the next one may be
 LEAST_DENSITY = 1.0 / 32.0  # so that a slab of hidden planes does not become the whole volume
 SHARE = 0.25  # of the free memory that a slab may take: the rest is for the fixed costs and the picture
@@ -117,6 +130,7 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
     slabs = kind(scene, quality, axes)
     with FolderWriter(path, _job(scene, quality, axes)) as writer:
         resumed = writer.planes
+        has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
         yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
         nx, ny, nz = volume.shape_xyz
         density = 1.0  # visible voxels among all; of the first slab nothing is known
@@ -136,10 +150,26 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
         yield Progress(0.98, "Finishing the folder")
         facts = [slab.facts for slab in writer.slabs]
         header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
-        header["visible"] = sum(one["visible"] for one in facts)
+        header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
         with clock.stage("encode"):
             size = writer.finish(header, slabs.joined)
     return _report(scene, quality, facts, size, resumed, len(writer.slabs), clock)
+
+
+def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
+    """Generator of Progress: encode a volume of more than COARSE_VOXELS in larger voxels, too, into a folder ``path``;
+    return whether there is one."""
+    volume, function, side = scene.volume, scene.transfer_function, 1
+    while math.prod(max(count // side, 1) for count in volume.shape_xyz) > COARSE_VOXELS:
+        side *= 2
+    if side > 1 and not is_folder_form(path):
+        factors = tuple(min(side, count) for count in volume.shape_xyz)
+        larger = yield from portion(reduced_steps(volume, factors), 0.0, 0.5, "Averaging voxels")
+        # Voxels further apart would be less dense by themselves.
+        distance = float(function.opacity_unit_distance or volume.spacing.min())
+        scene = replace(scene, volume=larger, transfer_function=replace(function, opacity_unit_distance=distance))
+        yield from part(encode_folder_steps(scene, quality, path, axes, source), 0.5, 1.0)
+    return side > 1
 
 
 def _check(scene: Scene, quality: Quality) -> None:
@@ -388,8 +418,8 @@ class _ScalarSlabs(_Slabs):
     def header(self, facts) -> dict:
         found = super().header(facts)
         for name in self.joined:
-            for part in range(3):
-                del self.dtypes[f"{name}.{part}"]
+            for number in range(3):
+                del self.dtypes[f"{name}.{number}"]
             self.dtypes[name] = ["i2", 0, 3]
         volume, light = self.volume, self.light
         return {

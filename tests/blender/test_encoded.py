@@ -145,6 +145,21 @@ def test_a_viewport_refines_it_to_the_picture(encode, kind, bridge, core):
     assert digest(replace(plain, width=31)) != digest(plain)
 
 
+def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core, monkeypatch):
+    monkeypatch.setattr(core("pipeline.encode_folder"), "COARSE_VOXELS", SIDE**3 // 4)
+    owner = imported(encode("post"))
+    frames = bridge("live.frames")
+    plain, _ = bridge("render_scene").read_scene(
+        owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    draft, times = frames.in_larger_voxels(plain)
+    assert times == 1 and draft.volume.shape_xyz == (SIDE // 2,) * 3
+    assert draft.transfer_function.opacity_unit_distance == 1.0
+    shown = core("view.box_order").box_of
+    np.testing.assert_allclose(
+        shown(draft.index_to_world, draft.volume.shape_xyz, 0.5), shown(plain.index_to_world, (SIDE,) * 3, 0.5))
+    assert frames.in_larger_voxels(draft) == (draft, 0)
+
+
 NEEDS_VALUES = {
     "apply_preset": dict(preset="ct-bone"), "load_transfer": dict(filepath="any.json"), "window_level": dict(),
     "keyframe_transfer": dict(), "add_slice": dict(), "extract_surface": dict(), "add_channels": dict(),

@@ -15,8 +15,10 @@ from rle_splat.encode.store import load
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.encode_folder import encode_folder_steps
 from rle_splat.pipeline.render import render
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.reduced import reduced_steps
 from rle_splat.volume.volume import Volume
 
 NX, NY, NZ = 22, 19, 17
@@ -114,6 +116,33 @@ def test_slabs_follow_the_memory_that_is_left(tmp_path, monkeypatch):
     with pytest.raises(RleSplatError, match=r"A plane of the volume needs .* give a larger memory limit"):
         encoded(tmp_path / "b.rle", scene, quality)
     assert [file.name for file in tmp_path.iterdir()] == ["a.rle"]
+
+
+@pytest.mark.parametrize("classification", QUALITIES)
+def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, monkeypatch, classification):
+    """They are those of the volume made smaller; a job that goes on keeps them, and a folder without them is read."""
+    monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ // 4)
+    scene, quality, path = scene_of(volume_of()), QUALITIES[classification], tmp_path / "a.rle"
+    encoded(path, scene, quality)
+    whole = load(path)
+    assert whole.coarse.shape_xyz == (-(-NX // 2), -(-NY // 2), -(-NZ // 2)) and whole.coarse.coarse is None
+    function = TransferFunction.from_json({**FUNCTION, "opacity_unit_distance": 0.9})  # of the volume's own voxels
+    coarse = replace(scene, volume=drain(reduced_steps(scene.volume, (2, 2, 2))), transfer_function=function)
+    quality = replace(quality, name="knobs")  # a preset would follow single rays in memory, where walls are hard
+    here = render(coarse, quality)
+    assert here.rgba[..., 3].max() > 0.5
+    np.testing.assert_array_equal(from_folder(path / "coarse", coarse, quality).rgba, here.rgba)
+    made = (path / "coarse" / folder_form.HEADER).stat().st_mtime_ns
+    path.rename(unfinished(path))
+    steps = encode_folder._coarse_steps(scene, quality, unfinished(path) / "coarse", (0, 1, 2), "")
+    assert list(steps) == [] and (unfinished(path) / "coarse" / folder_form.HEADER).stat().st_mtime_ns == made
+    unfinished(path).rename(path)
+    (path / "coarse" / folder_form.HEADER).unlink()
+    with pytest.raises(RleSplatError, match="Cannot read"):
+        load(path)
+    monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ)
+    encoded(tmp_path / "b.rle", scene, quality)
+    assert load(tmp_path / "b.rle").coarse is None and not (tmp_path / "b.rle" / "coarse").exists()
 
 
 def test_nothing_visible(tmp_path, few_planes):
