@@ -94,10 +94,8 @@ def _of_values(volume) -> tuple[list[str], list[str]]:
 def _of_tables(volume) -> tuple[list[str], list[str]]:
     """Lines on encoded voxels, as ``_of_values``."""
     share = volume.visible_voxels / math.prod(volume.shape_xyz)
-    by = "voxel by voxel" if volume.classification == "pre" else "in the picture"
-    name = volume.transfer_function.get("name") or "its own transfer function"
-    lines = [f"Encoded: {name}, classified {by}", f"Voxels: {_by(volume.shape_xyz)}, {share:.1%} stored"]
-    return lines, [f"Principal Axes: {', '.join(AXIS_NAMES[axis] for axis in volume.principal_axes)}"]
+    lines = [f"Encoded: {volume.classification}-classified", f"Voxels: {_by(volume.shape_xyz)}, {share:.1%} stored"]
+    return lines, [f"Axes: {', '.join(AXIS_NAMES[axis] for axis in volume.principal_axes)}"]
 
 
 def _by(numbers) -> str:

@@ -56,6 +56,9 @@ def draw_state(context, layout) -> None:
                 layout.label(text="Refining", icon="SORTTIME")
         elif all(one.is_refined or not one.pictures for one in viewports):
             layout.label(text="Up to date", icon="CHECKMARK")
+        elif halvings := max(one.halvings for one in viewports):
+            told = filled("Draft in voxels {times} times as large, up to date", times=2**halvings)
+            paragraph(context, layout, told, icon="CHECKMARK")
         else:
             layout.label(text="Draft, up to date", icon="CHECKMARK")
 

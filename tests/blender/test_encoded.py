@@ -87,7 +87,7 @@ def test_the_header_and_import_folder_mean_the_folder(encode):
     assert bpy.ops.rle_splat.import_folder(directory=str(path)) == {"FINISHED"}
     by_folder = bpy.context.view_layer.objects.active
     assert by_header.rle_splat.data_key == by_folder.rle_splat.data_key != ""
-    assert by_folder.rle_splat.facts.startswith("File: pre.rle\nEncoded: test, classified voxel by voxel\n")
+    assert by_folder.rle_splat.facts.startswith("File: pre.rle\nEncoded: pre-classified\n")
 
 
 def test_dropped_files_and_folders_are_taken():
