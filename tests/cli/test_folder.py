@@ -126,7 +126,9 @@ def test_sizes():
     assert [memory_size(text) for text in ("2GiB", "1.5g", "800 MB", "3K")] == [2 << 30, 3 << 29, 800 << 20, 3072]
 
 
-def test_the_finest_level_of_a_zarr(call, tmp_path, monkeypatch):
+@pytest.fixture
+def image(tmp_path):
+    """An OME-Zarr image of two levels."""
     zarr = pytest.importorskip("zarr")
     values = np.full((2, 8, 9, 10), 200, np.uint8)
     group = zarr.open_group(str(tmp_path / "a.zarr"), mode="w")
@@ -137,8 +139,20 @@ def test_the_finest_level_of_a_zarr(call, tmp_path, monkeypatch):
         "axes": [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"],
         "datasets": [{"path": str(n), "coordinateTransformations": [{"type": "scale", "scale": s}]}
                      for n, s in enumerate(scales)]}]}  # fmt: skip
-    assert call("encode", tmp_path / "a.zarr", "-o", tmp_path / "a.rle", "--folder").code == 0
+    return tmp_path / "a.zarr"
+
+
+def test_the_finest_level_of_a_zarr(call, image, tmp_path):
+    assert call("encode", image, "-o", tmp_path / "a.rle", "--folder").code == 0
     assert folder_form.read_header(tmp_path / "a.rle")["shape_xyz"] == [10, 9, 8]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.rle", "a.zarr"]
-    assert call("encode", tmp_path / "a.zarr", "--level", "1", "-o", tmp_path / "b.rle", "--folder").code == 0
+    assert call("encode", image, "--level", "1", "-o", tmp_path / "b.rle", "--folder").code == 0
     assert folder_form.read_header(tmp_path / "b.rle")["shape_xyz"] == [5, 5, 4]
+
+
+def test_voxels_that_are_cut_short_leave_nothing(refused, image, raw, raw_options, tmp_path):
+    (chunk,) = (image / "0" / "c").rglob("0/0/0")
+    for path, words, said in ((chunk, (image,), "damaged or cut short"), (raw, (raw, *raw_options), "bytes")):
+        path.write_bytes(path.read_bytes()[:-7])
+        assert said in refused("encode", *words, "-o", tmp_path / "a.rle", "--folder")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.zarr", "data"]
