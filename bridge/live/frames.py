@@ -178,7 +178,7 @@ def in_larger_voxels(plain: Scene) -> tuple[Scene, int]:
     if coarse is None:
         return plain, 0
     function = TransferFunction.from_json(coarse.transfer_function)
-    times = (max(plain.volume.shape_xyz) // max(coarse.shape_xyz)).bit_length() - 1
+    times = round(np.log2((coarse.spacing / plain.volume.spacing).max()))  # a side that is odd is rounded up
     return replace(plain, volume=coarse, transfer_function=function), times
 
 

@@ -1,7 +1,11 @@
 """`.rle` files and folders in Blender: imported, shown and rendered like any volume; what they cannot do is said."""
 
+import os
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import bpy
 import numpy as np
@@ -11,6 +15,7 @@ from tests.blender import scenes
 
 KINDS = ("file", "pre", "post")
 SIDE = 12  # voxels
+NOBODY = 65534  # a user without rights
 
 
 def ball():
@@ -153,6 +158,8 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
         owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     draft, times = frames.in_larger_voxels(plain)
     assert times == 1 and draft.volume.shape_xyz == (SIDE // 2,) * 3
+    odd = replace(draft.volume, shape_xyz=(SIDE // 2 + 1,) * 3)  # of SIDE + 1 voxels
+    assert frames.in_larger_voxels(replace(plain, volume=replace(plain.volume, coarse=odd)))[1] == 1
     assert draft.transfer_function.opacity_unit_distance == 1.0
     shown = core("view.box_order").box_of
     np.testing.assert_allclose(
@@ -227,6 +234,42 @@ def test_a_folder_that_breaks_while_it_is_shown(encode, refused, bridge, how):
     damage(path)
     bridge("file_state").forget()  # otherwise a change is noticed within a second
     refused(bpy.ops.rle_splat.render_image, words)
+
+
+@pytest.fixture
+def without_rights():
+    """``without_rights(path)``: a context in which nobody may read what is at ``path``, the superuser neither."""
+    if not hasattr(os, "geteuid"):
+        pytest.skip("Windows has other rights")
+
+    @contextmanager
+    def closed(path):
+        before, user = path.stat().st_mode, os.geteuid()
+        path.chmod(0)
+        if user == 0:
+            os.seteuid(NOBODY)
+        try:
+            yield
+        finally:
+            os.seteuid(user)
+            path.chmod(before)
+
+    return closed
+
+
+@pytest.mark.parametrize("name", ["", "header.json", "rows.counts"])
+def test_a_folder_without_rights(encode, refused, without_rights, name):
+    with TemporaryDirectory() as place:  # pytest's own folders are closed to all others
+        os.chmod(place, 0o755)
+        path = Path(shutil.copytree(encode("pre"), Path(place, "pre.rle")))
+        if name.startswith("rows"):
+            imported(path)
+        with without_rights(path / name):
+            if name.startswith("rows"):
+                refused(bpy.ops.rle_splat.render_image, "Permission denied; check its permissions")
+            else:
+                refused(bpy.ops.rle_splat.import_volume, "Permission denied", filepath=str(path))
+        assert picture_of(imported(path))[..., 3].max() > 0.5
 
 
 def test_a_file_that_is_cut(encode, refused):
