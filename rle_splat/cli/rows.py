@@ -35,9 +35,11 @@ class _Rows:
         return self
 
     def __exit__(self, kind, problem, traceback):
-        if kind is None:
-            self._finish()
-        self._close()
+        try:
+            if kind is None:
+                self._finish()
+        finally:
+            self._close()
         return False
 
     def write(self, rgba, depth) -> None:
