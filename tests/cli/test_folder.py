@@ -73,6 +73,19 @@ def test_a_full_disk(encode, tmp_path, monkeypatch):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_an_axis_that_motion_needs_and_the_folder_does_not_hold(refused, call, encode, write_json, tmp_path):
+    assert encode("--axes", "z").code == 0
+    straight = np.eye(4)
+    straight[:3, 3] = 9.5, 7.5, 100.0
+    turned = np.array([[0, 0, 1, 100], [0, 1, 0, 7.5], [-1, 0, 0, 5.5], [0, 0, 0, 1]], float)
+    camera = write_json({"matrix_world": straight.tolist(), "type": "ORTHO", "ortho_scale": 30.0}, "camera.json")
+    motion = write_json([{"camera_matrix": one.tolist()} for one in (straight, turned)], "motion.json")
+    words = "render", tmp_path / "a.rle", "--camera", camera, "--size", 16, "-o", tmp_path / "a.npy"
+    assert "needs principal axis x" in refused(*words, "--motion", motion)
+    assert not (tmp_path / "a.npy").exists()
+    assert call(*words).code == 0
+
+
 def test_ctrl_c_keeps_the_planes_that_are_done(encode, tmp_path, monkeypatch):
     assert encode(output="whole.rle").code == 0
     append, slabs = folder_form.FolderWriter.append, []
