@@ -68,27 +68,32 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
     return replace(found.camera, pixel_aspect=(1.0, 1.0)), region.width, region.height
 
 
-def figure_of(plain: Scene, style: FigureStyle, presets: tuple, title: str) -> Figure:
-    """A figure of a scene.
+def compared(plain: Scene, presets, volume_object, depsgraph) -> tuple[Panel, ...]:
+    """A panel for each preset; labels that change the volume's transfer function change that of the preset.
 
     Parameters
     ----------
     plain : Scene
-        Its width and height give the aspect of the pictures.
-    style : FigureStyle
-    presets : tuple of str
-        Each in a panel of its own; none for the scene's transfer function.
-    title : str
-        Of a figure without presets.
+    presets : sequence of str
+    volume_object : bpy.types.Object
+    depsgraph : bpy.types.Depsgraph
+        The scene ``plain`` was read with both.
     """
+    volume, panels = plain.volume, []
+    for name in presets:
+        function = fit_preset(name, volume)[0]
+        shown = labels.read_labels(volume_object, depsgraph, volume, function)
+        panels.append(Panel(replace(plain, transfer_function=function, labels=shown), function.name))
+    return tuple(panels)
+
+
+def figure_of(panels: tuple[Panel, ...], style: FigureStyle) -> Figure:
+    """A figure of panels whose scenes give the aspect of its pictures by their width and height in pixels."""
+    plain = panels[0].scene
     style = replace(style, aspect=plain.width / plain.height)
-    width, height = tile_size(style, max(len(presets), 1))
-    sized = replace(plain, width=width, height=height)
-    if not presets:
-        return Figure((Panel(sized, title),), style)
-    functions = [fit_preset(name, plain.volume)[0] for name in presets]
-    panels = tuple(Panel(replace(sized, transfer_function=one), one.name) for one in functions)
-    return Figure(panels, style)
+    width, height = tile_size(style, len(panels))
+    return Figure(
+        tuple(replace(one, scene=replace(one.scene, width=width, height=height)) for one in panels), style)
 
 
 def check_files(path: str) -> None:

@@ -10,7 +10,7 @@ from ..bridge.decimals import typed
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import quality_of, tolerance_of
 from ..rle_splat.figure.make import figure_steps
-from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle
+from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
 from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume
 from .through_camera import evaluated
@@ -108,7 +108,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         plain = self._read_scene(context, owner, depsgraph)
         self._sources = figure.sources_of(owner, depsgraph, self._path)
         presets = tuple(name.strip() for name in self.compare.split(",") if name.strip())
-        wanted = figure.figure_of(plain, self._style(), presets, self.title)
+        panels = figure.compared(plain, presets, owner, depsgraph) or (Panel(plain, self.title),)
+        wanted = figure.figure_of(panels, self._style())
         return figure_steps(wanted, [quality_of(context.scene)] * len(wanted.panels), render_scene.KEPT)
 
     def _read_scene(self, context, owner, depsgraph):

@@ -67,9 +67,19 @@ def test_pictures_and_linear_files(ball, core, tmp_path):
 
 
 def test_presets_are_compared(ball, tmp_path):
+    """A label in a color of its own, which is not solid, has the opacities of each panel's preset."""
+    labels = tmp_path / "labels.raw"
+    labels.write_bytes((np.indices(BALL.shape)[2] // 6).astype(np.uint8).tobytes())
+    ball.rle_splat.label_file = str(labels)
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    ball.rle_splat.labels[1].use_color = True
     save(tmp_path / "fig.svg", compare="ct-bone, ct-skin", width_cm=4.0)
     texts = texts_of(tmp_path / "fig.svg")
     assert {"a", "b", "CT bone", "CT skin"} <= set(texts)
+    scenes_told = [panel["scene"] for panel in json.loads((tmp_path / "fig.figure.json").read_text())["panels"]]
+    opacities = [scene["transfer_function"]["opacity"] for scene in scenes_told]
+    of_label = [one["transfer_function"]["opacity"] for scene in scenes_told for one in scene["labels"]["functions"]]
+    assert of_label == opacities and opacities[0] != opacities[1]
 
 
 def test_labels_and_channels_are_made_again_from_a_moved_folder(ball, core, tmp_path):
