@@ -215,7 +215,7 @@ def copy(source, target) -> None:
 
 def keep_level(target, volume) -> None:
     """Choose the level of a pyramid that was read, so that the same one is read again whatever memory is free then."""
-    if volume.shape_xyz in volume.levels:
+    if volume.holds_values and volume.shape_xyz in volume.levels:
         target.level = volume.levels.index(volume.shape_xyz)
 
 

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..bridge import new_volume, source_options, volumes
+from ..bridge import encoded, new_volume, source_options, volumes
 from ..bridge.held import Held
 from ..bridge.reading import found_steps
 from .import_volume import LAST_SUFFIXES
@@ -50,7 +50,7 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
             self._options.series, self._options.series_key = self.series, ""
         if owner.rle_splat.frame_count > 1:
             self._options.frame = owner.rle_splat.data_frame
-        path = os.path.abspath(bpy.path.abspath(self.filepath))
+        path = encoded.place_of(os.path.abspath(bpy.path.abspath(self.filepath)))
         return self.with_thumbnails(found_steps(path, self._options))
 
     def commit(self, context, found):

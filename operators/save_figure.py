@@ -12,7 +12,7 @@ from ..bridge.settings import quality_of, tolerance_of
 from ..rle_splat.figure.make import figure_steps
 from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume
+from .refusal import has_values
 from .through_camera import evaluated
 
 DEFAULT_NAME = "figure.svg"
@@ -67,7 +67,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return has_volume(cls, context)
+        return has_values(cls, context)
 
     def invoke(self, context, _event):
         self.is_confirmed = True

@@ -130,6 +130,18 @@ def test_undo_brings_it_back(encode):
     np.testing.assert_array_equal(picture_of(bpy.data.objects[name]), before)
 
 
+@pytest.mark.parametrize("kind", ["file", "pre"])
+def test_it_is_reloaded_and_relocated(encode, kind, tmp_path):
+    path = encode(kind)
+    owner = imported(path)
+    before, moved = picture_of(owner), tmp_path / "moved.rle"
+    assert bpy.ops.rle_splat.reload(use_dialog=False) == {"FINISHED"}
+    path.rename(moved)
+    chosen = moved if kind == "file" else moved / "header.json"
+    assert bpy.ops.rle_splat.relocate(filepath=str(chosen), use_dialog=False) == {"FINISHED"}
+    np.testing.assert_array_equal(picture_of(owner), before)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_viewport_refines_it_to_the_picture(encode, kind, bridge, core):
     """Of the stand-in for a viewport that test_live_viewport.py has, the contents are Blender's own."""
@@ -171,6 +183,7 @@ NEEDS_VALUES = {
     "apply_preset": dict(preset="ct-bone"), "load_transfer": dict(filepath="any.json"), "window_level": dict(),
     "keyframe_transfer": dict(), "add_slice": dict(), "extract_surface": dict(), "add_channels": dict(),
     "measure_accuracy": dict(), "shadow_pass": dict(), "bake_volume": dict(filepath="any.vdb"),
+    "save_figure": dict(filepath="any.svg"),
 }
 
 
