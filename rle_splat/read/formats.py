@@ -85,6 +85,7 @@ FORMATS = (
     ),
 )  # fmt: skip
 RAW = FORMATS[0]
+ENCODED = ".rle"  # suffix of encoded voxels, a file or a folder, which are no volume to read
 FILES_COUNTED = 20_000  # of a folder without images
 OPTIONS = tuple(dict.fromkeys(name for entry in FORMATS for name in entry.all_options))
 
@@ -122,6 +123,11 @@ def _chosen(path: Path, given: dict) -> Format:
     if not path.exists():
         raise RleSplatError(f"There is no file {path}; check the path.")
     chosen = format_of(path)
+    if chosen is None and path.suffix.lower() == ENCODED and "shape" not in given:
+        raise RleSplatError(
+            f"{path.name} holds voxels that are classified already, and no values; give the volume that it was encoded "
+            "from."
+        )
     if chosen is None and path.is_dir():
         raise no_images(path, sum(1 for file in islice(path.rglob("*"), FILES_COUNTED) if file.is_file()))
     if "shape" in given and path.is_file() and format_named(path) in (None, RAW):

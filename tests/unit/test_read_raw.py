@@ -144,6 +144,14 @@ def test_files_that_are_not_there_or_of_no_known_kind(tmp_path):
     assert read_volume(path, shape=SHAPE, dtype="uint8").shape_xyz == SHAPE  # raw, once its layout is said
 
 
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_encoded_voxels_are_no_volume(tmp_path, is_folder):
+    path = tmp_path / "scan.rle"
+    path.mkdir() if is_folder else path.write_bytes(b"any")
+    with pytest.raises(RleSplatError, match="holds voxels that are classified already, and no values; give"):
+        read_volume(path)
+
+
 def test_an_unnamed_layout_is_asked_for_with_what_would_fit(tmp_path):
     path = write(tmp_path / "scan.raw", bytes(64**3))
     with pytest.raises(RleSplatError, match=r"--shape.*64 x 64 x 64 voxels of uint8"):
