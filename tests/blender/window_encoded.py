@@ -11,10 +11,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Quaternion
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import area_of, drive, new_file, open_panels, passed, photograph, until, window
+from tests.blender.window_driver import area_of, drive, in_the_view, new_file, open_panels, passed, photograph, until
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_encoded_"))
 SIDE = 96
@@ -49,13 +50,42 @@ def shown_and_refined():
     yield from new_file()
     scenes.add_camera((48.0, 48.0, 400.0), type="ORTHO", ortho_scale=150.0)
     path = add_folder()
-    with bpy.context.temp_override(window=window(), area=area_of("VIEW_3D")):
-        assert bpy.ops.rle_splat.import_volume("EXEC_DEFAULT", filepath=str(path / "header.json")) == {"FINISHED"}
+    with in_the_view():  # as the entry of the menu does after the file was chosen
+        assert bpy.ops.rle_splat.import_volume(
+            "INVOKE_DEFAULT", filepath=str(path / "header.json"), use_dialog=False) == {"RUNNING_MODAL"}
+    yield from until(lambda: bpy.context.view_layer.objects.active is not None)
     assert bpy.context.object.rle_splat.stored_transfer
     yield from until(lambda: any(one.pictures for one in viewports()))
     yield from until(lambda: all(one.is_refined and not one.is_busy for one in viewports()))
     assert viewports()[0].halvings == 0 and viewports()[0].counts["drafts"]
     yield from photograph("2-refined")
+
+
+def orbited():
+    """An orbit shows drafts of the larger voxels, and all voxels at its end."""
+    view, shown = area_of("VIEW_3D").spaces.active.region_3d, viewports()[0]
+    for _ in range(8):
+        before = shown.counts["drafts"]
+        view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.05) @ view.view_rotation
+        area_of("VIEW_3D").tag_redraw()
+        yield from until(lambda before=before: shown.counts["drafts"] > before)
+        assert shown.is_refined or shown.halvings == 1
+    yield from until(lambda: shown.is_refined and not shown.is_busy)
+    assert shown.halvings == 0
+
+
+def rendered():
+    """F12 makes the picture of all voxels."""
+    scene = bpy.context.scene
+    scenes.use_cycles((400, 400))
+    scene.camera.data.clip_end, ended = 1000.0, []
+    scene.render.filepath = str(FOLDER / "render.png")
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.render.render("INVOKE_DEFAULT", write_still=True) == {"RUNNING_MODAL"}
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
+    assert scene.rle_splat.message == "" and scenes.load_pixels(FOLDER / "render.png")[..., 3].max() > 0.9
 
 
 def drafts_alone():
@@ -81,7 +111,7 @@ def cut_while_shown():
 def scenario():
     open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_scan",
                 "RLE_SPLAT_PT_labels")
-    for step in (shown_and_refined, drafts_alone, cut_while_shown):
+    for step in (shown_and_refined, orbited, rendered, drafts_alone, cut_while_shown):
         yield from step()
         passed(step.__name__)
 
