@@ -93,6 +93,15 @@ def addon(installed):
     return import_module(MODULE)
 
 
+@pytest.fixture(scope="session")
+def grids_in_cycles(tmp_path_factory):
+    """Skips where Cycles shows no OpenVDB grids, with no add-on either."""
+    if bpy.app.binary_path:
+        grids = import_module("tests.blender.grids")  # it takes a module that Blender has only now
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        grids.needs_any_grid(tmp_path_factory.mktemp("grids"))
+
+
 @pytest.fixture
 def classified_first(addon):
     """The scene's classification is the paper's, for tests whose closed forms have its ramps over the face voxels."""

@@ -40,7 +40,7 @@ def bake(tmp_path, **options):
 @pytest.mark.parametrize("matrix", [
     Matrix(), Matrix(((0.9, 0.25, 0.0, 0.5), (0.0, 1.1, 0.0, -0.5), (0.1, 0.0, 1.3, 0.0), (0.0, 0.0, 0.0, 1.0)))],
     ids=["plain", "sheared"])
-def test_the_baked_volume_looks_in_cycles_as_here(ball, tmp_path, matrix):
+def test_the_baked_volume_looks_in_cycles_as_here(grids_in_cycles, ball, tmp_path, matrix):
     """By the mean, as Cycles is noisy; a sheared and unevenly scaled object too."""
     parent = bpy.data.objects.new("parent", None)
     bpy.context.scene.collection.objects.link(parent)
@@ -56,7 +56,7 @@ def test_the_baked_volume_looks_in_cycles_as_here(ball, tmp_path, matrix):
     assert np.abs(error[..., :3].mean(axis=(0, 1))).max() < 0.3
 
 
-def test_the_resolution_can_be_chosen_and_light_left_to_cycles(ball, tmp_path):
+def test_the_resolution_can_be_chosen_and_light_left_to_cycles(grids_in_cycles, ball, tmp_path):
     one = bake(tmp_path, side=7, look="CYCLES")
     one.data.grids.load()
     density = one.data.grids["density"]

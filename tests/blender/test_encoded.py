@@ -274,6 +274,8 @@ def without_rights():
 def test_a_folder_without_rights(encode, refused, without_rights, name):
     with TemporaryDirectory() as place:  # pytest's own folders are closed to all others
         os.chmod(place, 0o755)
+        if not all(folder.stat().st_mode & 1 for folder in Path(place).parents):
+            pytest.skip("the folder of temporary files is closed to all others")
         path = Path(shutil.copytree(encode("pre"), Path(place, "pre.rle")))
         if name.startswith("rows"):
             imported(path)

@@ -48,7 +48,7 @@ def march_volumes():
 
 
 @pytest.fixture
-def slab(addon, tmp_path):
+def slab(grids_in_cycles, addon, tmp_path):
     """A slab of 12 x 12 x 4 voxels over a floor, from x = 0.5 and z = 14.5 on, included in renders.
 
     Its shadow is as far to the left as the slab is high: from x = -18 to -2, and whole from -14 to -6.
@@ -132,7 +132,7 @@ def test_the_camera_does_not_see_the_grid(slab, tmp_path):
         assert np.array_equal(*shots)
 
 
-def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(addon, tmp_path):
+def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(grids_in_cycles, addon, tmp_path):
     """An opaque red cube beside a mirror that leans by 45 degrees, in which the camera above sees it."""
     march_volumes()
     owner = cube_scene(tmp_path, size=(16, 16), alpha=1.0)

@@ -5,6 +5,7 @@ functions pass to the layout, and whole sentences of reports and refusals, are r
 """
 
 import ast
+import inspect
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -42,7 +43,7 @@ def registered(module: str) -> dict:
             kind = getattr(getattr(bpy.ops, group), name).get_rna_type()
             texts += [kind.name, kind.description]
         ours = [base for base in cls.__mro__ if base.__module__.startswith(module)]
-        own = {name for base in ours for name in vars(base).get("__annotations__", {})}
+        own = {name for base in ours for name in inspect.get_annotations(base)}
         texts += [text for entry in kind.properties if entry.identifier in own for text in _of_property(entry)]
         found.update((text, file) for text in texts if _is_text(text))
     return found
