@@ -206,6 +206,8 @@ def add_folder_options(parser) -> None:
 
 def measured_in_folder(measure, args) -> int:
     """Call ``measure(args, folder)`` with a folder of its own, which is removed, and write its figures."""
+    if args.folder is not None:
+        args.folder.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(dir=args.folder))
     try:
         found = measure(args, folder)
