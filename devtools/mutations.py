@@ -182,7 +182,7 @@ MUTANTS = (
     ),
     Mutant(
         "the eye of parallel rays without its sign", "C6",
-        (("view/eye.py", "if depth[:3] @ eye[:3] > 0.0:", "if False:"),),
+        (("view/eye.py", "if dot(depth[:3], eye[:3]) > 0.0:", "if False:"),),
         (GEOMETRY, "-k", "C6_axes and float32"),
     ),
     Mutant(

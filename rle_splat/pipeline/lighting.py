@@ -34,10 +34,9 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
 
 def eye_of(camera) -> np.ndarray:
     """(4,) homogeneous eye of a camera in the world; see ``shade.lighting.lighting``."""
-    to_camera = world_to_camera(camera)
     if camera.type == "PERSP":
-        return np.append(np.linalg.inv(to_camera)[:3, 3], 1.0)
-    return np.append(to_camera[2, :3], 0.0)
+        return np.array([*camera.matrix_world[:3, 3].tolist(), 1.0])
+    return np.array([*world_to_camera(camera)[2, :3].tolist(), 0.0])
 
 
 def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from ..effects.exposure import exposure_steps, exposures
 from ..effects.ray_effects import RayEffects
-from ..runtime.jit import compiled, nothing_compiled_yet, noting_kernels
+from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
 from ..runtime.steps import Clock, Progress, drain, forward, mapped, portion, timed, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
@@ -74,7 +74,7 @@ def told_steps(steps, quality: Quality):
     """
     kernels: set[str] = set()
     first_ever = compiled(quality.backend) and nothing_compiled_yet()
-    steps = within(steps, lambda: noting_kernels(kernels))
+    steps = within(steps, lambda: NotingKernels(kernels))
     if first_ever:
         steps = mapped(steps, _told_of_compiling)
     try:

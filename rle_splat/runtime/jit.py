@@ -22,11 +22,11 @@ from pathlib import Path
 
 from ..scene import RleSplatError
 from .cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE, cache_folder, kernel_folder
-from .called_kernels import noting_kernels
+from .called_kernels import NotingKernels
 
 __all__ = [
-    "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "available_threads", "cache_folder",
-    "compiled", "inner_loop", "is_loaded", "kernel", "note_loaded", "nothing_compiled_yet", "noting_kernels", "numba",
+    "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "NotingKernels", "available_threads",
+    "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "note_loaded", "nothing_compiled_yet", "numba",
     "parallel_call", "prange", "read_only", "thread_count", "while_compiling",
 ]  # fmt: skip
 

@@ -41,9 +41,7 @@ def light_rows(lights, headlight_direction, index_to_world) -> np.ndarray:
         half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(np.asarray(index_to_world)[:3, :3])))
         rows = [_light_row(light, half_voxel) for light in lights]
     if headlight_direction is not None:
-        row = np.zeros(COLUMNS)
-        row[KIND], row[AXIS:RGB], row[RGB:NEAREST] = SUN, _unit(headlight_direction), 1.0
-        rows.append(row)
+        rows.append((SUN, *(0.0,) * 3, *_unit(headlight_direction), *(1.0,) * 3, *(0.0,) * 3))
     return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
 
 

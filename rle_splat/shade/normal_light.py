@@ -95,9 +95,10 @@ class NormalLight:
     def lamps(self, normals: np.ndarray, axis: int) -> Lamps:
         """For kernels: ``normals``, (3, m) codes in the order of the tables of principal axis ``axis``."""
         falling = self.falling
-        from_line = np.ascontiguousarray(-falling.eye[3] * falling.matrix[:3, [*AXES[axis], 3]])
-        from_line[:, 3] += falling.eye[:3]
-        is_near = bool(falling.eye[3] != 0.0)
+        (i, j, k), (*eye, near) = AXES[axis], falling.eye.tolist()
+        rows = zip(falling.matrix[:3].tolist(), eye)
+        from_line = np.array([(-near * row[i], -near * row[j], -near * row[k], at - near * row[3]) for row, at in rows])
+        is_near = near != 0.0
         return Lamps(read_only(normals), *self._of_all_axes, is_near, read_only(from_line))
 
     @cached_property

@@ -122,27 +122,26 @@ class LightBounds(NamedTuple):
 
 def light_bounds(falling: Lighting, shape_xyz) -> LightBounds:
     """Bounds of a Lighting on the voxels of a volume; RleSplatError if the light is above BRIGHTEST."""
-    strengths = falling.rows[:, RGB:NEAREST]
-    everywhere, sky = falling.most_everywhere, falling.sky
+    strengths, sky = falling.rows[:, RGB:NEAREST], falling.sky
     colors = (*strengths.tolist(), falling.material[4:7].tolist(), *sky.T.tolist())
-    white = all(red == green == blue for red, green, blue in colors)
+    white = all([red == green == blue for red, green, blue in colors])
     each = 1 if white else 3
-    ambient, (diffuse, specular) = float(everywhere.max()), falling.material[1:3]
-    strongest = float((strengths / _nearest(falling, shape_xyz)[:, None]).sum(axis=0).max(initial=0.0))
-    most_light, most_highlight = max(1.0, float(ambient + diffuse * strongest)), float(specular * strongest)
+    ambient, (_, diffuse, specular) = max(falling.most_everywhere.tolist()), falling.material[:3].tolist()
+    if not falling.is_parallel:
+        strengths = strengths / _nearest(falling, shape_xyz)[:, None]
+    strongest = max(map(sum, zip(*strengths.tolist())), default=0.0)
+    most_light, most_highlight = max(1.0, ambient + diffuse * strongest), specular * strongest
     refuse_too_bright(max(most_light, most_highlight))
     return LightBounds(each, each * (2 if falling.has_highlights else 1), most_light, most_highlight)
 
 
 def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
-    """(n,) lower bound of the squared distance from each light to any voxel; 1 for parallel light.
+    """(n,) lower bound of the squared distance from each light to any voxel; 1 for a parallel light.
 
     Codes are relative to the strongest possible light, so the bound should be tight for lights outside the volume: it
     is the distance to the sphere around the volume.
     """
     matrix, rows = falling.matrix, falling.rows
-    if falling.is_parallel:
-        return np.ones(len(rows))
     half = 0.5 * (np.array(shape_xyz) - 1.0)
     corners = (np.indices((2, 2, 2)).reshape(3, 8).T * 2.0 - 1.0) * half
     radius = np.linalg.norm(corners @ matrix[:3, :3].T, axis=1).max()

@@ -106,7 +106,7 @@ class BasePlane:
         polygon = _seen_through(self.homography.tolist(), corners.tolist(), left, top, right, bottom)
         if len(polygon) < 3:
             return None
-        pixels = np.array(polygon) * self.density - self.origin
+        pixels = np.array([corner[:2] for corner in polygon]) * self.density - self.origin
         return self.part(np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)), reach)
 
     def part(self, first, last, reach: int) -> BasePlane:
@@ -196,40 +196,37 @@ class BasePlane:
         return at_zero, per_voxel
 
 
-def _clip(polygon: list, line) -> list:
-    """The part of a convex polygon of points (X, Y) where line @ (X, Y, 1) >= 0 (Sutherland and Hodgman)."""
-    a, b, c = line
-    sides = [a * x + b * y + c for x, y in polygon]
-    if all(side >= 0.0 for side in sides):  # as with most lines of most views
-        return polygon
-    kept = []
-    for n, ((x, y), side) in enumerate(zip(polygon, sides)):
-        (u, v), beyond = polygon[n + 1 - len(polygon)], sides[n + 1 - len(polygon)]
-        if side >= 0.0:
-            kept.append((x, y))
-        if (side >= 0.0) != (beyond >= 0.0):
-            share = side / (side - beyond)
-            kept.append((x + (u - x) * share, y + (v - y) * share))
-    return kept
-
-
 def _seen_through(homography: list, polygon: list, left, top, right, bottom) -> list:
-    """The part of a base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
+    """The part of a convex base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
 
-    In plain Python, because numpy's overhead per call is larger for four corners.
+    Sutherland and Hodgman's algorithm, in plain Python, because numpy's overhead per call is larger for four corners.
+
+    Returns
+    -------
+    list of (X, Y, a, b, c)
+        Corners, with their homogeneous pixel (a, b, c) = H (X, Y, 1).
     """
-    first, second, third = homography
-    # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0 for (a, b, c) = H (X, Y, 1).
-    for sign, row, end in ((1.0, first, left), (-1.0, first, right), (1.0, second, top), (-1.0, second, bottom)):
-        line = [sign * (one - end * last) for one, last in zip(row, third)]
-        largest = max(map(abs, line)) or 1.0
-        polygon = _clip(polygon, [number / largest for number in line])
+    (d, e, f), (g, h, i), (j, k, m) = homography
+    polygon = [(x, y, d * x + e * y + f, g * x + h * y + i, j * x + k * y + m) for x, y in polygon]
+    # Inside means left <= a/c <= right and top <= b/c <= bottom with c > 0.
+    for sign, along, end in ((1.0, 2, left), (-1.0, 2, right), (1.0, 3, top), (-1.0, 3, bottom)):
+        sides = [sign * (corner[along] - end * corner[4]) for corner in polygon]
+        if all([side >= 0.0 for side in sides]):  # as with most sides of most views
+            continue
+        kept = []
+        for corner, following, side, beyond in zip(polygon, polygon[1:] + polygon[:1], sides, sides[1:] + sides[:1]):
+            if side >= 0.0:
+                kept.append(corner)
+            if (side >= 0.0) != (beyond >= 0.0):
+                share = side / (side - beyond)
+                kept.append(tuple([one + (two - one) * share for one, two in zip(corner, following)]))
+        polygon = kept
     return polygon
 
 
 def _sides(polygon: list) -> list:
     """Half-planes (a, b, c), a X + b Y + c >= 0, whose intersection is a convex counterclockwise polygon."""
-    edges = [(x, y, u - x, v - y) for (x, y), (u, v) in zip(polygon, (*polygon[1:], polygon[0]))]
+    edges = [(x, y, u - x, v - y) for (x, y, *_), (u, v, *_) in zip(polygon, (*polygon[1:], polygon[0]))]
     longest = max(math.hypot(dx, dy) for *_, dx, dy in edges)
     # Corners that differ by rounding only give no direction.
     return [(-dy, dx, dy * x - dx * y) for x, y, dx, dy in edges if math.hypot(dx, dy) > SHORT * longest]
@@ -256,45 +253,50 @@ def _columns_within(sides: list, origin, width: int, height: int) -> np.ndarray:
 
     ``sides``: half-planes as of ``_sides``, in sheet pixels; ``origin``: number of the first pixel.
     """
-    rows = np.arange(height) + origin[1]
-    # Slope and column of the first row; of the right sides negated, so that the largest counts of both.
-    left, right = [(0.0, float(origin[0]))], [(-0.0, 1.0 - origin[0] - width)]
+    rows = np.arange(origin[1], origin[1] + height, dtype=np.float64)
+    # Slope and column of the first row; of the right sides negated, so that the largest counts of both.  Columns are
+    # counted from the origin.
+    left, right = [(0.0, 0.0)], [(0.0, -float(width))]
     level = []
     for a, b, c in sides:
         if abs(a) <= SLANTED * abs(b):  # parallel to the rows: it keeps or removes whole rows
             level.append(b * rows + c < 0.0)
         elif a > 0.0:
-            left.append((-b / a, -c / a))
+            left.append((-b / a, -c / a - origin[0]))
         else:
-            right.append((b / a, c / a))
+            right.append((b / a, c / a + origin[0] - 1.0))
     most = max(len(left), len(right))
     ends = np.array([[*side, *side[:1] * (most - len(side))] for side in (left, right)])
-    columns = np.ceil(np.maximum.reduce(ends[..., :1] * rows + ends[..., 1:], axis=1))
-    np.subtract(1.0, columns[1], out=columns[1])
+    columns = np.maximum.reduce(ends[..., :1] * rows + ends[..., 1:], axis=1)
+    np.ceil(columns, out=columns)
+    first, end = columns
+    np.negative(end, out=end)
     for outside in level:
-        columns[1, outside] = columns[0, outside]
-    columns -= origin[0]
-    return np.minimum(np.maximum(columns, 0.0), width).astype(np.int64)
+        end[outside] = first[outside]
+    np.minimum(first, width, out=first)
+    np.maximum(end, 0.0, out=end)
+    return columns.astype(np.int64)
 
 
-def _exactly_movable(offsets: np.ndarray, furthest: float) -> np.ndarray:
-    """Round offsets in pixels to a power of two so large that adding integers up to ``furthest`` is exact.
+def _on_plane(eye: list, axes, reference: float, position):
+    """Scale of the slice at ``position`` on the base plane, and its move as a share of the eye's sideways position.
 
-    The rounding error is below 2**-OFFSET_BITS of the distances, which is invisible.
+    ``position``: a float or an array of them (algorithm.md, 1.4 and 3).
     """
-    most = np.maximum(np.abs(offsets), max(furthest, 1.0))
-    unit = 2.0 ** (np.ceil(np.log2(most)) - OFFSET_BITS)
-    return np.rint(offsets / unit) * unit
+    k = axes[2]
+    beyond = eye[3] * position - eye[k]
+    return (eye[3] * reference - eye[k]) / beyond, (position - reference) / beyond
 
 
-def _slice_map(view: IndexView, axes, reference: float, positions: np.ndarray):
-    """Scale (n,) and offsets (n, 2) of slices at ``positions`` on the base plane (algorithm.md, 1.4 and 3)."""
-    i, j, k = axes
-    eye = view.eye
-    beyond = eye[3] * positions - eye[k]
-    scale = (eye[3] * reference - eye[k]) / beyond
-    away = (positions - reference) / beyond
-    return scale, np.multiply.outer(away, (eye[i], eye[j]))
+def _exactly_movable(offsets: np.ndarray, furthest: float) -> None:
+    """Round offsets in pixels, in place, to a power of two so large that adding integers is exact.
+
+    ``furthest``: the largest offset or integer.  The rounding error is below 2**-OFFSET_BITS of it, which is invisible.
+    """
+    unit = math.ldexp(1.0, math.frexp(furthest)[1] - OFFSET_BITS)
+    offsets /= unit
+    np.rint(offsets, out=offsets)
+    offsets *= unit
 
 
 def base_plane(
@@ -325,9 +327,9 @@ def base_plane(
         None if no visible ray belongs to this axis and direction.
     """
     axes = i, j, k = AXES[axis]
-    eye = view.eye
+    eye = view.eye.tolist()
     counts = [float(shape_xyz[a]) for a in axes]
-    eye_position = None if view.is_parallel else float(eye[k])
+    eye_position = None if view.is_parallel else eye[k]
     sheets = place_sheets(int(counts[2]), sign, rule, eye_position, footprint, boxed)
     radius = 0.0 if boxed else footprint.radius
     if len(sheets) == 0:
@@ -335,12 +337,11 @@ def base_plane(
     reference = float(sheets.position[0])
     if not view.is_parallel and sign * (reference - eye_position) < 1.0:
         reference = eye_position + sign
-    scale, moves = _slice_map(view, axes, reference, sheets.position)
-
     # Extent of the volume with the footprints of its outermost voxels. It is monotone in depth, so the ends decide.
-    ends = [[(float(moves[end, n]), float(scale[end])) for end in (0, -1)] for n in (0, 1)]
-    low = [min(move - radius * stretch for move, stretch in along) for along in ends]
-    high = [max(move + (n - 1.0 + radius) * stretch for move, stretch in along) for along, n in zip(ends, counts)]
+    ends = [_on_plane(eye, axes, reference, float(sheets.position[end])) for end in (0, -1)]
+    low = [min(away * eye[n] - radius * scale for scale, away in ends) for n in (i, j)]
+    far = [count - 1.0 + radius for count in counts]
+    high = [max(away * eye[n] + last * scale for scale, away in ends) for n, last in zip((i, j), far)]
     homography = [[row[i], row[j], row[3] + reference * row[k]] for row in view.projection.tolist()]
 
     def window(pixel_margin, slope_margin):
@@ -349,7 +350,7 @@ def base_plane(
         if not view.is_parallel:
             ahead = abs(reference - eye_position)
             reach = ahead * (1.0 + slope_margin)
-            eye_at = float(eye[i]), float(eye[j])
+            eye_at = eye[i], eye[j]
             least = [max(end, at - reach) for end, at in zip(low, eye_at)]
             most = [min(end, at + reach) for end, at in zip(high, eye_at)]
             if any(a >= b for a, b in zip(least, most)):
@@ -371,30 +372,36 @@ def base_plane(
     size = [end - begin + 1 for begin, end in zip(first, last)]
     sides = []
     if reach is not None:
-        outline = _outline(view, axes, sign, reference, sheets, counts, radius)
+        outline = _outline(eye, axes, sign, reference, sheets, counts, radius)
         for a, b, c in _sides(polygon) + outline:
             a, b = a / density[0], b / density[1]
             sides.append((a, b, c + (reach + MARGIN) * (abs(a) + abs(b))))
     seen = _columns_within(sides, first, *size)
-    scales = scale[:, None] * density
-    offsets = _exactly_movable(moves * density, float(max(map(abs, (*first, *last))))) - first
+    scale, away = _on_plane(eye, axes, reference, sheets.position)
+    pixels_away = eye[i] * density[0], eye[j] * density[1]
+    offsets = np.multiply.outer(away, pixels_away)
+    furthest = max(abs(one * share) for one in pixels_away for _, share in ends)
+    _exactly_movable(offsets, max(furthest, *map(abs, (*first, *last)), 1.0))
+    offsets -= first
     return BasePlane(
         axis, sign, reference, tuple(density), tuple(first), *size, np.array(homography), sheets,
-        np.ascontiguousarray(scales), np.ascontiguousarray(offsets), view, seen,
+        np.multiply.outer(scale, density), offsets, view, seen,
     )
 
 
-def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> list:
+def _outline(eye: list, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> list:
     """Half-planes, as of ``_sides``, of the slanted sides of the volume's outline on the plane.
 
     The volume has ``counts`` voxels with footprints of ``radius``. The result is empty if the eye is so near that the
     outline is not bounded.
     """
-    ends = sheets.begin[0], max(sheets.end[-1], sheets.far[-1])
-    if not view.is_parallel and ends[0] - sign * view.eye[axes[2]] < 1.0:
+    ends = float(sheets.begin[0]), float(max(sheets.end[-1], sheets.far[-1]))
+    if eye[3] != 0.0 and ends[0] - sign * eye[axes[2]] < 1.0:
         return []
     rectangles = []
-    for scale, moves in zip(*(each.tolist() for each in _slice_map(view, axes, reference, sign * np.array(ends)))):
+    for end in ends:
+        scale, away = _on_plane(eye, axes, reference, sign * end)
+        moves = away * eye[axes[0]], away * eye[axes[1]]
         left, top = (move - radius * scale for move in moves)
         right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts))
         rectangles.append([(left, top), (right, top), (right, bottom), (left, bottom)])
@@ -402,16 +409,20 @@ def _outline(view: IndexView, axes, sign: int, reference: float, sheets: Sheets,
 
 
 def _density(homography: list, polygon: list, sheet_density: float) -> list:
-    """Two: sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel."""
+    """Two: sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel.
+
+    ``polygon``: of ``_seen_through``.
+    """
     if sheet_density == 0.0:
         return [1.0, 1.0]
-    points = [*polygon, [sum(along) / len(polygon) for along in zip(*polygon)]]
-    (across, down, weight), stretch = homography, []
-    for x, y in points:
-        a, b, c = (row[0] * x + row[1] * y + row[2] for row in homography)
-        # Image pixels per voxel along X, then Y, at this point; without bound where it is beside the eye.
-        moved = [math.hypot(across[d] * c - a * weight[d], down[d] * c - b * weight[d]) for d in range(2)]
-        stretch.append([length / (c * c) if c * c > 0.0 else math.inf for length in moved])
+    middle = [sum(along) / len(polygon) for along in zip(*polygon)]
     cap = DENSEST_CORNER if sheet_density >= QUICK else 1.0
-    most = (max(along) for along in zip(*stretch))
-    return [sheet_density * min(one, cap * middle) for one, middle in zip(most, stretch[-1])]
+    density = []
+    for across, down, weight in list(zip(*homography))[:2]:
+        # Image pixels per voxel along X, then Y, at each point; without bound where it is beside the eye.
+        stretch = [
+            math.hypot(across * c - a * weight, down * c - b * weight) / (c * c) if c * c > 0.0 else math.inf
+            for *_, a, b, c in (*polygon, middle)
+        ]
+        density.append(sheet_density * min(max(stretch), cap * stretch[-1]))
+    return density

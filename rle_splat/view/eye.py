@@ -14,10 +14,10 @@ import numpy as np
 
 from ..scene import Camera, RleSplatError
 from .projection import depth_row, world_to_pixel
+from .triples import cross, dot
 
 # A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12
-OTHERS = [[column for column in range(4) if column != left_out] for left_out in range(4)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +104,11 @@ def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) 
     depth = depth_row(camera) @ index_to_world
     # Null vector by signed 3x3 minors: no inverse, and no division by a small w. Only their ratios matter, so scaling
     # by a power of two, which changes no bits, keeps the products in the range of float64.
-    scaled = np.ldexp(projection, -math.frexp(float(np.abs(projection).max()))[1])
-    x, y, z, w = np.linalg.det(scaled[:, OTHERS].transpose(1, 0, 2)).tolist()
-    minors = x, -y, z, -w
+    rows = projection.tolist()
+    exponent = math.frexp(max(abs(part) for row in rows for part in row))[1]
+    a, b, c, d = zip(*([math.ldexp(part, -exponent) for part in row] for row in rows))
+    first, last = cross(a, b), cross(c, d)
+    minors = dot(b, last), -dot(a, last), dot(first, d), -dot(first, c)
     if not (all(map(math.isfinite, minors)) and any(minors[:3] if camera.type == "ORTHO" else minors[3:])):
         raise RleSplatError(
             "Camera and volume differ too much in size, or are too far apart, for the arithmetic; bring them closer."
@@ -114,7 +116,7 @@ def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) 
     if camera.type == "ORTHO":
         largest = max(map(abs, minors[:3]))
         eye = np.array([*(minor / largest for minor in minors[:3]), 0.0])
-        if depth[:3] @ eye[:3] > 0.0:
+        if dot(depth[:3], eye[:3]) > 0.0:
             eye = -eye
     else:
         eye = np.array([minor / minors[3] for minor in minors])

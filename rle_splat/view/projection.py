@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
 
 from ..scene import Camera
+from .triples import cross, dot
 
 
 @lru_cache(maxsize=8)
@@ -16,10 +18,12 @@ def world_to_camera(camera: Camera) -> np.ndarray:
     The columns of ``matrix_world`` are normalized first, because Blender ignores the scale of a camera and its parents.
     Kept for the latest cameras, each of which is asked for several times a frame.
     """
-    placed = np.array(camera.matrix_world)
-    lengths = np.linalg.norm(placed[:3, :3], axis=0)
-    placed[:3, :3] /= np.where(lengths > 0.0, lengths, 1.0)
-    found = np.linalg.inv(placed)
+    *axes, place = (column[:3] for column in camera.matrix_world.T.tolist())
+    right, up, back = ([part / (math.hypot(*axis) or 1.0) for part in axis] for axis in axes)
+    rows = cross(up, back), cross(back, right), cross(right, up)
+    volume = dot(right, rows[0])
+    inverse = [[part / volume for part in row] for row in rows]
+    found = np.array([*([*row, -dot(row, place)] for row in inverse), (0.0, 0.0, 0.0, 1.0)])
     found.flags.writeable = False
     return found
 

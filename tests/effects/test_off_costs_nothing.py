@@ -11,7 +11,7 @@ import pytest
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.jit import compiled, kernel, noting_kernels
+from rle_splat.runtime.jit import NotingKernels, compiled, kernel
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.shade.shading import normals
 from rle_splat.view.turntable import turntable
@@ -191,8 +191,8 @@ def _twice(value):
 def test_kernels_are_noted_where_somebody_asks_and_only_there():
     names, inner = set(), set()
     _twice(1.0)
-    with noting_kernels(names):
-        with noting_kernels(inner):
+    with NotingKernels(names):
+        with NotingKernels(inner):
             _twice(1.0)
         assert not names
     _twice(1.0)
