@@ -9,6 +9,7 @@ import numpy as np
 
 from ..classify.limits import STRONGEST_LIGHT
 from ..runtime.jit import read_only
+from ..volume.triples import unit
 from .environment import SKY, most_by_normal, terms_of
 from .lights import AXIS, KIND, NEAREST, RGB, SUN, light_rows
 
@@ -104,11 +105,17 @@ class Lighting:
         shadows = None if self.shadows is None else (read_only(self.shadows.codes), read_only(self.shadows.row_of))
         return self.matrix, self.rows, self.eye, shadows
 
+    def beams(self) -> list[tuple]:
+        """For each parallel light three triples: unit vectors to the light, and half-way to the eye; RGB."""
+        eye, found = unit(self.eye[:3].tolist()), []
+        for row in self.rows.tolist():
+            towards = [-part for part in row[AXIS:RGB]]
+            found.append((towards, unit([one + two for one, two in zip(towards, eye)]), row[RGB:NEAREST]))
+        return found
+
     def rays(self) -> np.ndarray:
-        """(n, 9) float32, for parallel lights: unit vectors to the light, and half-way to the eye; RGB."""
-        towards = -self.rows[:, AXIS:RGB]
-        halfway = unit_vectors(towards + unit_vectors(self.eye[None, :3]))
-        return np.ascontiguousarray(np.hstack((towards, halfway, self.rows[:, RGB:NEAREST])), dtype=np.float32)
+        """(n, 9) float32: ``beams``."""
+        return np.array(self.beams(), np.float32).reshape(-1, 9)
 
 
 def is_shaded(shading, lights, headlight_direction=None, world=None) -> bool:

@@ -104,13 +104,17 @@ class NormalLight:
     @cached_property
     def _of_all_axes(self) -> tuple:
         """``rays``, ``surface``, ``whole`` and ``parts`` of Lamps, whatever the principal axis."""
-        material, rays = self.falling.material, self.falling.rays().astype(np.float64)
-        strengths = rays[:, MATT:GLOSS]
-        rays = np.hstack((rays[:, :MATT], material[1] * strengths, material[2] * strengths))
-        places = round(float(material[3]) * 2**PART_BITS)
-        faintest = 2.0 ** -(FAINT_BITS / max(float(material[3]), 0.5))
-        surface = np.array((*material[4:7], material[BACK], faintest), np.float32)
-        return read_only(rays.astype(np.float32)), read_only(surface), places >> PART_BITS, places % 2**PART_BITS
+        material = self.falling.material.tolist()
+        _, diffuse, specular, shininess, *everywhere = material[:7]
+        rays = [
+            (*towards, *halfway, *(diffuse * part for part in color), *(specular * part for part in color))
+            for towards, halfway, color in self.falling.beams()
+        ]
+        rays = np.array(rays, np.float32).reshape(-1, RAY)
+        places = round(shininess * 2**PART_BITS)
+        faintest = 2.0 ** -(FAINT_BITS / max(shininess, 0.5))
+        surface = np.array((*everywhere, material[BACK], faintest), np.float32)
+        return read_only(rays), read_only(surface), places >> PART_BITS, places % 2**PART_BITS
 
 
 def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:

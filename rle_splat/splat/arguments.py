@@ -15,6 +15,7 @@ from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_intervals import box_intervals
 from ..volume.axes import AXES
+from ..volume.triples import dot
 
 
 class Records(NamedTuple):
@@ -156,9 +157,9 @@ def rays_of(plane: BasePlane, length_unit: float, corrected: bool, intervals=Non
         none = np.zeros(plane.height)
         return Rays(np.ones(plane.width), np.zeros(plane.width), none, none, plane.seen, intervals)
     dx, dy = plane.ray_slopes
-    axes = list(AXES[plane.axis])
-    to_world = plane.view.to_world[:, axes] / length_unit
-    ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = to_world.T @ to_world
+    to_world = (plane.view.to_world / length_unit).T.tolist()
+    x, y, z = (to_world[axis] for axis in AXES[plane.axis])
+    xx, xy, xz, yy, yz, zz = dot(x, x), dot(x, y), dot(x, z), dot(y, y), dot(y, z), dot(z, z)
     along, across = dx * (xx * dx + 2.0 * xz) + zz, dy * (yy * dy + 2.0 * yz)
     return Rays(along, 2.0 * xy * dx, across, np.array(dy), plane.seen, intervals)
 
@@ -319,10 +320,9 @@ class Box(NamedTuple):
 def box_of(plane: BasePlane, shape_xyz, block: int) -> Box:
     """The Box of a base plane, its columns in blocks of ``block``."""
     columns, rows = box_intervals(plane, shape_xyz)
-    starts = range(0, columns.shape[1], block)
+    starts = np.arange(0, columns.shape[1], block)
     ends = np.empty((4, len(starts)), np.float32)
-    for place, (which, reduce) in enumerate(((0, np.minimum), (0, np.maximum), (1, np.minimum), (1, np.maximum))):
-        reduce.reduceat(columns[which], starts, out=ends[place])
-    deepest = float((plane.sheets.far - plane.sheets.begin).max(initial=0.0))
+    np.minimum.reduceat(columns, starts, axis=1, out=ends[0::2])
+    np.maximum.reduceat(columns, starts, axis=1, out=ends[1::2])
     steepest = max(abs(float(slope[end])) for slope in plane.ray_slopes for end in (0, -1))  # linear in its place
-    return Box(columns, rows, ends, math.ceil(deepest * steepest) + 1.0)
+    return Box(columns, rows, ends, math.ceil(plane.sheets.deepest * steepest) + 1.0)

@@ -11,7 +11,8 @@ from ..scene import Mist, Quality
 from ..shade.normal_light import NO_LAMPS
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
-from .arguments import Light, Lookup, ScalarTables, SheetList, StoredScalars, box_of, rays_of
+from ..view.depth_rules import Sheets
+from .arguments import Light, Lookup, ScalarTables, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -112,7 +113,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
         yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
         return image
     workers = thread_count(quality.threads)
-    grouped = _grouped(sheets, encoded.thinned, intervals, sign, absorbs, mist)
+    grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist)
     arguments = (*arguments, grouped, least)
     group = GROUP if grouped else 1
     scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True, group=group)
@@ -120,7 +121,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
     return image
 
 
-def _grouped(sheets: SheetList, thinned: bool, *extras) -> bool | None:
+def _grouped(sheets: Sheets, thinned: bool, *extras) -> bool | None:
     """Whether sheets are to be handled in groups: True, or None where they are not, which is left out of the kernel.
 
     ``extras``: what groups know nothing of, all None without it.

@@ -16,7 +16,7 @@ import numpy as np
 from ..runtime.jit import compiled, thread_count
 from ..scene import Quality
 from ..view.base_plane import BasePlane
-from ..view.depth_rules import OWN
+from ..view.depth_rules import OWN, Sheets
 from ..volume.axes import AXES
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
@@ -189,13 +189,14 @@ class Scratch(NamedTuple):
 _GROUPS = (VoxelLine, Scanlines, Scanlines, Rows, BlockScratch, WaitingBlocks)  # of Scratch, in order
 
 
-def worth_grouping(sheets) -> bool:
-    """Whether sheets of the scalar (``view.depth_rules.Sheets``) are handled in groups.
+@lru_cache(maxsize=16)
+def worth_grouping(sheets: Sheets) -> bool:
+    """Whether sheets of the scalar are handled in groups.
 
     They are where there are several per voxel and each has a slab of its own.  The few sheets of a quick picture do
-    not pay for compiling another kernel.
+    not pay for compiling another kernel.  Kept, since most frames have the previous sheets.
     """
-    return len(sheets.kind) > 0 and bool((sheets.kind == OWN).all()) and sheets.thickness.mean() < WORTH_GROUPING
+    return len(sheets.kind) > 0 and bool((sheets.kind == OWN).all()) and bool(sheets.thickness.mean() < WORTH_GROUPING)
 
 
 def scratch_for(
@@ -207,7 +208,7 @@ def scratch_for(
     """
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     sizes = _sizes(
-        tables.width, rays.along.size, sheets.scale.min(axis=0), len(sheets.begin), wide, channels, before,
+        tables.width, rays.along.size, _coarsest(sheets.scale), len(sheets.begin), wide, channels, before,
         rays.intervals.size > 0, group,
     )
     rows = workers * SPREAD
@@ -228,7 +229,7 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, 
         return 0
     group = GROUP if scalars and not shortened and worth_grouping(plane.sheets) else 1
     sizes = _sizes(
-        shape_xyz[AXES[plane.axis][0]], plane.width, plane.scale.min(axis=0), len(plane.sheets),
+        shape_xyz[AXES[plane.axis][0]], plane.width, _coarsest(plane.scale), len(plane.sheets),
         None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, shortened, group,
     )
     return thread_count(quality.threads) * _bytes_of(*sizes)
@@ -243,10 +244,15 @@ def _sizes(
     along and across scanlines, of the sheet with least.
     """
     blocks = -(-image_width // BLOCK)
-    stretch = np.maximum(1.0, 1.0 / coarsest) if wide is not None and wide.widen else np.ones(2)
+    stretch = [max(1.0, 1.0 / scale) if wide is not None and wide.widen else 1.0 for scale in coarsest]
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
     return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, shortened, group
+
+
+def _coarsest(scale: np.ndarray) -> list[float]:
+    """Two: the least sheet pixels a voxel along and across scanlines, of sheets in order of depth: scales (n, 2)."""
+    return list(map(min, scale[0].tolist(), scale[-1].tolist()))  # monotone in depth, so the ends decide
 
 
 @lru_cache

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
@@ -86,23 +88,35 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
 
 def sheet_list(encoded, plane: BasePlane) -> SheetList:
     """The sheets of a base plane that the volume's voxels reach.  ``encoded``: a RunLengthVolume or ScalarVolume."""
-    placed = plane.sheets
-    shown = _reached(encoded, placed)
-    between = placed.kind == BETWEEN
+    some, placed = _shown(plane.sheets, encoded.filled_slices.tobytes())
+    *before, far, kind = placed
+    return SheetList(*before, plane.scale[some], plane.offset[some], far, kind)
+
+
+@lru_cache(maxsize=16)
+def _shown(sheets: Sheets, filled_slices: bytes) -> tuple:
+    """The sheets that are reached, as an index, and their columns of SheetList but for ``scale`` and ``offset``.
+
+    ``filled_slices``: bytes of (n,) bool, which slices have voxels.  Kept, since most frames have the previous sheets.
+    """
+    shown = _reached(np.frombuffer(filled_slices, bool), sheets)
+    between = sheets.kind == BETWEEN
     shown[1:] |= shown[:-1] & between[1:]  # the slab behind the last voxels
-    kind = placed.kind.copy()
+    kind = sheets.kind.copy()
     kind[1:][between[1:] & ~shown[:-1]] = ALONE
     columns = (
-        placed.first_slice, placed.slice_weights, placed.thickness, placed.begin, placed.end, plane.scale, plane.offset,
-        placed.far, kind,
+        sheets.first_slice, sheets.slice_weights, sheets.thickness, sheets.begin, sheets.end, sheets.far, kind,
     )  # fmt: skip
     some = slice(int(shown.argmax()), len(shown) - int(shown[::-1].argmax()))  # nearly always all of them
-    return SheetList(*(column[some if shown[some].all() else shown] for column in columns))
+    some = some if shown[some].all() else shown
+    return some, [column[some] for column in columns]
 
 
-def _reached(encoded, sheets: Sheets) -> np.ndarray:
-    """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does."""
-    filled = encoded.filled_slices
+def _reached(filled: np.ndarray, sheets: Sheets) -> np.ndarray:
+    """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does.
+
+    ``filled``: which slices have voxels.
+    """
     reached = np.zeros(len(sheets.first_slice), bool)
     for tap in range(sheets.slice_weights.shape[1]):
         number = np.minimum(np.maximum(sheets.first_slice + (1 + tap), 0), len(filled) - 1)

@@ -7,8 +7,8 @@ first and last slice extend beyond it (the tent ramps over [-1, 0] and [n-1, n])
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -124,13 +124,18 @@ class Sheets:
     def __len__(self) -> int:
         return len(self.position)
 
+    @cached_property
+    def deepest(self) -> float:
+        """Most depth over which a sheet's samples are used, in voxels."""
+        return float((self.far - self.begin).max(initial=0.0))
+
     def part(self, first: int, last: int) -> Sheets:
         """Sheets that show nothing but the slabs of the sheets [``first``, ``last``).
 
         A sheet whose slab begins at the sheet before follows that sheet, which then only begins it.
         """
         begins = int(self.kind[first] == BETWEEN)
-        part = Sheets(*(column[first - begins : last].copy() for column in vars(self).values()))
+        part = Sheets(*(getattr(self, column.name)[first - begins : last].copy() for column in fields(self)))
         part.far[-1] = part.end[-1]
         if begins:
             part.kind[0], part.thickness[0], part.begin[0] = BEGINS, 0.0, part.end[0]

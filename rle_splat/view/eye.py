@@ -13,8 +13,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..scene import Camera, RleSplatError
+from ..volume.triples import cross, dot
 from .projection import depth_row, world_to_pixel
-from .triples import cross, dot
 
 # A matrix whose smallest singular value is below this fraction of its largest flattens the volume.
 FLAT = 1e-12

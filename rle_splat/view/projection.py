@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import numpy as np
 
 from ..scene import Camera
-from .triples import cross, dot
+from ..volume.triples import cross, dot, unit
 
 
 @lru_cache(maxsize=8)
@@ -19,7 +18,7 @@ def world_to_camera(camera: Camera) -> np.ndarray:
     Kept for the latest cameras, each of which is asked for several times a frame.
     """
     *axes, place = (column[:3] for column in camera.matrix_world.T.tolist())
-    right, up, back = ([part / (math.hypot(*axis) or 1.0) for part in axis] for axis in axes)
+    right, up, back = map(unit, axes)
     rows = cross(up, back), cross(back, right), cross(right, up)
     volume = dot(right, rows[0])
     inverse = [[part / volume for part in row] for row in rows]

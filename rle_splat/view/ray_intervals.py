@@ -238,16 +238,18 @@ def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     found = []
     for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
         last = shape_xyz[axis] - 1.0
+        straight = slope == 0.0
+        some_straight = bool(straight.any())
+        if some_straight:
+            slope = np.where(straight, 1.0, slope)
+        at_first = plane.sign * ((0.0 - position) / slope + plane.reference)
+        at_last = plane.sign * ((last - position) / slope + plane.reference)
         ends = np.empty((2, len(position)))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            at_first = plane.sign * ((0.0 - position) / slope + plane.reference)
-            at_last = plane.sign * ((last - position) / slope + plane.reference)
         np.minimum(at_first, at_last, out=ends[0])
         np.maximum(at_first, at_last, out=ends[1])
-        straight = np.equal(slope, 0.0)
-        if straight.any():
+        if some_straight:
             inside = (position >= 0.0) & (position <= last)
             ends[0] = np.where(straight, np.where(inside, -np.inf, np.inf), ends[0])
             ends[1] = np.where(straight, np.where(inside, np.inf, -np.inf), ends[1])
-        found.append(np.clip(ends, -MOST, MOST).astype(np.float32))
+        found.append(np.minimum(np.maximum(ends, -MOST, out=ends), MOST, out=ends).astype(np.float32))
     return tuple(found)

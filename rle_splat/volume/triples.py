@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 def cross(one, two) -> tuple[float, float, float]:
     """Cross product of two triples."""
@@ -13,3 +15,9 @@ def dot(one, two) -> float:
     """Dot product of two triples."""
     (a, b, c), (x, y, z) = one, two
     return a * x + b * y + c * z
+
+
+def unit(triple) -> list[float]:
+    """A triple scaled to length one; zeros are kept."""
+    length = math.hypot(*triple) or 1.0
+    return [part / length for part in triple]
