@@ -54,6 +54,7 @@ def cell_nodes(rule: str) -> tuple:
     return NAMED_NODES[rule]
 
 
+@lru_cache(maxsize=32)
 def sheets_per_cell(rule: str) -> int:
     """How many sheets a depth rule has for each of its cells, away from the ends."""
     slabs = preintegrated_of(rule)
@@ -191,25 +192,23 @@ def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[
 def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Footprint, boxed: bool) -> Sheets:
     """``place_sheets`` for an eye along the viewing direction; cached, since most frames repeat the previous sheets."""
     past, first, last = _ends(n_slices, sign, footprint, boxed)
-    position, thickness, kinds = [], [], []
+    position, thickness, kind = np.empty(0), np.empty(0), np.empty(0, np.int64)
     start = first
     slabs, depth = preintegrated_of(rule), CELL_DEPTHS.get(rule, 1)
     if eye >= last:
         cells = np.empty(0)
     elif eye > first - NEAREST_SLICE:
         start = max(eye, first)
-        whole = np.floor(eye + NEAREST_SLICE) + 1.0
-        for at, weight in FIRST_CELL_NODES:
-            position.append(start + at * (whole - start))
-            thickness.append(weight * (whole - start))
+        whole = math.floor(eye + NEAREST_SLICE) + 1.0
+        along, weights = np.array(FIRST_CELL_NODES).T
+        position, thickness, kind = start + along * (whole - start), weights * (whole - start), np.full(len(along), OWN)
         cells = _cells(whole, first + past, last - past, last, depth)
     else:
         cells = _cells(first, first + past, last - past, last, depth)
     if slabs is not None and len(cells):
-        planes = cells[0] + np.arange(len(cells) * slabs + 1) / slabs
-        kinds = [OWN] * len(position) + [BEGINS] + [BETWEEN] * (len(planes) - 1)
-        position.extend(planes)
-        thickness.extend(np.append(0.0, np.diff(planes)))
+        along = cells[0] + np.arange(len(cells) * slabs + 1) / slabs
+        weights, kinds = np.diff(along, prepend=along[0]), np.full(len(along), BETWEEN)
+        kinds[0] = BEGINS
     elif len(cells):
         nodes = np.array(cell_nodes(rule))
         depths = np.diff(np.append(cells, last))[:, None]
@@ -218,19 +217,23 @@ def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Foo
             last_of_cell = np.arange(len(nodes) - 1, len(along) - 1, len(nodes))
             weights[last_of_cell + 1] += weights[last_of_cell]
             along, weights = np.delete(along, last_of_cell), np.delete(weights, last_of_cell)
-        position.extend(along)
-        thickness.extend(weights)
-    along, thickness = np.array(position), np.array(thickness)
-    begin = start + np.concatenate(([0.0], np.cumsum(thickness)[:-1])) if len(along) else along
+        kinds = np.full(len(along), OWN)
+    if len(cells):
+        position, thickness = np.concatenate((position, along)), np.concatenate((thickness, weights))
+        kind = np.concatenate((kind, kinds))
+    depth_before = np.cumsum(thickness)
+    depth_before[1:] = depth_before[:-1]
+    depth_before[:1] = 0.0
+    begin = start + depth_before
     end = begin + thickness
-    kind = np.array(kinds or [OWN] * len(along), np.int64)
-    far = np.where(np.append(kind[1:] == BETWEEN, False), np.append(end[1:], 0.0), end) if len(along) else end
-    axis_position = sign * along
+    far = end.copy()
+    np.copyto(far[:-1], end[1:], where=kind[1:] == BETWEEN)
+    axis_position = sign * position
     reach = 0.5 if boxed else footprint.radius  # half a voxel keeps sheets that rounding puts beyond the last slice
     touches_data = (axis_position > -reach) & (axis_position < n_slices - 1 + reach)
     axis_position = np.clip(axis_position, 0.0, n_slices - 1.0) if boxed else axis_position
-    first_slice, slice_weights = footprint_weights(footprint, axis_position[touches_data])
-    return Sheets(
-        *(np.ascontiguousarray(column) for column in (axis_position[touches_data], first_slice, slice_weights)),
-        *(np.ascontiguousarray(column[touches_data]) for column in (thickness, begin, end, far, kind)),
-    )
+    columns = axis_position, thickness, begin, end, far, kind
+    if not touches_data.all():
+        columns = [column[touches_data] for column in columns]
+    axis_position, *others = columns
+    return Sheets(axis_position, *footprint_weights(footprint, axis_position), *others)
