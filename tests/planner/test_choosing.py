@@ -143,12 +143,18 @@ def test_what_a_measurement_says_is_believed():
     assert second.milliseconds > first.milliseconds and second.errors.total <= SAFETY * 2.0
 
 
-def test_speed_is_the_middle_of_what_frames_took():
-    model, seen, plan = Model.of("pre"), features(), base("pre")
-    splat, warp = model.milliseconds(seen, plan)
-    frames = [(plan, {"splat": factor * splat, "warp": 2.0 * warp}) for factor in (1.0, 3.0, 50.0)]
-    assert Speed.of(model, seen, frames).splat == pytest.approx(3.0)
-    assert Speed.of(model, seen, frames).warp == pytest.approx(2.0)
+@pytest.mark.parametrize(("density", "rule", "splat"), (
+    (0.7, "slice", 1.0), (1.4, "slice", 3.0), (0.7, "midpoint-2", 2.0), (1.4, "gauss2", 6.0), (0.35, "slice", 1 / 3),
+    (0.99, "midpoint-1", 3.0**0.5), (0.1, "slice", 1 / 3), (8.0, "midpoint-8", 6.0),
+))  # fmt: skip
+def test_the_speed_of_a_plan_is_interpolated_between_the_pilots(density, rule, splat):
+    model, seen, timed = Model.of("pre"), features(), {}
+    factors = {"coarse": (1.0, 1.0), "deep": (2.0, 50.0), "dense": (3.0, 2.0)}
+    for name, plan in pilots(base("pre")).items():
+        expected = model.milliseconds(seen, plan)
+        timed[name] = plan, {stage: by * ms for stage, by, ms in zip(("splat", "warp"), factors[name], expected)}
+    speed = Speed.of(model, seen, timed, replace(base("pre"), depth_rule=rule, sheet_density=density))
+    assert speed.splat == pytest.approx(splat, rel=0.01) and speed.warp == pytest.approx(2.0)
 
 
 def test_termination_comes_from_the_tolerance():

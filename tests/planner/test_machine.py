@@ -103,14 +103,14 @@ def test_no_time_of_a_run_decides_over_a_plan(monkeypatch, classification):
     random, told = np.random.default_rng(3), set()
     quality = Quality(classification=classification)
     session = drain(session_steps(scene_of(3.0), quality, StageCache(), 0.2))
-    frames, cost = session.frames, session.ray_cost
+    timed, cost = session.pilots, session.ray_cost
     for tolerance in (16.0, 4.0, 1.0, 0.5):
         found = set()
         for _ in range(10):
-            session.frames = [
-                (plan, {name: ms * 5.0 ** random.uniform(-1.0, 1.0) for name, ms in stages.items()})
-                for plan, stages in frames
-            ]
+            session.pilots = {
+                pilot: (plan, {name: ms * 5.0 ** random.uniform(-1.0, 1.0) for name, ms in stages.items()})
+                for pilot, (plan, stages) in timed.items()
+            }
             if cost is not None:
                 us = tuple(each * 5.0 ** random.uniform(-1.0, 1.0) for each in cost.measured_us)
                 session.ray_cost = replace(cost, measured_us=us)

@@ -8,7 +8,7 @@ termination, short records and rounding are added to it.
 
 Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
 scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users are told is scaled by the
-times of the pilots and other frames of the scene, too (``choose.Speed``).
+times of the scene's pilots, too (``choose.Speed``).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, mapped, part, portion
 from ...scene import Quality, Rendering, Scene
-from .choose import NEARLY_BEST, Choice, Speed, choose, choose_with_rays
+from .choose import NEARLY_BEST, STAGES, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
 from .features import PILOTS, Features, features_of, pilots
 from .machine import MachineProfile, profile_steps
@@ -47,8 +47,8 @@ class PlannerSession:
     features : Features
     machine : MachineProfile
         By which plans are chosen.
-    frames : list of (Quality, dict)
-        Plans that were rendered, each with the ``stages_ms`` of its report; of a pilot the least of PILOT_ROUNDS.
+    pilots : dict
+        Names of the pilots -> their plan, and the milliseconds of its stages, the least of PILOT_ROUNDS.
     estimate : ErrorEstimate or None
         None where the scene or the classification has no single rays.
     ray_cost : RayCost or None
@@ -63,14 +63,9 @@ class PlannerSession:
     model: Model
     features: Features
     machine: MachineProfile
-    frames: list
+    pilots: dict
     estimate: ErrorEstimate | None = None
     ray_cost: RayCost | None = None
-
-    @property
-    def speed(self) -> Speed:
-        """The speed of this machine with this scene, from all frames so far: for what users are told, not for plans."""
-        return Speed.of(self.model, self.features, self.frames)
 
     def choose(
         self, tolerance: float, correction: float = 1.0, slack: float = NEARLY_BEST, only: Quality | None = None
@@ -98,7 +93,7 @@ class PlannerSession:
 
     def _told(self, choice: Choice) -> Choice:
         """The choice with the times that are expected in this run."""
-        speed, rays_ms = self.speed, 0.0
+        speed, rays_ms = Speed.of(self.model, self.features, self.pilots, choice.plan), 0.0
         if choice.rays:
             rays_ms = self.ray_cost.expected_ms(choice.rays, choice.slabs)
         splat, warp = choice.splat_ms / self.machine.splat, choice.warp_ms / self.machine.warp
@@ -155,13 +150,13 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         span = end * number / (PILOT_ROUNDS * len(plans)), end * (number + 1) / (PILOT_ROUNDS * len(plans))
         drawn[name] = yield from picture_steps(scene, plan, cache, *span, "Looking at the scene", refuse_empty_view)
         times[name].append(drawn[name].report["stages_ms"])
-    frames = [
-        (plan, {stage: min(one[stage] for one in times[name]) for stage in ("splat", "warp")})
+    timed = {
+        name: (plan, {stage: min(one[stage] for one in times[name]) for stage in STAGES})
         for name, plan in plans.items()
-    ]
+    }
     features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
     machine = yield from part(profile_steps(quality), end, end)
-    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, frames)
+    session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, timed)
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
         steps = ray_cost_steps(shown, quality, session.estimate, machine.cell_us, machine.slab_us, cache)

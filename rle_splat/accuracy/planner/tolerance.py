@@ -208,11 +208,9 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
 
 
 def _frame_steps(session: PlannerSession, choice: Choice, begin: float, end: float):
-    """Generator of Progress: the Rendering of a choice's sheets, whose time counts for the session's speed."""
+    """Generator of Progress: the Rendering of a choice's sheets."""
     message = _told_time(f"Rendering {name_of(choice.plan)}", choice.splat_ms + choice.warp_ms)
-    rendering = yield from session.picture_steps(choice.plan, begin, end, message)
-    session.frames.append((choice.plan, rendering.report["stages_ms"]))
-    return rendering
+    return session.picture_steps(choice.plan, begin, end, message)
 
 
 def _told_time(message: str, milliseconds: float) -> str:
