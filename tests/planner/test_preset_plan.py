@@ -9,7 +9,7 @@ import pytest
 from benchmarks.plans import BEFORE, Judge, plan_of, vessels
 from rle_splat.classify.roughness import roughness
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.preset_plan import CANDIDATES, choose, held
+from rle_splat.pipeline.preset_plan import CANDIDATES, EQUAL_COSTS, Candidate, choose, held
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -76,9 +76,18 @@ def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
             assert chosen.knobs == usual.knobs
         else:
             assert chosen.error(rough) < usual.error(rough)
-            cheaper = [one.error(rough) for one in CANDIDATES if one.cost < chosen.cost]
+            cheaper = [one.error(rough) for one in CANDIDATES if EQUAL_COSTS * one.cost < chosen.cost]
             assert min(cheaper) > PRESET_AIMS[name] or chosen.error(rough) > PRESET_AIMS[name]
     assert costs[0] == usual.cost < costs[-1] and all(one <= other for one, other in pairwise(costs))
+
+
+def test_of_plans_that_cost_the_same_the_most_accurate_is_taken(monkeypatch):
+    usual = Candidate(own("standard"), 1.0, 100.0, 1.0)
+    some = [Candidate(("slice", density, "cubic", 1 / 1024, NO_RAYS), cost, error, 1.0)
+            for density, cost, error in ((1.0, 2.0, 9.0), (1.5, 2.0 * EQUAL_COSTS, 7.0), (2.0, 2.2, 1.0))]
+    monkeypatch.setattr("rle_splat.pipeline.preset_plan.CANDIDATES", (usual, *some))
+    assert choose(own("standard"), 10.0, 1.0, True) == (usual, some[1])
+    assert choose(own("standard"), 5.0, 1.0, True) == (usual, some[2])
 
 
 def test_without_single_rays_no_plan_has_any_but_the_presets_own():
