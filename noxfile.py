@@ -208,11 +208,12 @@ def blender(parser, words) -> int:
         help="photograph its window as a scenario of tests/blender/window_driver.py says",
     )  # fmt: skip
     parser.add_argument("--size", default="1280x1600", metavar="WxH", help="of the photographed screen, in pixels")
+    parser.add_argument("--gpu-backend", choices=("opengl", "vulkan"), help="what its windows are drawn with")
     known = parser.parse_args(words)
     real_blender.set_up()
     if known.photograph:
-        return testing.photograph(known.photograph, known.size)
-    return testing.test_real_blender() if known.test else 0
+        return testing.photograph(known.photograph, known.size, known.gpu_backend)
+    return testing.test_real_blender(known.gpu_backend) if known.test else 0
 
 
 @job

@@ -21,11 +21,14 @@ CHROOT = ENVIRONMENTS / f"blender-{SUITE}"
 STAMP = CHROOT / "ready"
 OLDEST = (4, 5)
 
-# Blender; what its extensions need; openvdb; software OpenGL; a virtual screen, a mouse and a camera for it.
+# Blender; what its extensions need; openvdb; OpenGL and Vulkan in software; a virtual screen, a mouse and a camera for
+# it.
 PACKAGES = (
     "blender", "python3-numpy", "python3-requests", "python3-cattr", "python3-openvdb",
-    "libgl1-mesa-dri", "libegl1", "xvfb", "xdotool", "imagemagick", "fonts-dejavu-core",
+    "libgl1-mesa-dri", "libegl1", "mesa-vulkan-drivers", "xvfb", "xdotool", "imagemagick", "fonts-dejavu-core",
 )  # fmt: skip
+
+_READY = f"{SUITE}: {' '.join(PACKAGES)}\n"  # what the stamp says
 
 _INSIDE = {
     "HOME": "/root",  # of the small system, not of this machine
@@ -96,7 +99,7 @@ def find_blender() -> Blender:
 
 def set_up() -> Blender:
     """Make the small system with Debian's Blender in it (1.3 GB, one to three minutes); root on Debian only."""
-    if not STAMP.is_file():
+    if not STAMP.is_file() or STAMP.read_text() != _READY:
         if not can_apt():
             raise Failure(
                 "dev.py blender needs root and apt-get; elsewhere install Blender 4.5 or newer yourself and put it "
@@ -120,7 +123,7 @@ def set_up() -> Blender:
             (("apt-get", "clean"), "apt-get clean failed in the small system."),
         ):
             run(_in_chroot(*command), sentence, env=_INSIDE, stdout=subprocess.DEVNULL)
-        STAMP.write_text(SUITE + "\n")
+        STAMP.write_text(_READY)
     blender = find_blender()
     say(f"{blender.label}: {blender.version[0]}.{blender.version[1]}, Python {blender.python}")
     return blender

@@ -94,26 +94,34 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
         server.wait()
 
 
-def window_stages(zip_path: Path) -> list[Stage]:
+def window_stages(zip_path: Path, backend: str | None = None) -> list[Stage]:
     """What only a window does (F12 off the main thread, work from a timer, Esc), panels, files, viewports."""
-    return [
-        window_stage(zip_path, TESTS / WINDOW, "window", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / PANELS, "panels", TALL_SCREEN),
-        window_stage(zip_path, TESTS / IMPORT, "import", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / LIVE, "live", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / CUT, "cut", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / LOOK, "look", USUAL_SCREEN),
-        window_stage(zip_path, TESTS / PRESETS, "presets", HIGH_SCREEN),
-    ]
+    scripts = (
+        (WINDOW, "window", USUAL_SCREEN),
+        (PANELS, "panels", TALL_SCREEN),
+        (IMPORT, "import", USUAL_SCREEN),
+        (LIVE, "live", USUAL_SCREEN),
+        (CUT, "cut", USUAL_SCREEN),
+        (LOOK, "look", USUAL_SCREEN),
+        (PRESETS, "presets", HIGH_SCREEN),
+    )
+    return [window_stage(zip_path, TESTS / script, label, size, backend) for script, label, size in scripts]
 
 
-def window_stage(zip_path: Path | None, script: Path, label: str, size: tuple[int, int]) -> Stage:
-    """A script that needs a window, on a virtual screen of this size; without ``zip_path`` a zip is built."""
+def window_stage(
+    zip_path: Path | None, script: Path, label: str, size: tuple[int, int], backend: str | None = None
+) -> Stage:
+    """A script that needs a window, on a virtual screen of this size; without ``zip_path`` a zip is built.
+
+    ``backend``: what Blender draws with, "opengl" or "vulkan"; None for its own choice.
+    """
     try:
         blender = find_blender()
         with _virtual_screen(blender, size) as display:
             simulates = () if script.name in REAL_EVENTS else ("--enable-event-simulate",)
             place = [*simulates, "--window-geometry", "0", "0", *map(str, size)]
+            place += ["--gpu-backend", backend] if backend else []
+            label += f", {backend}" if backend else ""
             return _run(blender, zip_path, script, f", {label}", place, DISPLAY=display)
     except Failure as problem:
         return skipped(f"real blender, {label}", str(problem))

@@ -309,14 +309,14 @@ def test_catalogue() -> int:
     return failed
 
 
-def test_real_blender() -> int:
-    """The whole of tests/blender inside the real Blender, and what needs its window."""
+def test_real_blender(backend: str | None = None) -> int:
+    """The whole of tests/blender inside the real Blender, and what needs its window, drawn with ``backend``."""
     zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-    return summary([real_blender_stage(zip_path, TESTS / WHOLE), *window_stages(zip_path)])
+    return summary([real_blender_stage(zip_path, TESTS / WHOLE), *window_stages(zip_path, backend)])
 
 
-def photograph(scenario: Path, size: str) -> int:
+def photograph(scenario: Path, size: str, backend: str | None = None) -> int:
     """Run a scenario of tests/blender/window_driver.py in a window; its photographs are kept in build/window-shots/."""
     if not scenario.is_file():
         raise Failure(f"There is no scenario {scenario}.")
-    return summary([window_stage(None, scenario, scenario.stem, pixels(size))])
+    return summary([window_stage(None, scenario, scenario.stem, pixels(size), backend)])

@@ -31,6 +31,7 @@ from importlib import import_module
 from pathlib import Path
 
 import bpy
+import gpu
 
 from tests.blender.real_blender import MODULE, install
 
@@ -114,9 +115,18 @@ def drive(scenario) -> None:
 
 
 def _steps(scenario):
+    check_backend()
     install()
     preparation(False)
     yield from scenario()
+
+
+def check_backend() -> None:
+    """Print what the window is drawn with; an AssertionError where Blender was to be drawn with something else."""
+    backend = gpu.platform.backend_type_get()
+    print(f"drawn with {backend}, {gpu.platform.renderer_get()}", flush=True)
+    if "--gpu-backend" in sys.argv:
+        assert sys.argv[sys.argv.index("--gpu-backend") + 1].upper() == backend
 
 
 def preparation(on: bool) -> None:
