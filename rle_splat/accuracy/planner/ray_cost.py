@@ -56,15 +56,13 @@ class RayCost:
         return next((slabs for slabs in SLABS if self.error(slabs) <= allowed), MOST_SLABS)
 
 
-def measured_us(spent, rays: int, counted_us: tuple[float, float]) -> tuple[float, float]:
-    """``RayCost.measured_us`` from milliseconds of ``rays`` rays with FEW_SLABS slabs, and with twice as many.
+def measured_us(ratios, counted_us: tuple[float, float]) -> tuple[float, float]:
+    """``RayCost.measured_us`` from the ratios of the times that some rays took to those that were counted for them.
 
-    They scale what was counted, by the lesser ratio: a slope through both would carry the noise of so short a work to
+    They scale what was counted, by the least ratio: a slope through several would carry the noise of so short a work to
     eight times as many slabs.
     """
-    slabs = FEW_SLABS, 2 * FEW_SLABS
-    ratio = min(ms / max(_milliseconds(counted_us, rays, number), 1e-9) for ms, number in zip(spent, slabs))
-    return counted_us[0] * ratio, counted_us[1] * ratio
+    return counted_us[0] * min(ratios), counted_us[1] * min(ratios)
 
 
 def _milliseconds(microseconds: tuple[float, float], rays: int, slabs: int) -> float:

@@ -22,6 +22,9 @@ from .ray_cost import FEW_SLABS, RayCost, measured_us
 # RayCost is measured with rays at the pixels of the largest estimate and at random ones, each traced with FEW_SLABS
 # slabs to a voxel's depth and with twice as many.
 LARGEST_RAYS, RANDOM_RAYS = 256, 2048
+# More random rays that are timed: beside other work the fewer ones wait longer for the second thread than they work, at
+# each principal axis (measured for three axes: 43 to 67 ms, where 12 were counted).
+TIMED_RAYS = 8192
 COST_TERMINATION = 1 / 16384
 
 
@@ -69,16 +72,23 @@ def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cell
     """
     quality = replace(quality, termination=COST_TERMINATION)
     largest, anywhere = estimate.largest(LARGEST_RAYS), estimate.anywhere(RANDOM_RAYS)
-    found, spent = [], []
-    # The first of these may have to load the kernel, so its time does not count.  Of the others the shorter one counts:
-    # so few rays take many times as long when other work of the machine keeps a thread waiting.
-    for pixels in (largest, anywhere, anywhere):
+    found, timed_rays = [], []
+    for pixels in (largest, anywhere):
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
             rgba, work, took = yield from single_ray_steps(scene, quality, *pixels, slabs, cache)
             found.append(rgba)
-            spent.append(took)
+            timed_rays.append((took, work, slabs))
     differs = max(float(np.abs(few - many).max(initial=0.0)) for few, many in (found[:2], found[2:4]))
+    more = estimate.anywhere(TIMED_RAYS)
+    _, more_work, took = yield from single_ray_steps(scene, quality, *more, slabs, cache)
+    timed_rays.append((took, more_work, slabs))
+    # The first of all may have to load the kernel, so those at the largest estimate do not count.
+    ratios = [took / max(_counted_ms(*given, cell_us, slab_us), 1e-9) for took, *given in timed_rays[2:]]
     rays = max(len(work), 1)
     counted = cell_us * float(work.sum()) / rays, slab_us * float(work[:, COMPOSITED].sum()) / rays
-    shorter = [min(both) for both in zip(spent[2:4], spent[4:])]
-    return RayCost(LEVELS * differs, counted, measured_us(shorter, rays, counted))
+    return RayCost(LEVELS * differs, counted, measured_us(ratios, counted))
+
+
+def _counted_ms(work: np.ndarray, slabs: int, cell_us: float, slab_us: float) -> float:
+    """Milliseconds of rays by their ``work`` (n, 2)."""
+    return 1e-3 * (cell_us * float(work.sum()) + slabs * slab_us * float(work[:, COMPOSITED].sum()))
