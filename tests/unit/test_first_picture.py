@@ -62,6 +62,58 @@ def test_the_common_road_compiles_each_kernel_once(classification, kernels):
     assert json.loads(done.stdout) == expected
 
 
+THUMBNAILS = """
+import gc, json, sys
+import numpy as np
+from rle_splat.classify.default import default_transfer_function
+from rle_splat.classify.presets import PRESETS, fit_preset
+from rle_splat.pipeline.fitting import fitting_steps
+from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.pipeline.thumbnail import thumbnail_steps
+from rle_splat.runtime.jit import numba
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+def versions():
+    kernels = [k for k in gc.get_objects() if isinstance(k, numba.core.dispatcher.Dispatcher)]
+    outer = [k for k in kernels if not k.targetoptions.get("no_cpython_wrapper")]
+    return {(k.py_func.__name__, repr(signature)) for k in outer for signature in k.signatures}
+
+z, y, x = np.mgrid[:40, :40, :40] - 19.5
+voxels = np.clip(255 - 12 * np.sqrt(x**2 + y**2 + z**2), 0, 255).astype(sys.argv[1])
+voxels.flags.writeable = False
+volume, cache = Volume(voxels, np.eye(4)), StageCache()
+function, _ = default_transfer_function(volume)
+ends = np.full((60, 80), np.inf, np.float32)
+ends[20:30, 20:30] = 50.0
+for azimuth, elevation in json.loads(sys.argv[2]):
+    camera, matrix = turntable(volume, azimuth, elevation, perspective=True, width=80, height=60)
+    seen_by = {"crop": (5, 5, 70, 50), "ray_ends": ends}
+    scene = Scene(volume, function, camera, 80, 60, matrix, **seen_by)
+    drain(fitting_steps(scene, Quality.preset("draft"), cache, is_draft=True))
+before = versions()
+for name in PRESETS:
+    drain(thumbnail_steps(volume, fit_preset(name, volume)[0], 1.0, StageCache()))
+print(json.dumps([len(before), sorted({name for name, _ in versions() - before})]))
+"""
+ALONG_AN_AXIS = {"count_across", "fill_across_runs", "place_across", "fill_row_runs"}  # take 3 to 12 ms to load, each
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
+@pytest.mark.parametrize("stored, views, more", (
+    ("uint8", ((5, 5), (95, 5), (5, 85)), set()), ("int16", ((95, 5),), ALONG_AN_AXIS),
+))
+def test_thumbnails_load_no_kernels_beside_those_of_a_viewports_drafts(stored, views, more):
+    """But for those that make tables along a principal axis which no draft has had."""
+    words = [sys.executable, "-c", THUMBNAILS, stored, json.dumps(views)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    drafted, loaded = json.loads(done.stdout)
+    assert drafted > 8 and set(loaded) <= more
+
+
 def _said(first_ever, monkeypatch, classification, backend):
     """What is said of each step of a picture, in order."""
     pipeline = importlib.import_module("rle_splat.pipeline.render")
