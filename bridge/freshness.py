@@ -19,6 +19,7 @@ from ..rle_splat.volume.volume import Volume
 from . import backdrop, loading, pictures, render_scene, settings, transfer, volumes
 
 MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
+PLAIN = (int, float, str, bool, type(None))  # types of values that are hashed as Python writes them
 
 
 class MadeFrom(NamedTuple):
@@ -211,7 +212,13 @@ def digest(value) -> str:
 
 def _feed(total, value) -> None:
     """Add plain data to a hash."""
-    if isinstance(value, Volume):
+    if isinstance(value, PLAIN):  # most of all
+        total.update(f"{value!r};".encode())
+    elif isinstance(value, (tuple, list)):
+        total.update(f"({len(value)}".encode())
+        for one in value:
+            _feed(total, one)
+    elif isinstance(value, Volume):
         total.update(f"{value.key}{value.unit}".encode())
     elif not getattr(value, "holds_values", True):
         total.update(value.key.encode())
@@ -223,9 +230,5 @@ def _feed(total, value) -> None:
         total.update(np.ascontiguousarray(value).data)
     elif isinstance(value, dict):
         _feed(total, sorted(value.items()))
-    elif isinstance(value, (tuple, list)):
-        total.update(f"({len(value)}".encode())
-        for one in value:
-            _feed(total, one)
     else:
         total.update(f"{value!r};".encode())
