@@ -97,7 +97,7 @@ class StepwiseOperator:
 
     def refused(self, _context, problem) -> None:
         """Report why there is no result; everything is as it was before."""
-        self.report({"ERROR"}, str(problem))
+        self.report({"ERROR"}, told(str(problem)))
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":

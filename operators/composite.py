@@ -55,7 +55,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         mesh_shadows.settle(scene)
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
-            remarks.append(f"So are {', '.join(others)}; disable a volume in renders (Outliner) to leave it out.")
+            remarks.append(filled(
+                "So are {volumes}; disable a volume in renders (Outliner) to leave it out.", volumes=", ".join(others)))
         included = filled("{volume} is now included in every render.", volume=volume_object.name)
         self.report({"INFO"}, " ".join([included, *remarks]))
         return {"FINISHED"}

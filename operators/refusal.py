@@ -1,6 +1,7 @@
 """What operators share: reporting an error, and ``poll`` checks that say why a button is disabled."""
 
 from ..bridge import encoded, linked, transfer, volumes
+from ..bridge.translations import told
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
 WHICH_VOLUME = "Select one of the volumes in the scene"
@@ -21,7 +22,7 @@ def refuse(operator, problem) -> set:
     set of str
         ``{"CANCELLED"}``, the result for ``execute``.
     """
-    operator.report({"ERROR"}, str(problem))
+    operator.report({"ERROR"}, told(str(problem)))
     return {"CANCELLED"}
 
 

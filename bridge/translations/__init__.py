@@ -31,6 +31,19 @@ COMPOSED = (
     "{work}, about {seconds} s",
     "Rendering {plan}",
     "reading {file}",
+    # Errors.
+    "There is no file {path}; check the path.",
+    "Cannot read {path}: {problem}; check the path and its permissions.",
+    "{file} has no suffix of a known format ({suffixes}); to read it as raw voxels, give its shape and dtype.",
+    "The header of {file} is damaged: {problem}; copy or export it again.",
+    "{file} is a gzip file that ends too early; copy or download it again.",
+    "{file} is a damaged gzip file; copy or download it again.",
+    "The voxels of {file} are colors; export one number for each voxel.",
+    "The file of {volume} is not at {path}; press Relocate in the RLE Splat tab to choose its new place.",
+    "A picture of {width} x {height} pixels needs about {needed} of memory and {free} are free; "
+    "{fitting_width} x {fitting_height} pixels would fit.",
+    "{volume} is disabled in viewports or excluded from this view layer, so Blender does not update its place; "
+    "enable it in the Outliner.",
 )
 REASONS = ("reason", "side", "work")
 # Those that it says as they stand.
@@ -42,6 +55,8 @@ WHOLE = (
     "The file does not say where the patient's left and right are.",
     "The file does not say how it lies in the patient, so left and right are not known.",
     "Looking through the voxels", "Shading", "Splatting", "Warping", "counting the values", "adding the volume",
+    "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
+    "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",
 )
 CONTEXTS = ("*", "Operator", OURS)  # Blender looks the labels of operators up in a context of their own
 

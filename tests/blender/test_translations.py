@@ -85,6 +85,15 @@ def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
          "Die Vorgabe ct-lung wurde gewählt, denn die Modalität ist CT und der Name des Volumens enthält lung."),
         ("Rendering post simpson 2 bilinear, about 5 s", "Rendern von post simpson 2 bilinear, etwa 5 s"),
         ("reading Shading", "Lesen von Shading"),
+        ("There is no file /scans/head.nii; check the path.",
+         "Es gibt keine Datei /scans/head.nii; prüfen Sie den Pfad."),
+        ("A picture of 9000 x 8000 pixels needs about 4.5 GiB of memory and 2.0 GiB are free; 6000 x 5333 pixels would "
+         "fit.",
+         "Ein Bild von 9000 x 8000 Pixeln braucht etwa 4.5 GiB Speicher, und 2.0 GiB sind frei; 6000 x 5333 Pixel "
+         "würden passen."),
+        ("The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
+         "Die Kamera sieht das Volumen nicht; richten Sie sie darauf, oder bringen Sie das Volumen zwischen ihre "
+         "Clip-Abstände."),
         ("Nobody translates this.", "Nobody translates this."),
     ):  # fmt: skip
         assert translations.told(sentence) == expected
@@ -96,3 +105,13 @@ def test_translated_templates_have_the_fields_of_theirs(german):
     fields = re.compile(r"\{\w+\}")
     wrong = [text for text, told in german.items() if sorted(fields.findall(text)) != sorted(fields.findall(told))]
     assert not wrong, "\n".join(wrong)
+
+
+def test_errors_of_operators_are_translated(bridge, german, monkeypatch, tmp_path):
+    monkeypatch.setattr(bridge("translations"), "pgettext_iface", lambda text, *_: german.get(text, text))
+    with pytest.raises(RuntimeError, match=r"Es gibt keine Datei .*missing\.nii; prüfen Sie den Pfad"):
+        bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "missing.nii"))
+    image = tmp_path / "photo.xyz"
+    image.write_bytes(b"no voxels")
+    with pytest.raises(RuntimeError, match=r"photo\.xyz hat keine Endung eines bekannten Formats"):
+        bpy.ops.rle_splat.import_volume(filepath=str(image))
