@@ -92,7 +92,7 @@ def _told_of_compiling(step: Progress) -> Progress:
     """A step of the first picture ever, which compiles kernels; the last step and kernels' own say enough."""
     if step.fraction >= 1.0 or step.message == LOADING_KERNELS:
         return step
-    return replace(step, message=step.message + COMPILING)
+    return step._replace(message=step.message + COMPILING)
 
 
 def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from typing import NamedTuple
 
 SETUP = "setup"  # what belongs to no other stage: settling effects, the view, memory, finding results of earlier frames
 # "plan" is choosing what a quality preset takes for the scene, once for a volume and its transfer function.
@@ -15,8 +15,7 @@ STAGES = (
 FRAME = ("splat", "warp", "rays")  # what every frame takes; rays where it has pixels by single ones
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """How far a long job is: ``fraction`` in [0, 1], and what it is doing, in words for a person."""
 
     fraction: float
@@ -134,8 +133,10 @@ def forward(steps):
 
     def told(step: Progress) -> Progress:
         nonlocal reached
-        reached = max(reached, step.fraction)
-        return Progress(reached, step.message)
+        if step.fraction < reached:
+            return Progress(reached, step.message)
+        reached = step.fraction
+        return step
 
     return mapped(steps, told)
 

@@ -11,7 +11,7 @@ import json
 import os
 import platform
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -167,4 +167,4 @@ def _ray_steps(scene: Scene, quality: Quality, cache: StageCache, size: Size):
 
 
 def _told(step: Progress) -> Progress:
-    return step if "kernels" in step.message else replace(step, fraction=0.0, message=MEASURING)
+    return step if "kernels" in step.message else step._replace(fraction=0.0, message=MEASURING)
