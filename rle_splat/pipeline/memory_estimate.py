@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -198,12 +199,14 @@ def estimate_of(
     return estimate_classified(Found.in_rows(volume, counted, dtype), quality.record, axes, shaded, picture)
 
 
+@lru_cache(maxsize=16)
 def estimate_scalars(
     found: Found, axes: int, lit: bool, picture: int, *, by_normal: bool = False
 ) -> MemoryEstimate:  # fmt: skip
     """As ``estimate_of``, for tables of scalars: ``found`` are the voxels that matter to post-classified sheets.
 
     ``by_normal``: whether light is made of coded normals where it is read, and no light of voxels is kept.
+    Kept, since most frames have the previous one's.
     """
     needs = estimate_classified(found, RECORDS[-1], axes, lit, picture)
     dtype, count = found.dtype, found.count

@@ -84,7 +84,7 @@ class Lighting:
     @property
     def most_everywhere(self) -> np.ndarray:
         """(3,) float64 upper bounds of the light from all directions on any normal."""
-        return self.material[4:7] + most_by_normal(self.sky)
+        return self.material[4:7] + most_by_normal(self.sky) if self.sky.size else self.material[4:7]
 
     @property
     def is_far(self) -> bool:
@@ -154,15 +154,15 @@ def lighting(
     eye = np.zeros(4) if eye is None else np.asarray(eye, dtype=np.float64) * (-1.0 if eye[3] < 0.0 else 1.0)
     shininess = min(shading.shininess, SHARPEST)
     # A diffuse surface under a sky of uniform radiance W has the radiance W times its color, whatever its normal.
-    everywhere, sky = np.full(3, shading.ambient, np.float64), np.empty((3, 0))
+    everywhere, sky = (shading.ambient,) * 3, ()
     if world is not None:
         mean = np.asarray(world, np.float64)
-        everywhere += shading.diffuse * np.minimum(mean, STRONGEST_LIGHT)
+        everywhere = shading.ambient + shading.diffuse * np.minimum(mean, STRONGEST_LIGHT)
         held = np.divide(STRONGEST_LIGHT, mean, out=np.ones(3), where=mean > STRONGEST_LIGHT)
-        sky = shading.diffuse * held[:, None] * terms_of(environment)
+        sky = (shading.diffuse * held[:, None] * terms_of(environment)).ravel()
     kinds = float(shading.two_sided), float(shading.highlight == "phong" and shading.specular > 0.0)
     numbers = shading.ambient, shading.diffuse, shading.specular, shininess
-    material = np.array([*numbers, *everywhere, *kinds, *sky.ravel()], np.float64)
+    material = np.array([*numbers, *everywhere, *kinds, *sky], np.float64)
     rows = light_rows(lights, headlight_direction, matrix)
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.limits import STRONGEST_LIGHT
+from ..volume.triples import unit
 
 SUN, POINT, SPOT, AREA = range(4)
 KINDS = {"SUN": SUN, "POINT": POINT, "SPOT": SPOT, "AREA": AREA}
@@ -41,15 +42,8 @@ def light_rows(lights, headlight_direction, index_to_world) -> np.ndarray:
         half_voxel = 0.5 * np.cbrt(abs(np.linalg.det(np.asarray(index_to_world)[:3, :3])))
         rows = [_light_row(light, half_voxel) for light in lights]
     if headlight_direction is not None:
-        rows.append((SUN, *(0.0,) * 3, *_unit(headlight_direction), *(1.0,) * 3, *(0.0,) * 3))
+        rows.append((SUN, *(0.0,) * 3, *unit(map(float, headlight_direction)), *(1.0,) * 3, *(0.0,) * 3))
     return np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
-
-
-def _unit(vector) -> np.ndarray:
-    """``vector`` scaled to length one; the zero vector is kept."""
-    vector = np.asarray(vector, dtype=np.float64)
-    length = np.linalg.norm(vector)
-    return vector / length if length > 0.0 else vector
 
 
 def _light_row(light, half_voxel: float) -> np.ndarray:
@@ -63,7 +57,7 @@ def _light_row(light, half_voxel: float) -> np.ndarray:
         AREA: 1.0 / np.pi**2,
     }[kind] * light.energy
     row = np.zeros(COLUMNS)
-    row[KIND], row[POSITION:AXIS], row[AXIS:RGB] = kind, matrix[:3, 3], -_unit(matrix[:3, 2])
+    row[KIND], row[POSITION:AXIS], row[AXIS:RGB] = kind, matrix[:3, 3], unit((-matrix[:3, 2]).tolist())
     with np.errstate(over="ignore"):
         row[RGB:NEAREST] = np.minimum(power * np.array(light.color), STRONGEST_AT_1)
     nearest = light.radius**2

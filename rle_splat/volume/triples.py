@@ -19,5 +19,6 @@ def dot(one, two) -> float:
 
 def unit(triple) -> list[float]:
     """A triple scaled to length one; zeros are kept."""
+    triple = tuple(triple)
     length = math.hypot(*triple) or 1.0
     return [part / length for part in triple]
