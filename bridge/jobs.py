@@ -8,13 +8,12 @@ and Esc everything is as it was before the first preview.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import bpy
 from bpy.app.translations import pgettext_iface
 
 from ..rle_splat.pipeline.previews import Preview
-from ..rle_splat.runtime.steps import drain, part
+from ..rle_splat.runtime.steps import Progress, drain, part
 from ..rle_splat.scene import Cancelled, RleSplatError
 from . import loading, volumes
 from .canvas import redraw, redraw_sidebars
@@ -168,7 +167,7 @@ class StepwiseOperator:
         if progress is not None:
             last = StepwiseOperator._progress
             if last is not None and last.fraction > progress.fraction:  # a bar that runs back looks like a mistake
-                progress = replace(progress, fraction=last.fraction)
+                progress = Progress(last.fraction, progress.message)
             StepwiseOperator._progress = progress
             context.window_manager.progress_update(progress.fraction)
             self._say(context, f"{told(progress.message)} ({progress.fraction:.0%})")
