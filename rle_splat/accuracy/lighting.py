@@ -107,7 +107,8 @@ class VoxelLight:
         nz, ny, _ = scene.volume.voxels.shape
         row_start = np.searchsorted(z * ny + y, np.arange(nz * ny + 1))
         normal = unit_normals(scene.volume, row_start, x, self._matrix, backend="numpy").astype(np.float64)
-        at = np.stack((x, y, z), axis=1) @ self._matrix[:3, :3].T + self._matrix[:3, 3]
+        # No products of matrices here, for the reason given in ``integrate``.
+        at = np.einsum("in,ji->nj", (x, y, z), self._matrix[:3, :3]) + self._matrix[:3, 3]
         to_eye = self._towards_camera if self._eye is None else _unit(self._eye - at)
         light, highlight = shade.ambient + shade.diffuse * self._world(-normal), np.zeros((len(x), 3))
         for towards, strength in self._lights(at):
@@ -159,7 +160,7 @@ class VoxelLight:
             )
         )
         weights = np.array([2.0 / 3.0] * 3 + [0.25] * 5)
-        return np.maximum(mean + harmonics.T @ (weights[:, None] * coefficients), 0.0)
+        return np.maximum(mean + np.einsum("hn,h,hc->nc", harmonics, weights, coefficients), 0.0)
 
     def _lights(self, at):
         """For each light: unit vectors towards it and its strength I, both (N, 3) or broadcasting to it."""
@@ -173,7 +174,7 @@ class VoxelLight:
             towards = _unit(away)
             nearest = max(_nearest(light), self._half_voxel**2)
             strength = strength / np.maximum((away**2).sum(axis=1, keepdims=True), nearest)
-            on_axis = -(towards @ axis)[:, None]
+            on_axis = -(towards * axis).sum(axis=1, keepdims=True)
             if light.type == "AREA":
                 strength = strength * np.maximum(on_axis, 0.0)
             elif light.type == "SPOT":

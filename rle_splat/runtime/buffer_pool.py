@@ -2,7 +2,8 @@
 
 The system clears every page that a process takes, and gets back at once what the largest arrays leave.  While a
 transfer function is dragged about, each picture's results replace earlier ones of nearly the same size, and clearing
-was a fifth of a picture's time (measured: X-ray foot, 5 million voxels, 30 of 160 ms).
+was a fifth of a picture's time (measured: X-ray foot, 5 million voxels, 30 of 160 ms).  So do the intermediate images
+of large pictures (10 of 74 ms: CT bonsai, 1920 x 1080, fine).
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..runtime.buffer_pool import empty
 from ..view.base_plane import BasePlane
 
 
@@ -28,9 +29,7 @@ class IntermediateImage:
     def blank(cls, plane: BasePlane) -> IntermediateImage:
         """One that is to be filled in."""
         size = plane.height, plane.width
-        return cls(
-            plane, np.empty((*size, 4), np.float32), np.empty(size, np.float32), np.empty((2, plane.height), np.int32)
-        )
+        return cls(plane, empty((*size, 4), np.float32), empty(size, np.float32), np.empty((2, plane.height), np.int32))
 
     @property
     def arrays(self) -> tuple:

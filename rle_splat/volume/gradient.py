@@ -246,7 +246,7 @@ def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
         index = (row // n_y, row % n_y, column[wanted].astype(np.int64))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             gradient, largest = (_sobel_numpy if is_integer else central_numpy)(voxels, index)
-            world = gradient @ covector.T
+            world = np.einsum("ni,ji->nj", gradient, covector)  # its sums do not depend on how many there are
             length = np.sqrt((world**2).sum(axis=1))
             keep = ((gradient**2).sum(axis=1) > (floor * largest) ** 2) & (length > 0.0) & (length < np.inf)
             normals[:, wanted] = np.where(keep, world.T / length, 0.0)

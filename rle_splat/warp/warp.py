@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled
 from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
@@ -96,7 +97,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
 
 def _coefficients(pixels, quality: Quality):
     """Spline coefficients of color and alpha."""
-    coefficients = np.empty(pixels.shape, np.float32)
+    coefficients = empty(pixels.shape, np.float32)
     if compiled(quality.backend):
         spline_coefficients(pixels, coefficients, quality.threads)
     else:

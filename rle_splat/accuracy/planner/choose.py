@@ -76,17 +76,23 @@ class Speed:
     warp: float = 1.0
 
     @classmethod
-    def of(cls, model: Model, features: Features, pilots: dict, plan: Quality) -> Speed:
+    def of(cls, model: Model, features: Features, pilots: dict, plan: Quality, latest: tuple | None = None) -> Speed:
         """Make one from ``pilots``: their names -> pairs of a plan and the milliseconds of its stages.
 
         That of the splat is interpolated between the pilots, and carried on by at most a factor of two in the density:
         how much of a frame's time grows with the sheets and their pixels depends on the scene.  (Of 65 plans for 13
         scenes that nothing was calibrated on, 97 % of the splat's times were within 1.5; by the median pilot, 80 %.)
+
+        ``latest``: such a pair of a picture for a tolerance, which tells more of the next one than the pilots.
         """
-        ratios = {}
-        for name, (pilot, stages) in pilots.items():
-            expected = model.milliseconds(features, pilot)
-            ratios[name] = [max(stages[stage] / max(ms, 1e-6), 1e-3) for stage, ms in zip(STAGES, expected)]
+
+        def ratios_of(drawn: Quality, stages: dict) -> list[float]:
+            expected = model.milliseconds(features, drawn)
+            return [max(stages[stage] / max(ms, 1e-6), 1e-3) for stage, ms in zip(STAGES, expected)]
+
+        if latest is not None:
+            return cls(*ratios_of(*latest))
+        ratios = {name: ratios_of(*pilot) for name, pilot in pilots.items()}
         coarse, deep, dense = (ratios[name][0] for name in ("coarse", "deep", "dense"))
         doublings = np.log2((plan.sheet_density / PILOTS["coarse"][1], family_of(plan.depth_rule)[1]))
         denser, deeper = np.clip(doublings, (-1.0, 0.0), 1.0)

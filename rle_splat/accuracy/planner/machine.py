@@ -32,7 +32,7 @@ from ...scene import Quality, Scene
 from ...view.turntable import turntable
 from ...volume.volume import Volume
 from .features import features_of, pilots
-from .model import Model
+from .model import Model, calibration_mark
 from .ray_cost import FEW_SLABS
 from .single_rays import single_ray_steps
 
@@ -94,7 +94,8 @@ def _key(quality: Quality) -> str:
     """What a profile is for; machines may share a folder."""
     how = "numba" if compiled(quality.backend) else "numpy"
     machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} cores, {total_bytes()} bytes"
-    return f"{machine}, {thread_count(quality.threads)} threads, {how}, {quality.classification}"
+    what = f"{quality.classification}, calibration {calibration_mark()}"
+    return f"{machine}, {thread_count(quality.threads)} threads, {how}, {what}"
 
 
 def _read(path: Path) -> dict:

@@ -8,12 +8,13 @@ termination, short records and rounding are added to it.
 
 Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
 scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users are told is scaled by the
-times of the scene's pilots, too (``choose.Speed``).
+times of the scene's pilots, or of its latest picture, too (``choose.Speed``).
 """
 
 from __future__ import annotations
 
 import json
+import zlib
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from ...scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError
+from ...splat.scratch import BAND
 from .candidates import family_of
 from .features import LEVELS, Features
 
@@ -142,15 +144,21 @@ class Model:
 
 
 def splat_terms(features: Features, rule: str, density: float) -> np.ndarray:
-    """What the milliseconds of a splat are a sum of: one; rows that look at a sheet; runs and voxels that they decode;
-    sheet pixels composited; pixels of all sheets, looked at or not; pixels of the intermediate images; in millions."""
+    """What the milliseconds of a splat are a sum of.
+
+    One; rows that look at a sheet; runs and voxels decoded; sheet pixels resampled along scanlines, and composited;
+    pixels of all sheets, looked at or not; pixels of the intermediate images; in millions.  The rows of a band share
+    their scanlines; the two at its ends are walked by the next bands, too.
+    """
     sheets = family_of(rule)[1]
     rows_per_voxel = density * features.pixels_per_voxel
+    walked = 1.0 + 2.0 * rows_per_voxel / BAND  # how often a scanline is walked for a sheet
     return 1e-6 * np.array((
         1e6,
         sheets * density * features.row_sheets,
-        sheets * rows_per_voxel * features.runs,
-        sheets * rows_per_voxel * features.kept_voxels,
+        sheets * walked * features.runs,
+        sheets * walked * features.kept_voxels,
+        sheets * walked * rows_per_voxel * features.kept_voxels,
         sheets * rows_per_voxel**2 * features.kept_voxels,
         sheets * density**2 * features.pixel_sheets,
         density**2 * features.sheet_pixels,
@@ -167,6 +175,11 @@ def warp_terms(features: Features, warp_filter: str, density: float) -> np.ndarr
         features.pixels * (not bilinear),
         density**2 * features.sheet_pixels * (warp_filter == CUBIC),
     ))  # fmt: skip
+
+
+def calibration_mark() -> str:
+    """What tells the calibration at hand from others."""
+    return f"{zlib.crc32(CALIBRATION.read_bytes()):08x}"
 
 
 def default_classification() -> str:

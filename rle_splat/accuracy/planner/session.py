@@ -49,6 +49,8 @@ class PlannerSession:
         By which plans are chosen.
     pilots : dict
         Names of the pilots -> their plan, and the milliseconds of its stages, the least of PILOT_ROUNDS.
+    latest : tuple or None
+        The same of the latest picture for a tolerance.
     estimate : ErrorEstimate or None
         None where the scene or the classification has no single rays.
     ray_cost : RayCost or None
@@ -64,6 +66,7 @@ class PlannerSession:
     features: Features
     machine: MachineProfile
     pilots: dict
+    latest: tuple | None = None
     estimate: ErrorEstimate | None = None
     ray_cost: RayCost | None = None
 
@@ -93,7 +96,8 @@ class PlannerSession:
 
     def _told(self, choice: Choice) -> Choice:
         """The choice with the times that are expected in this run."""
-        speed, rays_ms = Speed.of(self.model, self.features, self.pilots, choice.plan), 0.0
+        speed = Speed.of(self.model, self.features, self.pilots, choice.plan, self.latest)
+        rays_ms = 0.0
         if choice.rays:
             rays_ms = self.ray_cost.expected_ms(choice.rays, choice.slabs)
         splat, warp = choice.splat_ms / self.machine.splat, choice.warp_ms / self.machine.warp

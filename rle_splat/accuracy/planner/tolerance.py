@@ -151,6 +151,7 @@ def _plan_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeE
     while True:
         begin, middle, end = _span(len(rounds))
         rendering = yield from _frame_steps(session, choice, begin, middle)
+        session.latest = choice.plan, rendering.report["stages_ms"]
         found = None
         if probe_errors is not None:
             coarser = replace(choice.plan, sheet_density=HALF * choice.plan.sheet_density)
