@@ -45,15 +45,17 @@ def _factor(source, target, shift, weight, count):
 
 
 @kernel(inner=True)
-def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line, spare):
-    """Filter ``lanes`` neighboring floats, each a line of ``count`` samples ``step`` apart, from ``start`` on.
+def _filter_line(source, begin, target, start, step, count, lanes, to_alpha, gain, line, spare):
+    """Filter ``lanes`` neighboring floats, each a line of ``count`` samples ``step`` apart.
+
+    The lines begin at ``begin`` of the source and at ``start`` of the target.
 
     ``line``, ``spare``: scratch of (count + 2 MARGIN) * lanes floats. Two buffers, and shifts instead of centered sums,
     make the loops wide vectors.
     """
     runs, length = (1, count * lanes) if step == lanes else (count, lanes)
     for run in range(runs):
-        _copy(source, start + run * step, line, (MARGIN + run) * lanes, length, ONE)
+        _copy(source, begin + run * step, line, (MARGIN + run) * lanes, length, ONE)
     if to_alpha:
         for n in range(MARGIN, MARGIN + count):
             line[n * lanes + 3] = ONE - line[n * lanes + 3]
@@ -70,7 +72,7 @@ def _filter_line(source, target, start, step, count, lanes, to_alpha, gain, line
 
 @kernel(inner=True)
 def _filter_some(
-    first_part, last_part, source, target, together, pitch, end, step, count, lanes, to_alpha, gain
+    first_part, last_part, source, first, apart, target, together, pitch, end, step, count, lanes, to_alpha, gain
 ):
     """``_filter_lines`` for parts [first_part, last_part)."""
     line = np.empty((count + 2 * MARGIN) * lanes, np.float32)
@@ -79,43 +81,50 @@ def _filter_some(
         start = n * pitch
         if start < end:
             here = lanes if lanes < end - start else end - start
-            _filter_line(source, target, start, step, count, here, to_alpha, gain, line, spare)
+            begin = first + n * apart
+            _filter_line(source, begin, target, start, step, count, here, to_alpha, gain, line, spare)
 
 
 @kernel
 def _filter_lines(parts, arguments):
     """Filter lines of ``lanes`` floats, in ``parts`` of ``together`` lines; ``arguments``: of ``_filter_some``.
 
-    The first line begins at 0, each next one ``pitch`` floats later, all before ``end``.
+    The first line begins at 0 of the target, each next one ``pitch`` floats later, all before ``end``; in the source it
+    begins at ``first``, each next one ``apart`` floats later.
     """
     share_out(_filter_some, parts, arguments)
 
 
-def spline_coefficients(pixels, coefficients, threads=0):
-    """Compute cubic B-spline coefficients of color and alpha.
+def spline_coefficients(pixels, rows, columns, coefficients, threads=0):
+    """Compute cubic B-spline coefficients of color and alpha, of a part of an image.
 
     Parameters
     ----------
     pixels : (H, W, 4) ndarray of float32
-        Contiguous; color and transmittance. Beyond its border the image continues with its outermost pixels, which are
-        transparent wherever the image ends because the volume does.
-    coefficients : (H, W, 4) ndarray of float32
+        Contiguous; color and transmittance. Beyond its border the part continues with its outermost pixels, which are
+        transparent wherever it ends because the volume does.
+    rows, columns : slice
+        The part, of ``h`` rows and ``w`` columns.
+    coefficients : (h, w, 4) ndarray of float32
         Contiguous; output.
     threads : int
         0 for one per core.
     """
-    height, width = pixels.shape[:2]
+    height, width = coefficients.shape[:2]
     source, target = pixels.reshape(-1), coefficients.reshape(-1)
-    pitch = 4 * width
+    apart, pitch = 4 * pixels.shape[1], 4 * width
+    first = rows.start * apart + 4 * columns.start
     with parallel_call(threads):
-        _filter_lines(-(-height // ROWS), (source, target, ROWS, pitch, height * pitch, 4, width, 4, True, ONE))
+        along = source, first, apart, target, ROWS, pitch, height * pitch, 4, width, 4, True, ONE
+        _filter_lines(-(-height // ROWS), along)
         lanes = 4 * COLUMNS
-        _filter_lines(-(-width // COLUMNS), (target, target, 1, lanes, pitch, pitch, height, lanes, False, GAIN))
+        across = target, 0, lanes, target, 1, lanes, pitch, pitch, height, lanes, False, GAIN
+        _filter_lines(-(-width // COLUMNS), across)
 
 
-def spline_coefficients_numpy(pixels, coefficients):
+def spline_coefficients_numpy(pixels, rows, columns, coefficients):
     """Reference implementation of ``spline_coefficients``."""
-    lines = pixels.copy()
+    lines = pixels[rows, columns].copy()
     lines[..., 3] = 1 - lines[..., 3]
     for axis in (1, 0):
         edges = [(MARGIN, MARGIN) if a == axis else (0, 0) for a in range(3)]

@@ -76,7 +76,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
         part_origin = plane.origin[0] + columns.start, plane.origin[1] + rows.start
         origin = plane.origin
         if prefiltered:
-            pixels, half = _coefficients(pixels[rows, columns], quality), half[rows, columns]
+            pixels, half = _coefficients(pixels, rows, columns, quality), half[rows, columns]
             filled, origin = np.ascontiguousarray(filled[:, rows]) - np.int32(columns.start), part_origin
         size = rows.stop - rows.start, columns.stop - columns.start
         for first in range(0, len(depth), rows_at_once):
@@ -95,13 +95,13 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
     return rgba, depth
 
 
-def _coefficients(pixels, quality: Quality):
-    """Spline coefficients of color and alpha."""
-    coefficients = empty(pixels.shape, np.float32)
+def _coefficients(pixels, rows: slice, columns: slice, quality: Quality):
+    """Spline coefficients of color and alpha, of a part of an image."""
+    coefficients = empty((rows.stop - rows.start, columns.stop - columns.start, 4), np.float32)
     if compiled(quality.backend):
-        spline_coefficients(pixels, coefficients, quality.threads)
+        spline_coefficients(pixels, rows, columns, coefficients, quality.threads)
     else:
-        spline_coefficients_numpy(pixels, coefficients)
+        spline_coefficients_numpy(pixels, rows, columns, coefficients)
     return coefficients
 
 

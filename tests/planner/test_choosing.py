@@ -153,8 +153,17 @@ def test_the_speed_of_a_plan_is_interpolated_between_the_pilots(density, rule, s
     for name, plan in pilots(base("pre")).items():
         expected = model.milliseconds(seen, plan)
         timed[name] = plan, {stage: by * ms for stage, by, ms in zip(("splat", "warp"), factors[name], expected)}
-    speed = Speed.of(model, seen, timed, replace(base("pre"), depth_rule=rule, sheet_density=density))
+    plan = replace(base("pre"), depth_rule=rule, sheet_density=density)
+    speed = Speed.of(model, seen, timed, plan)
     assert speed.splat == pytest.approx(splat, rel=0.01) and speed.warp == pytest.approx(2.0)
+    latest = pilots(base("pre"))["deep"], dict(zip(("splat", "warp"), expected_of_deep(model, seen, 7.0, 0.3)))
+    speed = Speed.of(model, seen, timed, plan, latest)
+    assert speed.splat == pytest.approx(7.0) and speed.warp == pytest.approx(0.3)
+
+
+def expected_of_deep(model, seen, *times):
+    """So many times what the pilot ``deep`` is expected to take."""
+    return [by * ms for by, ms in zip(times, model.milliseconds(seen, pilots(base("pre"))["deep"]))]
 
 
 def test_termination_comes_from_the_tolerance():

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.planner import machine
+from rle_splat.accuracy.planner import machine, model
 from rle_splat.accuracy.planner import tolerance as planned
 from rle_splat.accuracy.planner.candidates import KEPT_KNOBS
 from rle_splat.accuracy.planner.machine import MachineProfile, profile_steps
@@ -61,6 +61,16 @@ def test_a_machine_is_measured_once(folder):
     assert len(measured) == 3
     (kept,) = path.iterdir()
     assert len(json.loads(kept.read_text())) == 3
+
+
+def test_a_machine_is_measured_again_for_another_calibration(folder, monkeypatch, tmp_path_factory):
+    _, measured = folder
+    drain(profile_steps(Quality()))
+    other = tmp_path_factory.mktemp("other") / "calibration.json"
+    other.write_text("{}")
+    monkeypatch.setattr(model, "CALIBRATION", other)
+    drain(profile_steps(Quality()))
+    assert len(measured) == 2
 
 
 @pytest.mark.parametrize("content", ("", "[]", '{"a": 1}', "no JSON", "\x00" * 9))

@@ -26,12 +26,13 @@ def resample_window(pixels, half, sheet_origin, to_sheet, *others, threads=0):
 RESAMPLERS = [resample_window, resample_numpy]
 
 
-def coefficients_of(prefilter, image):
-    """Spline coefficients of an image of color and alpha."""
+def coefficients_of(prefilter, image, rows=None, columns=None):
+    """Spline coefficients of an image of color and alpha, or of some of its rows and columns."""
     pixels = image.copy()
     pixels[..., 3] = 1 - pixels[..., 3]
-    coefficients = np.full_like(image, np.nan)
-    prefilter(pixels, coefficients)
+    rows, columns = rows or slice(0, image.shape[0]), columns or slice(0, image.shape[1])
+    coefficients = np.full_like(image[rows, columns], np.nan)
+    prefilter(pixels, rows, columns, coefficients)
     return coefficients
 
 
@@ -71,7 +72,7 @@ def test_a_window_has_the_coefficients_of_the_whole(prefilter):
     for _ in range(40):
         top, left = rng.integers(0, 90 - 2 * MARGIN), rng.integers(0, 120 - 2 * MARGIN)
         bottom, right = rng.integers(top + 2 * MARGIN + 1, 91), rng.integers(left + 2 * MARGIN + 1, 121)
-        window = coefficients_of(prefilter, np.ascontiguousarray(image[top:bottom, left:right]))
+        window = coefficients_of(prefilter, image, slice(int(top), int(bottom)), slice(int(left), int(right)))
         # Samples are missing beyond a side of the window, unless it is a side of the image.
         inside = tuple(
             slice(MARGIN * (first > 0), last - first - MARGIN * (last < count))
