@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from .places import ENVIRONMENTS, Failure, clean_environ, run, say
@@ -81,6 +82,7 @@ def environ_for(blender: Blender, **extra: str) -> dict[str, str]:
     return {**_INSIDE, **extra} if blender.root else clean_environ(**extra)
 
 
+@cache
 def find_blender() -> Blender:
     """$BLENDER, else ``blender`` on PATH, else the one that was set up here; a Failure says why none."""
     if os.environ.get("BLENDER"):
@@ -95,6 +97,12 @@ def find_blender() -> Blender:
         return _identify(_in_chroot("blender"), f"Debian {SUITE}'s blender", _INSIDE, CHROOT)
     remarks.append("no blender in $BLENDER, on PATH or set up by 'python3 dev.py blender'")
     raise Failure("; ".join(remarks))
+
+
+def ensure_blender() -> Blender:
+    """The user's own Blender; where there is none and nobody has to be asked, the one of ``set_up``."""
+    own = os.environ.get("BLENDER") or shutil.which("blender")
+    return find_blender() if own or not can_apt() else set_up()
 
 
 def set_up() -> Blender:

@@ -7,40 +7,44 @@ import shutil
 import subprocess
 import tempfile
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from .build import build
 from .environments import CORE, ensure
-from .places import BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
-from .real_blender import Blender, environ_for, find_blender
-from .stages import Stage, broken, counted, measured, skipped
+from .places import BPY_KERNELS, BUILD, OUT, PYTHONS, REQUIREMENTS, ROOT, Failure, say
+from .real_blender import Blender, ensure_blender, environ_for, find_blender
+from .stages import Stage, broken, counted, file_name, measured, untested
 from .uv import uv
 from .wheels import this_platform
 
 SHORT = "real_blender.py"
-WINDOW = "window.py"
-PANELS = "window_panels.py"
-IMPORT = "window_import.py"
-LIVE = "window_live.py"
-CUT = "window_cut.py"
-LOOK = "window_look.py"
-PRESETS = "window_presets.py"
-REAL_EVENTS = ("window_escape.py",)  # with simulated events Blender hears no real key
 WHOLE = "whole_suite.py"
+REAL_EVENTS = ("window_escape.py",)  # with simulated events Blender hears no real key
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
+REPORTS = OUT / "test"  # what each stage printed
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
-# Longer means that it hangs; the whole suite takes some minutes on two cores.
-SECONDS = {
-    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, LOOK: 400, PRESETS: 900,
-    WHOLE: 1200,
-}  # fmt: skip
-SCENARIO_SECONDS = 600  # of one that is given
-
 USUAL_SCREEN = (1280, 800)
-TALL_SCREEN = (800, 3600)  # every panel of the sidebar at once
-HIGH_SCREEN = (1280, 1400)  # all pictures of the panel Presets
+# The scripts that drive a window, with their screens in pixels.
+WINDOW_SCRIPTS = {
+    "window.py": USUAL_SCREEN,
+    "window_panels.py": (800, 3600),  # every panel of the sidebar at once
+    "window_import.py": USUAL_SCREEN,
+    "window_live.py": USUAL_SCREEN,
+    "window_cut.py": USUAL_SCREEN,
+    "window_look.py": USUAL_SCREEN,
+    "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
+    "window_film.py": (1280, 1000),
+    "window_trust.py": (1280, 1400),
+    "window_encoded.py": (1280, 1400),
+    "window_figure.py": USUAL_SCREEN,
+    "window_turntable.py": USUAL_SCREEN,
+    "window_escape.py": USUAL_SCREEN,
+    "window_shadows.py": USUAL_SCREEN,
+    "window_world.py": USUAL_SCREEN,
+}
 
 
 def _lent_pytest() -> Path:
@@ -54,10 +58,16 @@ def _lent_pytest() -> Path:
     return folder
 
 
+@cache
+def _zip_for(python: str) -> Path:
+    """The extension's zip for a Python that no bpy module has."""
+    return build((this_platform(),), (python,), BUILD / f"zip-{python}")[this_platform()]
+
+
 def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Path:
     """A folder that the Blender can see, with the tests and a zip that fits its Python: the given one, or a new one."""
     if zip_path is None or blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
-        zip_path = build((this_platform(),), (blender.python,), BUILD / f"zip-{blender.python}")[this_platform()]
+        zip_path = _zip_for(blender.python)
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     # With the files, phantoms and scripts that tests show.
     for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to", "devtools"):
@@ -94,18 +104,9 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
         server.wait()
 
 
-def window_stages(zip_path: Path, backend: str | None = None) -> list[Stage]:
-    """What only a window does (F12 off the main thread, work from a timer, Esc), panels, files, viewports."""
-    scripts = (
-        (WINDOW, "window", USUAL_SCREEN),
-        (PANELS, "panels", TALL_SCREEN),
-        (IMPORT, "import", USUAL_SCREEN),
-        (LIVE, "live", USUAL_SCREEN),
-        (CUT, "cut", USUAL_SCREEN),
-        (LOOK, "look", USUAL_SCREEN),
-        (PRESETS, "presets", HIGH_SCREEN),
-    )
-    return [window_stage(zip_path, TESTS / script, label, size, backend) for script, label, size in scripts]
+def label_of(script: str) -> str:
+    """What a script is called in the table of stages."""
+    return Path(script).stem.removeprefix("window_")
 
 
 def window_stage(
@@ -124,15 +125,22 @@ def window_stage(
             label += f", {backend}" if backend else ""
             return _run(blender, zip_path, script, f", {label}", place, DISPLAY=display)
     except Failure as problem:
-        return skipped(f"real blender, {label}", str(problem))
+        return untested(f"real blender, {label}", str(problem))
 
 
-def real_blender_stage(zip_path: Path, script: Path = TESTS / SHORT) -> Stage:
-    """A script of tests/blender in a real executable, in the background, with the extension's zip."""
+def real_blender_stages(zip_path: Path, script: str = SHORT, backend: str | None = None) -> list[Stage]:
+    """A script of tests/blender in the background, then those of windows, with the extension's zip.
+
+    They show what Blender's module cannot: F12 off the main thread, work from a timer, keys, mouse, panels, viewports.
+    """
     try:
-        return _run(find_blender(), zip_path, script, "", ["--background"])
+        background = _run(ensure_blender(), zip_path, TESTS / script, "", ["--background"])
     except Failure as problem:
-        return skipped("real blender", str(problem))
+        return [untested("real blender and its windows", str(problem))]
+    windows = (
+        window_stage(zip_path, TESTS / name, label_of(name), size, backend) for name, size in WINDOW_SCRIPTS.items()
+    )
+    return [background, *windows]
 
 
 def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, place: list[str], **environ: str) -> Stage:
@@ -149,7 +157,8 @@ def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, plac
         blender,
         RLE_SPLAT_EXTENSION_ZIP=blender.inside(folder / "extension.zip"),
         RLE_SPLAT_PYTEST=blender.inside(folder / "pytest"),
-        RLE_SPLAT_JUNIT=blender.inside(folder / "report.xml"),
+        RLE_SPLAT_REPORT=blender.inside(folder / "report.jsonl"),
+        RLE_SPLAT_CACHE=blender.inside(blender.root / "kernels-of-tests" if blender.root else BPY_KERNELS),
         RLE_SPLAT_SHOTS=blender.inside(folder / "shots"),
         BLENDER_USER_RESOURCES=blender.inside(folder / "user"),
         TMPDIR=blender.inside(folder / "tmp"),
@@ -159,11 +168,10 @@ def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, plac
     command = [*blender.command, *place, "--factory-startup", "--python-exit-code", "1"]
     command += ["--python-expr", importable, "--python", blender.inside(copy)]
     say(f"\n=== {name} ({blender.label}, Python {blender.python})")
-    seconds = SECONDS.get(script.name, SCENARIO_SECONDS)
     if script.name != WHOLE:
-        stage = counted(name, command, seconds, environ)
+        stage = counted(name, command, environ, REPORTS / f"{file_name(name)}.txt")
     else:
-        stage = measured(name, command, seconds, environ, folder / "report.xml")
+        stage = measured(name, command, environ, folder / "report.jsonl")
     stage.remarks.insert(0, f"{blender.label}, Python {blender.python}")
     shots = SHOTS / script.stem
     shutil.rmtree(shots, ignore_errors=True)

@@ -1,21 +1,34 @@
-"""One stage of the tests: how it is run, how long it may take, what it says, and the table at the end."""
+"""One stage of the tests: how it is run, what it says, and the table at the end."""
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
 import time
-import xml.etree.ElementTree as ElementTree
-from contextlib import nullcontext
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from .places import ROOT, say
 
+# A stage is stopped when no test begins or ends and nothing is printed for this long.  A test of a minute takes ten
+# beside six busy processes.
+SILENT_SECONDS = 2700
+LOOK_SECONDS = 0.2  # between looks at what a stage has printed
+
+# Reasons of skips that better environments would end.
+_NO_PACKAGE = re.compile(r"could not import|No module named|not installed|not in this environment|UNTESTED")
+
 
 @dataclass
 class Stage:
-    """The outcome of one stage; ``remarks`` say why something was skipped or what broke."""
+    """The outcome of one stage.
+
+    ``remarks`` say why something was skipped or what broke.  ``missing``: what the machine lacks to run the stage.
+    ``tests``: the reason why each was skipped, "" for one that ran; by pytest's name.
+    """
 
     name: str
     passed: int = 0
@@ -23,15 +36,28 @@ class Stage:
     skipped: int = 0
     seconds: float = 0.0
     remarks: list[str] = field(default_factory=list)
+    missing: str = ""
+    tests: dict[str, str] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
         return "FAILED" if self.failed else "passed" if self.passed else "SKIPPED"
 
 
+def file_name(name: str) -> str:
+    """A stage's name as that of a file."""
+    return re.sub(r"[^a-zA-Z0-9.]+", "-", name)
+
+
 def skipped(name: str, why: str) -> Stage:
-    say(f"\n!!! {name} goes UNTESTED: {why}")
+    """A stage that was not asked for."""
     return Stage(name, skipped=1, remarks=[why])
+
+
+def untested(name: str, why: str) -> Stage:
+    """A stage that this machine cannot run."""
+    say(f"\n!!! {name} goes UNTESTED: {why}")
+    return Stage(name, skipped=1, missing=why)
 
 
 def broken(name: str, why: str) -> Stage:
@@ -39,82 +65,121 @@ def broken(name: str, why: str) -> Stage:
     return Stage(name, failed=1, remarks=[why])
 
 
-def _read_junit(stage: Stage, path: Path) -> None:
-    """Add the counts and the distinct reasons for skips of one pytest run."""
-    for case in ElementTree.parse(path).getroot().iter("testcase"):
-        outcomes = {child.tag: child for child in case if child.tag in ("failure", "error", "skipped")}
-        if "failure" in outcomes or "error" in outcomes:
-            stage.failed += 1
-        elif "skipped" in outcomes:
-            stage.skipped += 1
-            reason = (outcomes["skipped"].get("message") or "no reason given").splitlines()[0][:160]
-            if reason not in stage.remarks:
-                stage.remarks.append(reason)
-        else:
-            stage.passed += 1
+def _reason(entry: dict) -> str:
+    """Why a test was skipped, or is expected to fail, by its line in pytest's report."""
+    given = entry["longrepr"]
+    return (given[2] if isinstance(given, list) else entry.get("wasxfail", "")) or "no reason given"
 
 
-def _run_limited(command, seconds: float, environ, log: Path | None) -> int | None:
-    """Run a command with its output shown, or in ``log``; its exit code, or None when the time ran out."""
-    with open(log, "wb") if log else nullcontext() as output:
+def _read_report(stage: Stage, path: Path) -> str:
+    """Add the counts and the distinct reasons for skips of one pytest run; returns what it did last.
+
+    The report has a line for each phase of each test, written when the phase ends, so it also serves after a crash.
+    """
+    worst: dict[str, tuple[int, str]] = {}  # of a test: (0 passed, 1 skipped, 2 failed), the reason of a skip
+    last = "before its first test"
+    for line in path.read_text(encoding="utf-8").splitlines(keepends=True):
+        entry = json.loads(line) if line.endswith("\n") else {}
+        if "outcome" not in entry:
+            continue
+        name, rank = entry["nodeid"], ("passed", "skipped", "failed").index(entry["outcome"])
+        when = entry.get("when")  # setup, call or teardown; None for the reading of a file
+        if when:
+            last = f"{'after' if when == 'teardown' else 'in'} {name}"
+        if rank or when in ("call", "teardown"):
+            text = _reason(entry).removeprefix("Skipped: ").splitlines()[0][:160] if rank == 1 else ""
+            worst[name] = max(worst.get(name, (0, "")), (rank, text))
+    for name, (rank, text) in worst.items():
+        stage.passed += rank == 0
+        stage.skipped += rank == 1
+        stage.failed += rank == 2
+        stage.tests[name] = text
+    reasons = Counter(filter(None, stage.tests.values()))
+    stage.remarks += [f"{reason} ({count})" if count > 1 else reason for reason, count in reasons.items()]
+    return last
+
+
+def _run_watched(command, environ, log: Path, report: Path | None = None, aside: bool = False) -> int | None:
+    """Run a command with its output in ``log``; its exit code, or None when it was stopped because it hung.
+
+    The output is shown as it comes, or, of a command that runs ``aside`` others, at the end.
+    """
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with open(log, "wb") as output, open(log, encoding="utf-8", errors="replace") as printed:
+        process = subprocess.Popen(
+            [str(part) for part in command], cwd=ROOT, env=environ, stdout=output, stderr=subprocess.STDOUT
+        )
         try:
-            return subprocess.run(
-                [str(part) for part in command], cwd=ROOT, env=environ, timeout=seconds, stdout=output,
-                stderr=subprocess.STDOUT if log else None,
-            ).returncode  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return None
+            seen, since = -1, time.monotonic()
+            while process.poll() is None:
+                time.sleep(LOOK_SECONDS)
+                size = sum(path.stat().st_size for path in (log, report) if path and path.exists())
+                if size != seen:
+                    seen, since = size, time.monotonic()
+                elif time.monotonic() - since > SILENT_SECONDS:
+                    return None
+                if not aside:
+                    print(printed.read(), end="", flush=True)
+        finally:
+            process.kill()
+            process.wait()
+            say(printed.read())
+    return process.returncode
 
 
-def measured(name: str, command, seconds: float, environ, report: Path, log: Path | None = None) -> Stage:
-    """Run a command that ends with pytest's exit code and writes ``report`` (JUnit's XML).
+def measured(name: str, command, environ, report: Path, aside: bool = False) -> Stage:
+    """Run a command that ends with pytest's exit code and writes ``report`` (pytest-reportlog).
 
-    ``log``: a file for its output, of a stage that runs beside another; it is shown when the stage has ended.
+    ``aside``: beside other stages, so that its output is shown when it has ended.
     """
     stage = Stage(name)
     started = time.monotonic()
-    code = _run_limited(command, seconds, environ, log)
-    if log:
-        say(f"\n=== {name}\n{log.read_text(encoding='utf-8', errors='replace')}")
+    code = _run_watched(command, environ, report.with_suffix(".txt"), report, aside)
     stage.seconds = time.monotonic() - started
-    if report.is_file():
-        _read_junit(stage, report)
+    last = _read_report(stage, report) if report.is_file() else "before it reported"
     if code is None:
         stage.failed += 1
-        stage.remarks.append(f"stopped after {seconds:.0f} s: it hung")
+        stage.remarks.append(f"stopped {last}: nothing happened for {SILENT_SECONDS} s")
     elif code == 5:
         stage.skipped += 1
         stage.remarks.append("no tests were collected")
-    elif (code != 0 or not report.is_file()) and not stage.failed:
+    elif code not in (0, 1) or (code == 1 and not stage.failed):
         stage.failed += 1
-        stage.remarks.append(f"it ended with code {code}" + ("" if report.is_file() else " before it reported"))
+        stage.remarks.append(f"it ended with code {code} {last}")
     return stage
 
 
-def counted(name: str, command, seconds: float, environ) -> Stage:
+def counted(name: str, command, environ, log: Path) -> Stage:
     """Run a script that prints a line 'N passed, N failed, N skipped' and ends with code 0 when all is well."""
     stage = Stage(name)
     started = time.monotonic()
-    try:
-        done = subprocess.run(
-            [str(part) for part in command], cwd=ROOT, env=environ, timeout=seconds,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return broken(name, f"stopped after {seconds:.0f} s: it hung")
+    code = _run_watched(command, environ, log, aside=True)
     stage.seconds = time.monotonic() - started
-    say(done.stdout)
-    counts = re.findall(r"^(\d+) passed, (\d+) failed, (\d+) skipped$", done.stdout, re.MULTILINE)
+    printed = log.read_text(encoding="utf-8", errors="replace")
+    counts = re.findall(r"^(\d+) passed, (\d+) failed, (\d+) skipped$", printed, re.MULTILINE)
     if counts:
         stage.passed, stage.failed, stage.skipped = map(int, counts[-1])
-    if (done.returncode != 0 or not counts) and not stage.failed:
+    if code is None:
         stage.failed += 1
-        stage.remarks.append(f"it ended with code {done.returncode}" + ("" if counts else " and without its counts"))
+        stage.remarks.append(f"stopped: nothing happened for {SILENT_SECONDS} s")
+    elif (code != 0 or not counts) and not stage.failed:
+        stage.failed += 1
+        stage.remarks.append(f"it ended with code {code}" + ("" if counts else " and without its counts"))
     return stage
 
 
+def _never_run(stages: list[Stage]) -> Counter:
+    """How many tests no stage ran for want of a package, by reason."""
+    ran = {name for stage in stages for name, reason in stage.tests.items() if not reason}
+    reasons = {name: reason for stage in stages for name, reason in stage.tests.items() if name not in ran}
+    return Counter(filter(_NO_PACKAGE.search, reasons.values()))
+
+
 def summary(stages: list[Stage]) -> int:
-    """Print the table of stages and the plain line of totals, last; returns the exit code."""
+    """Print the table of stages, the plain line of totals and, last, what this machine could not test.
+
+    The exit code is 0 when nothing failed and, in CI, nothing was left out.
+    """
     passed, failed, skipped = (sum(getattr(s, key) for s in stages) for key in ("passed", "failed", "skipped"))
     say("\n" + "stage".ljust(26) + "result    passed  failed  skipped   seconds")
     for stage in stages:
@@ -122,6 +187,10 @@ def summary(stages: list[Stage]) -> int:
         say(f"{stage.name:<26}{stage.verdict:<8}  {counts}")
         for remark in stage.remarks:
             say(f"    {remark}")
+    lacking = [f"{stage.name} ({stage.missing})" for stage in stages if stage.missing]
+    lacking += [f"{count} tests ({reason})" for reason, count in _never_run(stages).items()]
     say()
     say(f"{passed} passed, {failed} failed, {skipped} skipped")
-    return 1 if failed or not passed else 0
+    if lacking:
+        say(f"NOT TESTED on this machine: {'; '.join(lacking)}.")
+    return 1 if failed or not passed or (lacking and os.environ.get("CI")) else 0

@@ -7,7 +7,6 @@ own as well.
 
 from __future__ import annotations
 
-import re
 import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -20,8 +19,9 @@ from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
 from .places import BPY_KERNELS, BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
-from .real_blender_tests import TESTS, WHOLE, real_blender_stage, window_stage, window_stages
-from .stages import Stage, broken, measured, skipped, summary
+from .real_blender import ensure_blender
+from .real_blender_tests import WHOLE, real_blender_stages, window_stage
+from .stages import Stage, broken, file_name, measured, skipped, summary, untested
 from .uv import find_python
 from .wheels import this_platform
 
@@ -31,11 +31,6 @@ STABILITY_TESTS = TESTS_FOLDER / "stability"
 CLUSTER_TESTS = TESTS_FOLDER / "cli" / "cluster"
 REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
-
-# A stage that takes longer hangs: bpy 4.5 can deadlock when the interpreter ends.
-CORE_SECONDS = 2400
-BPY_SECONDS = 900
-OTHERS_SECONDS = 600
 
 AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages waited for processes and windows
 LONGEST = ("truths", "unit")  # of the core's folders, begun first
@@ -78,15 +73,13 @@ class Part:
     waits: bool = True
 
 
-def _pytest(name: str, python: Path, arguments, seconds: float, environ, aside: bool = False) -> Stage:
+def _pytest(name: str, python: Path, arguments, environ, aside: bool = False) -> Stage:
     """One pytest run in an environment; ``aside``: beside another, so that its output is shown when it has ended."""
-    report = REPORTS / f"{re.sub(r'[^a-zA-Z0-9.]+', '-', name)}.xml"
-    report.parent.mkdir(parents=True, exist_ok=True)
+    report = REPORTS / f"{file_name(name)}.jsonl"
     report.unlink(missing_ok=True)
-    log = report.with_suffix(".txt") if aside else None
     say(f"\n=== {name}" + (" begins" if aside else ""))
-    words = [python, "-m", "pytest", "-q", f"--junit-xml={report}", *arguments]
-    return measured(name, words, seconds, {**environ, **IDLE_THREADS}, report, log)
+    words = [python, "-m", "pytest", "-q", f"--report-log={report}", *arguments]
+    return measured(name, words, {**environ, **IDLE_THREADS}, report, aside)
 
 
 def _leave_out(*marks: str) -> list[str]:
@@ -96,7 +89,7 @@ def _leave_out(*marks: str) -> list[str]:
 
 def _core(arguments, name: str = "core", aside: bool = False, **variables: str) -> Stage:
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), **variables)
-    return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], CORE_SECONDS, environ, aside)
+    return _pytest(name, ensure(CORE), ["--ignore=tests/blender", *arguments], environ, aside)
 
 
 def core_folders() -> list[str]:
@@ -110,9 +103,9 @@ def core_folders() -> list[str]:
 def _in_other(name: str, environment: Path | Failure, words, aside: bool) -> Stage:
     """Tests in an environment other than the core's; ``environment``: its Python, or why there is none."""
     if isinstance(environment, Failure):
-        return skipped(name, str(environment))
+        return untested(name, str(environment))
     environ = clean_environ(RLE_SPLAT_CACHE=str(KERNELS), LIBGL_ALWAYS_SOFTWARE="1")
-    return _pytest(name, environment, words, OTHERS_SECONDS, environ, aside)
+    return _pytest(name, environment, words, environ, aside)
 
 
 def _extras(environment: Path | Failure, options, aside: bool) -> Stage:
@@ -158,6 +151,8 @@ def _make_ready(quick: bool) -> Ready:
                 ensure_bpy(version)
     if not quick:
         ready.pythons = {name: _other(name) for name in OTHERS}
+        with suppress(Failure):  # its stages say what is wrong
+            ensure_blender()
     return ready
 
 
@@ -177,7 +172,7 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
-        return skipped(name, without_python(wanted))
+        return untested(name, without_python(wanted))
     try:
         python = ensure_bpy(version)
     except Failure as problem:
@@ -189,7 +184,7 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
         RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1",
         RLE_SPLAT_CACHE=str(BPY_KERNELS),
     )  # fmt: skip
-    stage = _pytest(name, python, arguments, BPY_SECONDS, environ, aside)
+    stage = _pytest(name, python, arguments, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
     return stage
 
@@ -222,6 +217,8 @@ def parts(options=(), quick: bool = False) -> dict[str, Part]:
         )
         for folder, words in core.items()
     }
+    if not quick:
+        found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zip_path), needs="zip")
     whole = not (quick or options)
     # It waits because it compares its pictures with those of Blender's Pythons.
     found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
@@ -236,7 +233,6 @@ def parts(options=(), quick: bool = False) -> dict[str, Part]:
         found["clusters"] = Part(
             lambda ready, aside: [_in_other(CLUSTER_STAGE, ready.pythons["cluster"], words, aside)], needs="cluster"
         )
-        found[REAL_BLENDER] = Part(lambda ready, aside: _real_blender(ready.zip_path), needs="zip")
     return found
 
 
@@ -276,10 +272,6 @@ def _not_quick(*more: str) -> list[Stage]:
     return [skipped(name, "left out by --quick") for name in (*others, *more)]
 
 
-def _real_blender(zip_path: Path) -> list[Stage]:
-    return [real_blender_stage(zip_path), *window_stages(zip_path)]
-
-
 def _some(core, blender, options, quick: bool) -> list[Stage]:
     """The tests of these paths, one stage after the other, with their output as it comes."""
     stages = []
@@ -312,7 +304,7 @@ def test_catalogue() -> int:
 def test_real_blender(backend: str | None = None) -> int:
     """The whole of tests/blender inside the real Blender, and what needs its window, drawn with ``backend``."""
     zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-    return summary([real_blender_stage(zip_path, TESTS / WHOLE), *window_stages(zip_path, backend)])
+    return summary(real_blender_stages(zip_path, WHOLE, backend))
 
 
 def photograph(scenario: Path, size: str, backend: str | None = None) -> int:

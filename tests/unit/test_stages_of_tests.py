@@ -1,11 +1,14 @@
 """The stages of dev.py test: what runs where, what waits for what, and what is said of what cannot run."""
 
+import os
+import sys
 from pathlib import Path
 from threading import Event
 
 import pytest
 
 from devtools import real_blender_tests, testing
+from devtools import stages as stages_module
 from devtools.places import Failure
 from devtools.stages import Stage
 
@@ -14,7 +17,7 @@ TESTS = Path(__file__).resolve().parents[1]
 
 def test_extras_are_skipped_in_one_line_where_their_environment_cannot_be_made(capsys):
     stage = testing._extras(Failure("uv could not."), [], True)
-    assert (stage.verdict, stage.skipped, stage.remarks) == ("SKIPPED", 1, ["uv could not."])
+    assert (stage.verdict, stage.skipped, stage.missing) == ("SKIPPED", 1, "uv could not.")
     assert capsys.readouterr().out.count("\n") == 2  # an empty line before it
 
 
@@ -22,12 +25,14 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
     def none():
         raise Failure("no blender in $BLENDER")
 
-    monkeypatch.setattr(real_blender_tests, "find_blender", none)
-    stages = real_blender_tests.window_stages(tmp_path / "extension.zip")
-    assert [stage.name for stage in stages] == [
-        f"real blender, {name}" for name in ("window", "panels", "import", "live", "cut", "look", "presets")
-    ]
-    assert {(stage.verdict, *stage.remarks) for stage in stages} == {("SKIPPED", "no blender in $BLENDER")}
+    monkeypatch.setattr(real_blender_tests, "ensure_blender", none)
+    (stage,) = real_blender_tests.real_blender_stages(tmp_path / "extension.zip")
+    assert (stage.verdict, stage.missing) == ("SKIPPED", "no blender in $BLENDER")
+
+
+def test_each_script_that_drives_a_window_is_a_stage():
+    drivers = {path.name for path in (TESTS / "blender").glob("*.py") if "\ndrive(" in path.read_text(encoding="utf-8")}
+    assert drivers | {"window.py"} == set(real_blender_tests.WINDOW_SCRIPTS)
 
 
 @pytest.fixture
@@ -38,7 +43,7 @@ def stages(monkeypatch, tmp_path):
     def everything(quick):
         runs, begun, made = {}, Event(), Event()
 
-        def run(name, python, words, seconds, environ, aside=False):
+        def run(name, python, words, environ, aside=False):
             assert name not in runs and aside
             runs[name] = (python, [str(word) for word in words])
             if not name.startswith("core, ") or name.removeprefix("core, ") in testing.WANT_BLENDER:
@@ -55,11 +60,11 @@ def stages(monkeypatch, tmp_path):
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
+        monkeypatch.setattr(testing, "real_blender_stages", lambda path: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
         monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)
         monkeypatch.setattr(testing, "find_python", lambda version: version)
         monkeypatch.setattr(testing, "_catalogue", lambda: Stage("catalogue", passed=1))
-        monkeypatch.setattr(testing, "_real_blender", lambda path: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "BUILD", tmp_path)  # the tests that run now use the other one
         monkeypatch.setattr(testing, "FIGURES", tmp_path / "figures.json")
         return runs, testing._everything(["-x"], quick)
@@ -133,3 +138,61 @@ def test_the_whole_catalogue_is_checked_for_gaps_and_a_part_of_it_is_not(monkeyp
         for arguments in (((), False), ((), True), (("-x",), False))
     }
     assert list(names.values()) == [["hard cases", "catalogue"], ["hard cases"], ["hard cases"]]
+
+
+THREE_TESTS = """
+import os, time, pytest
+def test_good(): pass
+def test_bad(): assert 0
+def test_skipped(): pytest.importorskip("no_such_package")
+@pytest.mark.xfail
+def test_expected(): assert 0
+def test_last(): {last}
+def test_never_reached(): pass
+"""
+
+
+@pytest.fixture
+def run_tests(tmp_path, monkeypatch):
+    """``run_tests(last)``: the stage of a real run of THREE_TESTS whose last test does this."""
+
+    def run(last):
+        (tmp_path / "test_file.py").write_text(THREE_TESTS.format(last=last))
+        report = tmp_path / "report.jsonl"
+        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", tmp_path, tmp_path]
+        return stages_module.measured("some", [*words, f"--report-log={report}"], dict(os.environ), report, True)
+
+    return run
+
+
+def test_a_run_is_counted(run_tests):
+    stage = run_tests("pass")
+    assert (stage.passed, stage.failed, stage.skipped) == (3, 1, 2)
+    assert any("no_such_package" in remark for remark in stage.remarks)
+
+
+def test_results_are_kept_when_a_run_ends_early(run_tests):
+    stage = run_tests("os._exit(9)")
+    assert (stage.passed, stage.failed, stage.skipped) == (1, 2, 2)
+    assert "it ended with code 9 in test_file.py::test_last" in stage.remarks
+
+
+def test_a_test_that_hangs_is_named_and_the_results_are_kept(run_tests, monkeypatch):
+    monkeypatch.setattr(stages_module, "SILENT_SECONDS", 5)
+    stage = run_tests("time.sleep(10_000)")
+    assert (stage.passed, stage.failed, stage.skipped) == (1, 2, 2)
+    assert "stopped in test_file.py::test_last: nothing happened for 5 s" in stage.remarks
+
+
+@pytest.mark.parametrize("ci, code", (("", 0), ("true", 1)))
+def test_what_the_machine_lacks_is_said_last_and_fails_in_ci(monkeypatch, capsys, ci, code):
+    monkeypatch.setenv("CI", ci)
+    tests = {"one": "could not import 'a': no", "two": "could not import 'a': no", "three": "needs a scan"}
+    ran = Stage("core", passed=1, tests=tests)
+    elsewhere = Stage("other", passed=1, tests={"two": ""})
+    lacking = Stage("real blender", skipped=1, missing="no blender")
+    assert stages_module.summary([ran, elsewhere, lacking]) == code
+    *_, counts, last = capsys.readouterr().out.splitlines()
+    assert counts == "2 passed, 0 failed, 1 skipped"
+    assert last == "NOT TESTED on this machine: real blender (no blender); 1 tests (could not import 'a': no)."
+    assert stages_module.summary([ran, Stage("other", passed=1, tests={"one": "", "two": ""})]) == 0
