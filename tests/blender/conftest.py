@@ -60,7 +60,7 @@ def _pack(folder: Path) -> Path:
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
     subprocess.run(
         [sys.executable, str(tool), "build", "--source-dir", str(source), "--output-dir", str(folder)],
-        check=True, capture_output=True, timeout=120)
+        check=True, capture_output=True)
     return next(folder.glob("*.zip"))
 
 

@@ -439,7 +439,7 @@ def test_B70_a_file_rendered_without_the_extension_shows_no_saved_picture(volume
     np.testing.assert_array_equal(scenes.image_pixels(image), before)
     assert before.max() > 0.5 and not image.is_dirty
     subprocess.run(
-        [sys.executable, "-c", RENDER_WITHOUT, str(path), str(tmp_path / "without.exr")], check=True, timeout=120,
+        [sys.executable, "-c", RENDER_WITHOUT, str(path), str(tmp_path / "without.exr")], check=True,
         env={"BLENDER_USER_RESOURCES": str(tmp_path / "nobody"), "PATH": "/usr/bin:/bin"})
     assert np.abs(scenes.load_pixels(tmp_path / "without.exr")).max() == 0.0
     bpy.ops.wm.open_mainfile(filepath=str(path))

@@ -17,7 +17,7 @@ TAGS = SCRIPTS / "modules/_bpy_internal/extensions/tags.py"
 def refused(path: Path) -> str:
     """What the tool says against a zip or a folder, or nothing when it accepts it."""
     command = [sys.executable, TOOL, "validate", path, "--valid-tags", TAGS]
-    answer = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=120)
+    answer = subprocess.run([str(word) for word in command], capture_output=True, text=True)
     return f"code {answer.returncode}: {answer.stdout}{answer.stderr}" if answer.returncode else ""
 
 

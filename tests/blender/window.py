@@ -155,7 +155,7 @@ def check_letters():
     letters = import_module(f"{MODULE}.bridge.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, letter: drawn.append(letter)
-    yield from until(lambda: set(drawn) == set("RLAPIS"), seconds=5.0)
+    yield from until(lambda: set(drawn) == set("RLAPIS"))
     letters.blf.draw = draw
     with in_the_view():
         bpy.ops.object.delete()
@@ -224,7 +224,7 @@ def redraws(region, act):
         yield
     with in_the_view():
         act()
-    yield from until(lambda: len(drawn) > before, seconds=5.0)
+    yield from until(lambda: len(drawn) > before)
     bpy.types.SpaceView3D.draw_handler_remove(handler, region)
 
 
@@ -248,8 +248,8 @@ def check_B84_measure_accuracy_redraws():
         assert bpy.ops.rle_splat.measure_accuracy("INVOKE_DEFAULT", probes=2, repeats=1) == {"RUNNING_MODAL"}
     drawn, rows = [], scene.rle_splat.accuracy_rows
     handler = bpy.types.SpaceView3D.draw_handler_add(lambda: drawn.append(len(rows)), (), "UI", "POST_PIXEL")
-    yield from until(lambda: not jobs._running, seconds=200.0)
-    yield from until(lambda: drawn and drawn[-1] == len(rows), seconds=5.0)
+    yield from until(lambda: not jobs._running)
+    yield from until(lambda: drawn and drawn[-1] == len(rows))
     bpy.types.SpaceView3D.draw_handler_remove(handler, "UI")
     assert len(rows)
 
@@ -266,11 +266,11 @@ def check_preparation():
     preparation(True)
     yield from until(lambda: ahead._Now.process is not None)
     process = ahead._Now.process
-    yield from until(ahead.text, seconds=5.0)
-    yield from until(lambda: kernels() > before or process.poll() is not None, seconds=120.0)
+    yield from until(ahead.text)
+    yield from until(lambda: kernels() > before or process.poll() is not None)
     assert process.poll() is None
     preparation(False)
-    yield from until(lambda: not ahead.text(), seconds=5.0)
+    yield from until(lambda: not ahead.text())
     assert process.poll() is not None and not bpy.app.timers.is_registered(ahead._tick)
 
 

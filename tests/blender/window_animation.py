@@ -83,7 +83,7 @@ def save() -> None:
     words = ["-crop", cut, "+repage", "-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
     goal = folder / "live-viewport.gif"
     subprocess.run(["convert", "-delay", str(CENTISECONDS), "-loop", "0", *map(str, frames), *words, str(goal)],
-                   check=True, timeout=300)
+                   check=True)
     for one in frames:
         one.unlink()
 

@@ -22,10 +22,10 @@ FRAMES = 500
 def press(key: str):
     """Press a key in Blender's window."""
     command = ("xdotool", "search", "--onlyvisible", "--class", "Blender")
-    found = subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
-    subprocess.run(("xdotool", "windowfocus", found.stdout.split()[0]), check=True, timeout=10)
+    found = subprocess.run(command, check=True, capture_output=True, text=True)
+    subprocess.run(("xdotool", "windowfocus", found.stdout.split()[0]), check=True)
     yield
-    subprocess.run(("xdotool", "key", key), check=True, timeout=10)
+    subprocess.run(("xdotool", "key", key), check=True)
 
 
 def browser():

@@ -24,7 +24,7 @@ from tests.blender.window_driver import (
     photograph,
     until,
 )
-from tests.blender.window_steps import PATIENCE, drag, middle, press, settled, simulate, viewport
+from tests.blender.window_steps import drag, middle, press, settled, simulate, viewport
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
 SIDE = 256
@@ -72,7 +72,7 @@ def import_steps(path, use_headlight):
         assert bpy.ops.rle_splat.import_volume(
             "INVOKE_DEFAULT", filepath=str(path), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0),
             use_dialog=False, use_headlight=use_headlight) == {"RUNNING_MODAL"}
-    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects), PATIENCE)
+    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
     read = time.perf_counter() - began
     volume = bpy.context.view_layer.objects.active
 
@@ -82,7 +82,7 @@ def import_steps(path, use_headlight):
             drafted = time.perf_counter() - began
         return drafted is not None and not viewport().is_busy
 
-    yield from until(is_drafted, PATIENCE)
+    yield from until(is_drafted)
     print(f"read after {read:.1f} s, shown after {drafted:.1f} s, refined after {time.perf_counter() - began:.1f} s "
           "(looked at every 0.3 s)", flush=True)
     return volume
@@ -172,7 +172,7 @@ def f12(volume):
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
-    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"), PATIENCE)
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
     path = FOLDER / "render.png"
     bpy.data.images["Render Result"].save_render(str(path))
     image = bpy.data.images.load(str(path))

@@ -121,7 +121,7 @@ def check_dialog():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(large_file()))
     yield from photograph("dialog")
     press("RET")
-    yield from until(lambda: volumes(), seconds=30.0)
+    yield from until(lambda: volumes())
     assert len(slices) > 3
 
 
@@ -152,7 +152,7 @@ def check_browser():
     with in_the_view():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT")
     yield from confirm_browser(FOLDER, large_file().name)
-    yield from until(volumes, seconds=30.0)
+    yield from until(volumes)
     assert len(slices) > 3
     slices.clear()
     with in_the_view():
@@ -224,7 +224,7 @@ def check_playback():
     for frame in (1, 2, 3):
         bpy.context.scene.frame_set(frame)
         ours.load_volume(owner)
-        yield from until(lambda: ours.is_at_hand(owner, ahead=1), seconds=5.0)
+        yield from until(lambda: ours.is_at_hand(owner, ahead=1))
         assert len(ours._kept) == 2
     yield from check_followed(ours, owner)
 
@@ -247,7 +247,7 @@ def check_followed(ours, owner):
     ahead.want = lambda *given: asked.append(want(*given)) or asked[-1]
     ours.forget_all()
     owner.rle_splat.frame_offset = 3
-    yield from until(lambda: not np.array_equal(np.array(image.pixels[:]), before), seconds=10.0)
+    yield from until(lambda: not np.array_equal(np.array(image.pixels[:]), before))
     assert asked[0] and ours.is_at_hand(owner) and scene.rle_splat.message == ""
     ahead.want = want
 
@@ -316,7 +316,7 @@ def check_reload():
     before = volumes()[0].rle_splat.transfer_name
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset("INVOKE_DEFAULT", preset="x-ray") == {"RUNNING_MODAL"}
-    yield from until(lambda: volumes()[0].rle_splat.transfer_name != before, seconds=20.0)
+    yield from until(lambda: volumes()[0].rle_splat.transfer_name != before)
     assert len(slices) > 3
 
 

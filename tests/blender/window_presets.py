@@ -26,7 +26,6 @@ from tests.blender.window_driver import (
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_presets_"))
-PATIENCE = 400.0  # seconds: kernels may have to be prepared first
 MRML = """<MRML>
 <VolumeProperty name="Rose" shade="1" ambient="0.1" diffuse="0.9" specular="0.2" specularPower="10"
  scalarOpacity="6 0 0 60 0 255 0.4" gradientOpacity="6 0 0 9 1 255 1" colorTransfer="8 0 0 0 0 255 1 0.6 0.6"/>
@@ -81,7 +80,7 @@ def check_thumbnails(owner, took):
     """Placeholders first, then the pictures; made in short steps."""
     yield from photograph("placeholders")
     wanted = {entry.name for group in suits(owner) for entry in group.entries}
-    yield from until(lambda: wanted <= set(pictures()), PATIENCE)
+    yield from until(lambda: wanted <= set(pictures()))
     yield from photograph("thumbnails")
     for name, preview in pictures().items():
         pixels = np.array(preview.image_pixels_float).reshape(128, 128, 4)
@@ -98,7 +97,7 @@ def check_apply(owner):
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="smoke") == {"FINISHED"}
     yield
-    yield from until(lambda: not viewport_is_busy(), PATIENCE)
+    yield from until(lambda: not viewport_is_busy())
     yield from photograph("applied")
     assert owner.rle_splat.transfer_name
 
@@ -116,7 +115,7 @@ def check_own(owner):
         bpy.ops.rle_splat.save_own_preset(name="My Smoke", overwrite=True)
     # Gradient opacity has kernels of its own, for which no thumbnail waits.
     wanted = {"My Smoke"} if module("kernel_preparation").are_missing() else {"Rose", "Sea", "My Smoke"}
-    yield from until(lambda: wanted <= set(pictures()), PATIENCE)
+    yield from until(lambda: wanted <= set(pictures()))
     yield from photograph("own")
 
 
@@ -144,7 +143,7 @@ def check_from_disk(owner):
     original = thumbnails.thumbnail_steps
     thumbnails.thumbnail_steps = lambda *arguments: rendered.append(arguments) or original(*arguments)
     area_of("VIEW_3D").tag_redraw()
-    yield from until(lambda: {"AUTO", "x-ray"} <= set(pictures()), PATIENCE)
+    yield from until(lambda: {"AUTO", "x-ray"} <= set(pictures()))
     thumbnails.thumbnail_steps = original
     assert not rendered
 
@@ -152,7 +151,7 @@ def check_from_disk(owner):
 def check_other_tab(owner):
     """Without the tab nothing is made."""
     thumbnails = module("thumbnails")
-    yield from until(lambda: not thumbnails._wanted, PATIENCE)
+    yield from until(lambda: not thumbnails._wanted)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "View"
     yield
     thumbnails.stop()

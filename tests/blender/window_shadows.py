@@ -55,7 +55,7 @@ def rendered(path: Path):
     bpy.context.preferences.view.render_display_type = "NONE"
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT")
-    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"), seconds=240.0)
+    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"))
     bpy.app.handlers.render_complete.remove(note)
     scenes.write_exr(path)
     bpy.data.images["Render Result"].save_render(str(path), scene=bpy.context.scene)
@@ -76,7 +76,7 @@ def scenario():
     pictures = {}
     for state in ("OFF", "AUTO"):
         scene.rle_splat.effect_overrides.shadows_on_meshes = state
-        yield from until(lambda state=state: bool(shadows.grids(scene)) == (state == "AUTO"), seconds=5.0)
+        yield from until(lambda state=state: bool(shadows.grids(scene)) == (state == "AUTO"))
         pictures[state] = yield from rendered(folder() / f"{state}.exr")
         row = scene.rle_splat.effect_rows["shadows on meshes"]
         assert row.on == (state == "AUTO"), row.reason
@@ -102,7 +102,7 @@ def scenario():
         bpy.ops.ed.undo_push(message="removed")
         assert not shadows.grids(bpy.context.scene)
         bpy.ops.ed.undo()
-    yield from until(lambda: len(shadows.grids(bpy.context.scene)) == 1, seconds=5.0)
+    yield from until(lambda: len(shadows.grids(bpy.context.scene)) == 1)
     passed("undo")
 
 

@@ -5,8 +5,6 @@ from importlib import import_module
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import area_of, region_of, until, window
 
-PATIENCE = 600.0  # seconds: kernels may have to be compiled
-
 
 def live():
     return import_module(f"{MODULE}.bridge.live")
@@ -21,7 +19,7 @@ def settled():
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
-    yield from until(lambda: viewport() is not None and not viewport().is_busy, PATIENCE)
+    yield from until(lambda: viewport() is not None and not viewport().is_busy)
     yield
 
 

@@ -27,7 +27,7 @@ from tests.blender.window_driver import (
     photograph,
     until,
 )
-from tests.blender.window_steps import PATIENCE, drag, middle, press, settled
+from tests.blender.window_steps import drag, middle, press, settled
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_tutorial_")) / "practice-ct"
 
@@ -37,7 +37,7 @@ def keep(name: str, began: float):
     seconds = time.perf_counter() - began
     yield from photograph(name)
     path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run(["convert", str(path), "-quality", "82", str(path.with_suffix(".jpg"))], check=True, timeout=60)
+    subprocess.run(["convert", str(path), "-quality", "82", str(path.with_suffix(".jpg"))], check=True)
     path.unlink()
     passed(f"{name}, {seconds:.1f} s,")
 
@@ -80,7 +80,7 @@ def rendered(_volume):
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
-    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"), PATIENCE)
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
     yield
     yield
 

@@ -57,7 +57,7 @@ def light_of_f12(path: Path):
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT")
         bpy.app.handlers.render_complete.append(note)
-    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"), seconds=120.0)
+    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"))
     bpy.app.handlers.render_complete.remove(note)
     scenes.write_exr(path)
     bpy.data.images["Render Result"].save_render(str(path), scene=bpy.context.scene)

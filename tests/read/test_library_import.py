@@ -34,7 +34,7 @@ def loaded(name: str, pyc: Path, **environ):
     words = [sys.executable, "-c", CHILD, name]
     own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     environ = {**own, "PYTHONPYCACHEPREFIX": str(pyc), **environ}
-    done = subprocess.run(words, capture_output=True, text=True, env=environ, timeout=120)
+    done = subprocess.run(words, capture_output=True, text=True, env=environ)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

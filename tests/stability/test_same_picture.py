@@ -24,7 +24,7 @@ def elsewhere(folder, *arguments, python=sys.executable, **environ) -> dict[str,
     file = folder / "pictures.npz"
     done = subprocess.run(
         [python, "-m", "tests.stability.pictures", file, *arguments], cwd=ROOT, capture_output=True, text=True,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **environ}, timeout=300, check=False,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **environ}, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     with np.load(file) as made:

@@ -41,7 +41,7 @@ def test_the_limit_of_the_process_counts():
         "import resource; from rle_splat.runtime import memory; before = memory.available_bytes(); "
         f"resource.setrlimit(resource.RLIMIT_AS, ({GIB}, {GIB})); print(memory.available_bytes(), before)"
     )
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
     limited, before = map(int, done.stdout.split())
     assert 0 < limited < GIB and limited <= before
 
@@ -207,7 +207,7 @@ print(rendering.report["memory_estimate_bytes"]["needed"], status("VmHWM") - bef
 def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification, meshes):
     """All of it: scratch that is kept, samples of meshes, and what no tracer of Python's own is told."""
     done = subprocess.run(
-        [sys.executable, "-c", MEASURED, classification, meshes], cwd=ROOT, capture_output=True, text=True, timeout=300
+        [sys.executable, "-c", MEASURED, classification, meshes], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     needed, taken = map(int, done.stdout.split())

@@ -53,7 +53,7 @@ def stages(monkeypatch, tmp_path):
             return Stage(name, passed=1)
 
         def make_ready(quick):
-            assert begun.wait(60), "nothing else runs meanwhile"
+            assert begun.wait(600), "nothing else runs meanwhile"
             made.set()
             pythons = {name: Path(name) for name in testing.OTHERS}
             return testing.Ready(Stage("extension zip", passed=1), Path("the.zip"), pythons)
