@@ -12,7 +12,6 @@ from .environments import any_bpy
 from .places import OUT, Failure, say
 from .sample import sample
 
-SECONDS = 900
 SCAN_TITLE = "RLE SPLAT"
 
 
@@ -34,7 +33,7 @@ def _show(name: str, volume: Path, options: dict, version: str) -> Path:
     """One volume in one scene, in a Blender process of its own; returns the folder with the results."""
     folder = OUT / "demo" / name
     say(f"Blender {version} shows {volume.name} (the first time, the kernels that the picture needs are compiled) ...")
-    run_job(version, "demo_scene.py", folder, SECONDS, volume=str(volume), options=options, title=SCAN_TITLE)
+    run_job(version, "demo_scene.py", folder, volume=str(volume), options=options, title=SCAN_TITLE)
     return folder
 
 

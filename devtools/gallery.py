@@ -13,7 +13,6 @@ from .places import OUT, ROOT, Failure, clean_environ, run, say
 from .sample import sample
 
 FOLDER = OUT / "gallery"
-SECONDS = 1200  # of one scene
 PARTS = ("scene", "sets", "objects", "studio", "plate", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
@@ -67,7 +66,7 @@ def _make(name: str, version: str, percent: float) -> None:
         shutil.copyfile(ROOT / "devtools" / script, folder / script)
     say(f"{shot.title} ...")
     size = [max(round(0.01 * percent * pixels), 1) for pixels in shot.size]
-    run_job(version, "gallery_scene.py", folder, SECONDS, scene=name, size=size, samples=shot.samples)
+    run_job(version, "gallery_scene.py", folder, scene=name, size=size, samples=shot.samples)
     picture = FOLDER / (name + shot.suffix)
     run(
         [ensure(CORE), "-m", "devtools.gallery_pictures", folder, shot.layout, picture],

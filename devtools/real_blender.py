@@ -21,6 +21,7 @@ SUITE = "sid"
 CHROOT = ENVIRONMENTS / f"blender-{SUITE}"
 STAMP = CHROOT / "ready"
 OLDEST = (4, 5)
+IDENTIFY_SECONDS = 1800  # a Blender that says nothing for so long hangs
 
 # Blender; what its extensions need; openvdb; OpenGL and Vulkan in software; a virtual screen, a mouse and a camera for
 # it.
@@ -64,7 +65,7 @@ def _identify(command, label: str, environ, root: Path | None = None) -> Blender
     try:
         answer = subprocess.run(
             [*command, "--background", "--factory-startup", "--python-expr", ask],
-            capture_output=True, text=True, timeout=120, env=environ,
+            capture_output=True, text=True, timeout=IDENTIFY_SECONDS, env=environ,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as problem:
         raise Failure(f"{label} does not run: {problem}.") from None

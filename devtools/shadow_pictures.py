@@ -9,13 +9,12 @@ from .environments import any_bpy
 from .places import OUT, pixels, say
 
 FOLDER = OUT / "shadows"
-SECONDS = 1200
 
 
 def shadows(size: str, samples: int) -> int:
     """Make shadows.png and figures.json in out/shadows."""
     width, height = pixels(size)
     began = time.monotonic()
-    run_job(any_bpy(), "shadow_scene.py", FOLDER, SECONDS, size=[width, height], samples=samples)
+    run_job(any_bpy(), "shadow_scene.py", FOLDER, size=[width, height], samples=samples)
     say(f"{FOLDER / 'shadows.png'}\n{FOLDER / 'figures.json'}\nDone in {time.monotonic() - began:.0f} s.")
     return 0
