@@ -53,7 +53,7 @@ def settled():
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
-    yield from until(lambda: not any(one.is_busy for one in live.viewports_of(area_of("VIEW_3D"))), 120.0)
+    yield from until(lambda: not any(one.is_busy for one in live.viewports_of(area_of("VIEW_3D"))))
     assert not live.problem_of(area_of("VIEW_3D"))
     yield
 
@@ -294,7 +294,7 @@ def check_render(name):
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     with in_the_view():
         assert bpy.ops.render.render("INVOKE_DEFAULT", animation=True) == {"RUNNING_MODAL"}
-    yield from until(lambda: ended, 120.0)
+    yield from until(lambda: ended)
     yield
     shown = []
     for frame in (1, 2, 3):
@@ -314,7 +314,7 @@ def check_deleted(name):
     with in_the_view():
         bpy.ops.object.delete()
     slices = [one for one in bpy.data.objects if one.rle_splat.is_slice]
-    yield from until(lambda: bpy.context.scene.rle_splat.message, 10.0)
+    yield from until(lambda: bpy.context.scene.rle_splat.message)
     yield from photograph("slices_of_a_deleted_volume")
     problem = import_module(f"{MODULE}.bridge.follow_slices").problem_of
     assert len(slices) == 3 and all("not the child of a volume" in problem(one) for one in slices)

@@ -69,11 +69,11 @@ def scenario():
     place, area = browser()
     with bpy.context.temp_override(window=place, area=area):
         bpy.ops.file.execute()
-    yield from until(lambda: pictures() > 2, 120.0)
+    yield from until(lambda: pictures() > 2)
     assert rendering() and settings() != before
     yield from press("Escape")
-    yield from until(lambda: not rendering(), 20.0)
-    yield from until(lambda: settings() == before, 5.0)
+    yield from until(lambda: not rendering())
+    yield from until(lambda: settings() == before)
     assert 2 < pictures() < FRAMES
     with in_the_view():
         assert bpy.ops.rle_splat.turntable.poll()

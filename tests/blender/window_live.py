@@ -56,7 +56,7 @@ def settled():
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
-    yield from until(lambda: live().viewports_of(area_of("VIEW_3D")) and not viewport().is_busy, 120.0)
+    yield from until(lambda: live().viewports_of(area_of("VIEW_3D")) and not viewport().is_busy)
     assert not viewport().problem, viewport().problem
     yield
 
@@ -311,7 +311,7 @@ def check_edit(volume):
     tree = volume.rle_splat.transfer
     tree.nodes["Opacity"].mapping.curves[0].points[0].location.y = 0.5
     tree.update_tag()  # as an edit in the panel does; nothing else asks for a redraw
-    yield from until(lambda: counts()["refinements"] > middle["refinements"], 60.0)
+    yield from until(lambda: counts()["refinements"] > middle["refinements"])
     yield from settled()
     tree.nodes["Opacity"].mapping.curves[0].points[0].location.y = 0.9
     tree.update_tag()
@@ -324,8 +324,8 @@ def check_quad_view():
     with in_the_view():
         bpy.ops.screen.region_quadview()
     yield
-    yield from until(lambda: len(live().viewports_of(area_of("VIEW_3D"))) == 4, 60.0)
-    yield from until(lambda: not any(one.is_busy for one in live().viewports_of(area_of("VIEW_3D"))), 120.0)
+    yield from until(lambda: len(live().viewports_of(area_of("VIEW_3D"))) == 4)
+    yield from until(lambda: not any(one.is_busy for one in live().viewports_of(area_of("VIEW_3D"))))
     assert all(one.pictures and not one.problem for one in live().viewports_of(area_of("VIEW_3D")))
     yield from photograph("quad")
     with in_the_view():
@@ -398,10 +398,10 @@ def check_closed():
     area = area_of("VIEW_3D")
     look((33.0, 0.0, 12.0))
     area.tag_redraw()
-    yield from until(lambda: viewport().is_busy, 10.0)
+    yield from until(lambda: viewport().is_busy)
     closed = viewport()
     area.type = "CONSOLE"
-    yield from until(lambda: not closed.is_busy and not closed.pictures, 10.0)
+    yield from until(lambda: not closed.is_busy and not closed.pictures)
     area.type = "VIEW_3D"
     yield
     yield from settled()

@@ -58,7 +58,7 @@ def settled():
     yield
     yield
     found = live().viewports_of
-    yield from until(lambda: found(area_of("VIEW_3D")) and not found(area_of("VIEW_3D"))[0].is_busy, 120.0)
+    yield from until(lambda: found(area_of("VIEW_3D")) and not found(area_of("VIEW_3D"))[0].is_busy)
     yield
 
 

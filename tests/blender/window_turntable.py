@@ -73,8 +73,8 @@ def scenario():
     camera = scenes.add_camera()
     before = settings()
     yield from confirmed("turn", frames=6)
-    yield from until(lambda: (FOLDER / "turn.mp4").exists() and not rendering(), 120.0)
-    yield from until(lambda: settings() == before, 5.0)
+    yield from until(lambda: (FOLDER / "turn.mp4").exists() and not rendering())
+    yield from until(lambda: settings() == before)
     yield from photograph("ended")
     assert bpy.data.movieclips.load(str(FOLDER / "turn.mp4")).frame_duration == 6
     assert scene.camera == camera
