@@ -44,6 +44,9 @@ WINDOW_SCRIPTS = {
     "window_escape.py": USUAL_SCREEN,
     "window_shadows.py": USUAL_SCREEN,
     "window_world.py": USUAL_SCREEN,
+    "window_times.py": USUAL_SCREEN,
+    "window_animation.py": USUAL_SCREEN,
+    "window_tutorial.py": (1280, 1100),
 }
 
 

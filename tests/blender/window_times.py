@@ -22,7 +22,6 @@ from tests.blender.window_driver import area_of, drive, in_the_view, new_file, p
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_times_"))
 SIDE, REDRAWS, WARM = 256, 24, 6
-PATIENCE = 600.0  # seconds: kernels may have to be compiled
 # Parts of a redraw: module of bridge.live, class or "", function.  "depth" holds the two below it.
 PARTS = {
     "request": ("surface", "", "request_of"),
@@ -117,7 +116,7 @@ def settled():
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
-    yield from until(lambda: viewport() is not None and not viewport().is_busy, PATIENCE)
+    yield from until(lambda: viewport() is not None and not viewport().is_busy)
     yield
 
 
