@@ -1,5 +1,6 @@
 """Folders of tables: the same pictures as in memory, jobs that were killed go on, and damage is told."""
 
+import errno
 import json
 import shutil
 from dataclasses import replace
@@ -227,6 +228,37 @@ def test_a_failed_job_leaves_nothing(tmp_path, few_planes, monkeypatch):
     steps.close()
     assert sorted(file.name for file in tmp_path.rglob("*")) == before
     assert load(tmp_path / "a.rle").record == 16
+
+
+def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
+    """The second is refused before it reads anything, also where the disk has no locks."""
+    scene, quality, path = scene_of(volume_of()), QUALITIES["pre"], tmp_path / "a.rle"
+    lock = tmp_path / ".a.rle.lock"
+    lock.write_bytes(b"")  # of a process that was killed
+    encoded(tmp_path / "whole.rle", scene, quality)
+    wanted = {file.name: file.read_bytes() for file in (tmp_path / "whole.rle").iterdir()}
+    first = encode_folder_steps(scene, quality, path)
+    for step in first:
+        if "planes 4 to 6" in step.message:
+            break
+    with pytest.raises(RleSplatError, match="another command is writing there; wait until it has ended"):
+        next(encode_folder_steps(scene, quality, path))
+    drain(first)
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.rle", "whole.rle"]
+
+    def unknown(*_):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    fcntl = pytest.importorskip("fcntl", reason="Windows locks otherwise")
+    monkeypatch.setattr(fcntl, "flock", unknown)
+    both = encode_folder_steps(scene, quality, path), encode_folder_steps(scene, quality, path)
+    with pytest.raises(RleSplatError, match="another command is writing there"):
+        for _ in zip(*both):
+            pass
+    for steps in both:
+        steps.close()
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
 
 
 def test_what_a_folder_cannot_hold(tmp_path):
