@@ -254,8 +254,8 @@ def read_header(path) -> dict:
     """The header of a folder; RleSplatError if it is missing or damaged."""
     file = Path(path) / HEADER
     try:
-        with open(file, encoding="utf-8") as stream:
-            text = stream.read(MOST_HEADER)
+        with open(file, "rb") as stream:  # a buffer of so many bytes is made whatever the size of the file
+            text = stream.read(min(os.fstat(stream.fileno()).st_size, MOST_HEADER)).decode()
     except OSError as problem:
         if os.path.isfile(Path(path) / JOURNAL):  # False without rights, where Path.is_file raises
             raise RleSplatError(

@@ -304,7 +304,8 @@ def test_damage_is_told(tmp_path, few_planes, classification):
     [
         {"shape_xyz": [NX, NY, NZ + 1]}, {"shape_xyz": [NX + 1, NY, NZ]}, {"record": 8}, {"model": "x"}, {"axes": []},
         {"classification": "refined"}, {"affine": 3}, {"slabs": []}, {"dtypes": {}}, {"most_color": -1.0},
-        {"unit_length": float("nan")}, {"version": 9}, {"format": "x"}, {"remarks": 4},
+        {"unit_length": float("nan")}, {"unit_length": 0.0}, {"transfer_function": "other.json"}, {"lighting": []},
+        {"decoding": [1.0, 1.0]}, {"version": 9}, {"format": "x"}, {"remarks": 4},
     ],
     ids=str,
 )
