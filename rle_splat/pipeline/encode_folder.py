@@ -164,7 +164,7 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
     """Generator of Progress: encode a volume of more than COARSE_VOXELS in larger voxels, too, into a folder ``path``;
     return whether there is one."""
     volume, function, side = scene.volume, scene.transfer_function, 1
-    while math.prod(max(count // side, 1) for count in volume.shape_xyz) > COARSE_VOXELS:
+    while math.prod(-(-count // side) for count in volume.shape_xyz) > COARSE_VOXELS:  # as reduced_steps makes them
         side *= 2
     if side > 1 and not is_folder_form(path):
         factors = tuple(min(side, count) for count in volume.shape_xyz)

@@ -144,6 +144,10 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ)
     encoded(tmp_path / "b.rle", scene, quality)
     assert load(tmp_path / "b.rle").coarse is None and not (tmp_path / "b.rle" / "coarse").exists()
+    monkeypatch.setattr(encode_folder, "COARSE_VOXELS", (NX // 2) * (NY // 2) * (NZ // 2))  # odd sides are rounded up
+    encoded(tmp_path / "c.rle", scene, quality)
+    assert load(tmp_path / "c.rle").coarse.shape_xyz == (-(-NX // 4), -(-NY // 4), -(-NZ // 4))
+    assert not (tmp_path / "c.rle" / "coarse" / "coarse").exists()
 
 
 def test_nothing_visible(tmp_path, few_planes):
