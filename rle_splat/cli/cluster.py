@@ -88,15 +88,17 @@ class Cluster:
             where = {"workers": own, "allow_other_workers": True} if own else {}
         return self.client.submit(unpacked, dumps((function, job, task)), *inputs, pure=False, **where)
 
-    def results(self, job: Command, tasks, line, what: str, parts: int = 1):
+    def results(self, job: Command, tasks, count: int, line, what: str, parts: int = 1):
         """Yield (number of the task, Made) as tasks end.
 
         Parameters
         ----------
         job : Command
-        tasks : list of callables
+        tasks : iterable of callables
             ``task(submit)`` hands out a task, and those that it needs, and returns its future; ``submit``: the method,
             but for the job.
+        count : int
+            Their number.
         line : ProgressLine
         what : str
             A task, in words for a person.
@@ -121,7 +123,7 @@ class Cluster:
         for future in ended:
             made = self._result(future)
             done += 1
-            line.show(done / len(tasks), f"{what} {done} of {len(tasks)}, on {len(self.client.nthreads())} workers")
+            line.show(done / count, f"{what} {done} of {count}, on {len(self.client.nthreads())} workers")
             number = futures.pop(future)
             future.release()
             ended.update(submit())
@@ -344,8 +346,8 @@ def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts
             )
             for path, part in zip(args.output, parts, strict=False)
         ]
-        tasks = [_tile_task(tile, args.slabs) for tile in tiles]
-        for number, made in cluster.results(job, tasks, line, "tile", args.slabs or 1):
+        tasks = (_tile_task(tile, args.slabs) for tile in tiles)
+        for number, made in cluster.results(job, tasks, len(tiles), line, "tile", args.slabs or 1):
             prepared = made.prepared
             row = number // across
             if row not in strips:
@@ -376,9 +378,10 @@ def _tile_task(tile, slabs: int | None):
     return hand_out
 
 
-def _frame_task(own: Namespace, made: str | None):
+def _frame_task(args, own: Namespace):
     """The task of a frame, as ``Cluster.results`` takes it."""
-    return lambda submit: submit(make_frame, own, made)
+    made = None if args.again else scene_made(outputs_of(own))
+    return lambda submit: submit(make_frame, _absolute(own), made)
 
 
 def _side(region, threads: int) -> int:
@@ -394,7 +397,7 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     Parameters
     ----------
     args : argparse.Namespace
-    frames : list of argparse.Namespace
+    frames : sequence of argparse.Namespace
         The options of each frame.
     checked : Checked
     line : ProgressLine
@@ -404,19 +407,15 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     if args.like is None and args.turn is None and args.camera_path is None:
         args = Namespace(**{**vars(args), "like": frames[0].number})  # tasks come in any order
     job, paths = _job_of(args, checked)
-    tasks = []
-    for own in frames:
-        made = None if args.again else scene_made(outputs_of(own))
-        tasks.append(_frame_task(_absolute(own), made))
-    reports: list = [None] * len(frames)
+    tasks, reports = (_frame_task(args, own) for own in frames), {}
     with connected(args, paths, line) as cluster:
         try:
-            for number, made in cluster.results(job, tasks, line, "frame"):
+            for number, made in cluster.results(job, tasks, len(frames), line, "frame"):
                 own = frames[number]
                 reports[number] = kept_report(own) if made.rendering is None else _written(own, made, write)
         finally:
             cluster.forget(job)
-    return reports
+    return [reports[number] for number in sorted(reports)]
 
 
 def _written(own, made, write) -> dict:

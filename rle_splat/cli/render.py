@@ -198,11 +198,12 @@ def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
 
 def _checked(args, frames) -> Checked:
     """Check the options of all frames before any volume is read."""
-    outputs = [path for own in frames for path in outputs_of(own)]
-    for path in outputs:
+    for path in outputs_of(args):
         writer_for(path)
     inputs = (*scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
-    check_outputs([*outputs, *([args.json] if args.json else [])], inputs=inputs)
+    report = [args.json] if args.json else []
+    outputs = outputs_of(args) if frames[0] is args else frames.outputs_at_stake(report)
+    check_outputs([*outputs, *report], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)
     check_light_effects(args)
