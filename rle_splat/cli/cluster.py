@@ -13,7 +13,6 @@ import logging
 import math
 import os
 import signal
-import uuid
 from argparse import Namespace
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -22,7 +21,7 @@ from time import perf_counter
 
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from .cluster_worker import Command, cover, finish_tile, forget, make_frame, make_slab, make_tile
+from .cluster_worker import Command, cover, finish_tile, forget, kept_keys, make_frame, make_slab, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .report import write_report
@@ -32,11 +31,8 @@ SECONDS = 5  # for an answer from the scheduler
 WORKER_SECONDS = 30  # for the first worker
 TILES_EACH = 4  # tiles for each thread of the workers, so that all end at about the same time
 SMALLEST, LARGEST, STEP = 64, 1024, 32  # pixels: sides of tiles that are chosen here
-# Options that name files; workers may run in other folders.
-PATHS = (
-    "volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "motion", "camera_path",
-    "labels", "label_functions", "environment",
-)  # fmt: skip
+# Options that name files which workers read, maybe in other folders; those of Checked are read here.
+PATHS = ("volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "labels")
 
 
 class Cluster:
@@ -132,7 +128,18 @@ class Cluster:
     def forget(self, job: Command) -> None:
         """Let the workers drop what they kept for a job; without a connection there is nothing to be done."""
         with suppress(OSError):
-            self.client.run(forget, job.key, on_error="ignore")
+            self.client.run(forget, [job.key], on_error="ignore")
+
+    def forget_killed(self) -> None:
+        """Let the workers drop what they kept for commands that were killed: the scheduler knows who is connected."""
+
+        def connected_clients(dask_scheduler):
+            return set(dask_scheduler.clients)
+
+        kept = set().union(*self.client.run(kept_keys, on_error="ignore").values())
+        killed = kept - self.client.run_on_scheduler(connected_clients)
+        if killed:
+            self.client.run(forget, killed, on_error="ignore")
 
     def _result(self, future):
         """The result of a task; what went wrong on a worker is raised here."""
@@ -192,7 +199,9 @@ def connected(args, job_inputs, line):
         _check_workers(client, job_inputs)
         line.clear()
         print(f"Cluster of {len(client.nthreads())} workers; dashboard: {client.dashboard_link}", flush=True)
-        yield Cluster(client)
+        cluster = Cluster(client)
+        cluster.forget_killed()
+        yield cluster
 
 
 @contextmanager
@@ -289,14 +298,18 @@ def _absolute(args) -> Namespace:
     return own
 
 
-def _job_of(args, checked) -> tuple[Command, list[str]]:
-    """The Command of a command, and the paths that its workers read."""
+def _paths_of(args) -> list[str]:
+    """The paths that the workers of a command read."""
     own = _absolute(args)
+    return [path for path in (*(getattr(own, name) for name in PATHS), *own.channel) if path is not None]
+
+
+def _job_of(args, checked, cluster: Cluster) -> Command:
+    """The Command of a command, with the key of its client."""
     if args.threads == 0 and args.dask == LOCAL:
         threads = max((os.cpu_count() or 1) // worker_count(args), 1)
         checked = replace(checked, quality=replace(checked.quality, threads=threads))
-    paths = [getattr(own, name) for name in PATHS]
-    return Command(uuid.uuid4().hex, own, checked), [path for path in (*paths, *own.channel) if path is not None]
+    return Command(cluster.client.id, _absolute(args), checked)
 
 
 def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
@@ -312,9 +325,9 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
     report_of : callable
         Makes the command's report: ``report_of(args, prepared, rendered, write_ms, start)``.
     """
-    job, paths = _job_of(args, checked)
     delete_abandoned(args.output)
-    with connected(args, paths, line) as cluster:
+    with connected(args, _paths_of(args), line) as cluster:
+        job = _job_of(args, checked, cluster)
         region = checked.crop or (0, 0, *args.size)
         side = args.tile or _side(region, -(-cluster.threads // (args.slabs or 1)))
         with whole_files([*args.output, *([args.json] if args.json else [])]) as parts:
@@ -406,9 +419,9 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     """
     if args.like is None and args.turn is None and args.camera_path is None:
         args = Namespace(**{**vars(args), "like": frames[0].number})  # tasks come in any order
-    job, paths = _job_of(args, checked)
     tasks, reports = (_frame_task(args, own) for own in frames), {}
-    with connected(args, paths, line) as cluster:
+    with connected(args, _paths_of(args), line) as cluster:
+        job = _job_of(args, checked, cluster)
         try:
             for number, made in cluster.results(job, tasks, len(frames), line, "frame"):
                 own = frames[number]
