@@ -7,7 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..runtime.memory import bytes_text
-from ..runtime.whole_files import whole_files
+from ..runtime.whole_files import whole_files, writing
 from ..scene import Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
@@ -67,7 +67,7 @@ def run(args) -> None:
         return
     outputs = [args.output, *reports]
     quality, given = encoding_quality(args), _given(args)
-    from ..encode.store import save
+    from ..encode.store import write
     from ..pipeline.encode_scene import encode_scene_steps
 
     with ProgressLine(args.progress) as line:
@@ -79,7 +79,8 @@ def run(args) -> None:
         line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
-            save(parts[0], stored)
+            with writing(args.output):
+                write(parts[0], stored)
             write_ms = 1e3 * (perf_counter() - began)
             report = {
                 "command": "encode",

@@ -130,6 +130,12 @@ def save(path, stored: StoredVolume) -> None:
     RleSplatError
         If the encodings do not match or the file cannot be written.
     """
+    with whole_file(path) as part:
+        write(part, stored)
+
+
+def write(path, stored: StoredVolume) -> None:
+    """As ``save``, in place; raises OSError."""
     if len({(e.shape_xyz, e.model, e.record) for e in stored.axes.values()}) != 1:
         raise RleSplatError(
             "A .rle file needs at least one encoding, and all of the same volume, model and record size; encode again."
@@ -147,7 +153,7 @@ def save(path, stored: StoredVolume) -> None:
         members.update({_member(axis, table): getattr(stored.axes[axis], table) for table in TABLES})
         if stored.axes[axis].decoding is not None:
             members[_member(axis, DECODING)] = stored.axes[axis].decoding
-    with whole_file(path) as part, open(part, "wb") as file:
+    with open(path, "wb") as file:
         np.savez(file, **members)
 
 
