@@ -267,7 +267,7 @@ def read_header(path) -> dict:
         raise damaged(path, "its header is not text") from None
     try:
         header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
-    except ValueError:
+    except (ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise damaged(path, "its header is not complete")

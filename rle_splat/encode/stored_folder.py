@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from ..scene import RleSplatError
 from ..volume.volume import Volume
 from .folder import COARSE, COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
 from .records import WORDS
@@ -288,6 +289,8 @@ def _opened(path: Path) -> tuple[FolderVolume, bool]:
             mapped=MappedTables(path, {**header, "dtypes": dtypes}),
             key=hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
         )  # fmt: skip
+    except RleSplatError as problem:
+        raise RleSplatError(f"Cannot read {path}: {problem}") from None
     except DAMAGE as problem:
         raise damaged(path, f"its header says something impossible{reason_of(problem)}") from None
     return volume, bool(header.get(COARSE))

@@ -310,6 +310,7 @@ def test_damage_is_told(tmp_path, few_planes, classification):
         {"classification": "refined"}, {"affine": 3}, {"slabs": []}, {"dtypes": {}}, {"most_color": -1.0},
         {"unit_length": float("nan")}, {"unit_length": 0.0}, {"transfer_function": "other.json"}, {"lighting": []},
         {"decoding": [1.0, 1.0]}, {"version": 9}, {"format": "x"}, {"remarks": 4},
+        {"affine": [[float("nan")] * 4] * 4}, {"remarks": "deep"},
     ],
     ids=str,
 )
@@ -318,9 +319,9 @@ def test_headers_that_say_something_else(tmp_path, few_planes, monkeypatch, chan
     scene, quality = scene_of(volume_of()), QUALITIES["pre"]
     encoded(tmp_path / "a.rle", scene, quality)
     header = tmp_path / "a.rle" / folder_form.HEADER
-    content = json.dumps({**json.loads(header.read_text()[8:]), **change})
+    content = json.dumps({**json.loads(header.read_text()[8:]), **change}).replace('"deep"', "[" * 9999 + "]" * 9999)
     header.write_text(f"{folder_form.zlib.crc32(content.encode()):08x}{content}")
-    with pytest.raises(RleSplatError):
+    with pytest.raises(RleSplatError, match=r"a\.rle|principal axis z"):
         from_folder(tmp_path / "a.rle", scene, quality)
 
 
