@@ -137,8 +137,7 @@ class Cluster:
             return set(dask_scheduler.clients)
 
         kept = set().union(*self.client.run(kept_keys, on_error="ignore").values())
-        killed = kept - self.client.run_on_scheduler(connected_clients)
-        if killed:
+        if killed := kept and kept - self.client.run_on_scheduler(connected_clients):
             self.client.run(forget, killed, on_error="ignore")
 
     def _result(self, future):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rle_splat.cli import frames as frames_module
+from rle_splat.cli import series
 from tests.cli.conftest import ROOT, SHAPE_XYZ, ball
 
 QUICK = ["--size", "24", "--backend", "numpy", "--quality", "draft", "--preset", "x-ray"]
@@ -237,6 +238,21 @@ def test_a_command_that_is_killed_keeps_its_whole_frames(raw, call, raw_options,
     frames_of(call, fresh, *words[:-3], fresh / "k.npy", *words[-2:], 5)
     for path in there:
         assert int(path.stem[-4:]) > 5 or (fresh / path.name).read_bytes() == path.read_bytes() == there[path]
+
+
+def test_ctrl_c_says_that_whole_frames_are_kept(raw, call, raw_options, tmp_path, monkeypatch):
+    render, made = series.rendered, []
+
+    def stopped(*given):
+        if made:
+            raise KeyboardInterrupt
+        made.append(given)
+        return render(*given)
+
+    monkeypatch.setattr(series, "rendered", stopped)
+    done = call("render", raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1, 9)
+    assert (done.code, done.err) == (130, "Stopped; frames that were complete are kept.\n")
+    assert [path.name for path in tmp_path.glob("*.npy")] == ["k_0001.npy"]
 
 
 # --- farms ------------------------------------------------------------------------------------------------------------
