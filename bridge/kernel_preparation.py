@@ -22,6 +22,7 @@ from bpy.app.translations import pgettext_iface
 
 from ..rle_splat.pipeline.prepare import is_needed
 from ..rle_splat.runtime import child_python
+from ..rle_splat.runtime.file_lock import only_one
 from ..rle_splat.runtime.jit import cache_folder
 from . import prepare_process
 from .canvas import redraw
@@ -109,7 +110,7 @@ def advance() -> float | None:
             return None
     try:
         if _Now.process is None:
-            with prepare_process.only_one(cache_folder()) as free:
+            with only_one(cache_folder() / prepare_process.LOCK) as free:
                 pass
             if free:
                 _Now.process = start()

@@ -17,7 +17,7 @@ import importlib
 import os
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -27,33 +27,6 @@ NICENESS = 10
 FIRST_FRACTION = 0.1  # of the work: what is left of it cannot be told before
 PULSE = 0.5  # seconds between bytes: the pipe, unread, has room for 4096 on Windows
 LOCK, STATE = "preparing.lock", "preparing.txt"
-
-
-@contextmanager
-def only_one(folder: Path):
-    """Hold the lock of a folder; yields whether it was free.
-
-    The lock is the system's, on an open file, and ends with the process that holds it: no lock is ever left behind.
-    """
-    with open(folder / LOCK, "ab") as file:
-        yield _is_taken(file)
-
-
-def _is_taken(file) -> bool:
-    """Take the lock of an open file, where it is free."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            file.seek(0)
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        return False
-    return True
 
 
 def stand_in_for_parents(package: str, extension: str) -> None:
@@ -68,10 +41,11 @@ def stand_in_for_parents(package: str, extension: str) -> None:
 def main(package: str, extension: str, folder: str) -> int:
     if hasattr(os, "nice"):  # on Windows the parent has asked for it
         os.nice(NICENESS)
-    with only_one(Path(folder)) as free:
+    stand_in_for_parents(package, extension)
+    file_lock = importlib.import_module(f"{package}.rle_splat.runtime.file_lock")
+    with file_lock.only_one(Path(folder, LOCK)) as free:
         if not free:
             return BUSY
-        stand_in_for_parents(package, extension)
         prepare = importlib.import_module(f"{package}.rle_splat.pipeline.prepare")
         return follow(prepare.prepare_steps(), Path(folder, STATE))
 

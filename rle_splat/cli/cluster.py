@@ -13,7 +13,6 @@ import logging
 import math
 import os
 import signal
-import uuid
 from argparse import Namespace
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -22,7 +21,7 @@ from time import perf_counter
 
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from .cluster_worker import Command, cover, finish_tile, forget, make_frame, make_slab, make_tile
+from .cluster_worker import Command, cover, finish_tile, forget, kept_keys, make_frame, make_slab, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .report import write_report
@@ -32,11 +31,8 @@ SECONDS = 5  # for an answer from the scheduler
 WORKER_SECONDS = 30  # for the first worker
 TILES_EACH = 4  # tiles for each thread of the workers, so that all end at about the same time
 SMALLEST, LARGEST, STEP = 64, 1024, 32  # pixels: sides of tiles that are chosen here
-# Options that name files; workers may run in other folders.
-PATHS = (
-    "volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "motion", "camera_path",
-    "labels", "label_functions", "environment",
-)  # fmt: skip
+# Options that name files which workers read, maybe in other folders; those of Checked are read here.
+PATHS = ("volume", "transfer_function", "lights", "camera", "volume_matrix", "clip", "mist", "labels")
 
 
 class Cluster:
@@ -88,15 +84,17 @@ class Cluster:
             where = {"workers": own, "allow_other_workers": True} if own else {}
         return self.client.submit(unpacked, dumps((function, job, task)), *inputs, pure=False, **where)
 
-    def results(self, job: Command, tasks, line, what: str, parts: int = 1):
+    def results(self, job: Command, tasks, count: int, line, what: str, parts: int = 1):
         """Yield (number of the task, Made) as tasks end.
 
         Parameters
         ----------
         job : Command
-        tasks : list of callables
+        tasks : iterable of callables
             ``task(submit)`` hands out a task, and those that it needs, and returns its future; ``submit``: the method,
             but for the job.
+        count : int
+            Their number.
         line : ProgressLine
         what : str
             A task, in words for a person.
@@ -121,7 +119,7 @@ class Cluster:
         for future in ended:
             made = self._result(future)
             done += 1
-            line.show(done / len(tasks), f"{what} {done} of {len(tasks)}, on {len(self.client.nthreads())} workers")
+            line.show(done / count, f"{what} {done} of {count}, on {len(self.client.nthreads())} workers")
             number = futures.pop(future)
             future.release()
             ended.update(submit())
@@ -130,7 +128,17 @@ class Cluster:
     def forget(self, job: Command) -> None:
         """Let the workers drop what they kept for a job; without a connection there is nothing to be done."""
         with suppress(OSError):
-            self.client.run(forget, job.key, on_error="ignore")
+            self.client.run(forget, [job.key], on_error="ignore")
+
+    def forget_killed(self) -> None:
+        """Let the workers drop what they kept for commands that were killed: the scheduler knows who is connected."""
+
+        def connected_clients(dask_scheduler):
+            return set(dask_scheduler.clients)
+
+        kept = set().union(*self.client.run(kept_keys, on_error="ignore").values())
+        if killed := kept and kept - self.client.run_on_scheduler(connected_clients):
+            self.client.run(forget, killed, on_error="ignore")
 
     def _result(self, future):
         """The result of a task; what went wrong on a worker is raised here."""
@@ -190,7 +198,9 @@ def connected(args, job_inputs, line):
         _check_workers(client, job_inputs)
         line.clear()
         print(f"Cluster of {len(client.nthreads())} workers; dashboard: {client.dashboard_link}", flush=True)
-        yield Cluster(client)
+        cluster = Cluster(client)
+        cluster.forget_killed()
+        yield cluster
 
 
 @contextmanager
@@ -287,14 +297,18 @@ def _absolute(args) -> Namespace:
     return own
 
 
-def _job_of(args, checked) -> tuple[Command, list[str]]:
-    """The Command of a command, and the paths that its workers read."""
+def _paths_of(args) -> list[str]:
+    """The paths that the workers of a command read."""
     own = _absolute(args)
+    return [path for path in (*(getattr(own, name) for name in PATHS), *own.channel) if path is not None]
+
+
+def _job_of(args, checked, cluster: Cluster) -> Command:
+    """The Command of a command, with the key of its client."""
     if args.threads == 0 and args.dask == LOCAL:
         threads = max((os.cpu_count() or 1) // worker_count(args), 1)
         checked = replace(checked, quality=replace(checked.quality, threads=threads))
-    paths = [getattr(own, name) for name in PATHS]
-    return Command(uuid.uuid4().hex, own, checked), [path for path in (*paths, *own.channel) if path is not None]
+    return Command(cluster.client.id, _absolute(args), checked)
 
 
 def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
@@ -310,9 +324,9 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
     report_of : callable
         Makes the command's report: ``report_of(args, prepared, rendered, write_ms, start)``.
     """
-    job, paths = _job_of(args, checked)
     delete_abandoned(args.output)
-    with connected(args, paths, line) as cluster:
+    with connected(args, _paths_of(args), line) as cluster:
+        job = _job_of(args, checked, cluster)
         region = checked.crop or (0, 0, *args.size)
         side = args.tile or _side(region, -(-cluster.threads // (args.slabs or 1)))
         with whole_files([*args.output, *([args.json] if args.json else [])]) as parts:
@@ -344,8 +358,8 @@ def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts
             )
             for path, part in zip(args.output, parts, strict=False)
         ]
-        tasks = [_tile_task(tile, args.slabs) for tile in tiles]
-        for number, made in cluster.results(job, tasks, line, "tile", args.slabs or 1):
+        tasks = (_tile_task(tile, args.slabs) for tile in tiles)
+        for number, made in cluster.results(job, tasks, len(tiles), line, "tile", args.slabs or 1):
             prepared = made.prepared
             row = number // across
             if row not in strips:
@@ -376,9 +390,10 @@ def _tile_task(tile, slabs: int | None):
     return hand_out
 
 
-def _frame_task(own: Namespace, made: str | None):
+def _frame_task(args, own: Namespace):
     """The task of a frame, as ``Cluster.results`` takes it."""
-    return lambda submit: submit(make_frame, own, made)
+    made = None if args.again else scene_made(outputs_of(own))
+    return lambda submit: submit(make_frame, _absolute(own), made)
 
 
 def _side(region, threads: int) -> int:
@@ -394,7 +409,7 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     Parameters
     ----------
     args : argparse.Namespace
-    frames : list of argparse.Namespace
+    frames : sequence of argparse.Namespace
         The options of each frame.
     checked : Checked
     line : ProgressLine
@@ -403,20 +418,16 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     """
     if args.like is None and args.turn is None and args.camera_path is None:
         args = Namespace(**{**vars(args), "like": frames[0].number})  # tasks come in any order
-    job, paths = _job_of(args, checked)
-    tasks = []
-    for own in frames:
-        made = None if args.again else scene_made(outputs_of(own))
-        tasks.append(_frame_task(_absolute(own), made))
-    reports: list = [None] * len(frames)
-    with connected(args, paths, line) as cluster:
+    tasks, reports = (_frame_task(args, own) for own in frames), {}
+    with connected(args, _paths_of(args), line) as cluster:
+        job = _job_of(args, checked, cluster)
         try:
-            for number, made in cluster.results(job, tasks, line, "frame"):
+            for number, made in cluster.results(job, tasks, len(frames), line, "frame"):
                 own = frames[number]
                 reports[number] = kept_report(own) if made.rendering is None else _written(own, made, write)
         finally:
             cluster.forget(job)
-    return reports
+    return [reports[number] for number in sorted(reports)]
 
 
 def _written(own, made, write) -> dict:

@@ -1,7 +1,8 @@
 """What a worker of a cluster does: it reads the volume by its path, and renders tiles or frames.
 
 Tasks name a job by its key.  A worker prepares a job when its first task arrives, and keeps it for the next ones: the
-volume, and the results of stages that the tiles or frames have in common.
+volume, and the results of stages that the tiles or frames have in common.  Several commands may use a worker at the
+same time.  What it keeps for one of them goes when the command ends, or, if it was killed, when the next one begins.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class Command:
     Attributes
     ----------
     key : str
-        Of the command.
+        Of the client whose command it is, by which the scheduler knows whether it is still there.
     args : argparse.Namespace
         Its options, with absolute paths.
     checked : Checked
@@ -107,9 +108,15 @@ def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     return Made(replace(prepared, scene=None), rendering, scene_hash)
 
 
-def forget(key: str) -> None:
-    """Drop what was kept for a job."""
-    _JOBS.pop(key, None)
+def kept_keys() -> list[str]:
+    """The keys of the jobs for which something is kept."""
+    return list(_JOBS)
+
+
+def forget(keys) -> None:
+    """Drop what was kept for jobs."""
+    for key in keys:
+        _JOBS.pop(key, None)
 
 
 def _picture_of(job: Command) -> tuple:
@@ -127,7 +134,6 @@ def _kept(key: str, make):
     _TOKEN.get()
     try:
         if key not in _JOBS:
-            _JOBS.clear()  # of commands that have ended, or were killed
             _JOBS[key] = make()
         return _JOBS[key]
     finally:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import perf_counter
 
 from ..runtime.memory import bytes_text
-from ..runtime.whole_files import whole_files
+from ..runtime.whole_files import whole_files, writing
 from ..scene import Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
@@ -67,7 +67,7 @@ def run(args) -> None:
         return
     outputs = [args.output, *reports]
     quality, given = encoding_quality(args), _given(args)
-    from ..encode.store import save
+    from ..encode.store import write
     from ..pipeline.encode_scene import encode_scene_steps
 
     with ProgressLine(args.progress) as line:
@@ -79,7 +79,8 @@ def run(args) -> None:
         line.show(1.0, "writing")
         with whole_files(outputs) as parts:
             began = perf_counter()
-            save(parts[0], stored)
+            with writing(args.output):
+                write(parts[0], stored)
             write_ms = 1e3 * (perf_counter() - began)
             report = {
                 "command": "encode",
@@ -119,36 +120,42 @@ def _scene(args, line, given, **more):
 
 def _run_folder(args, axes: list[int], start: float) -> None:
     """Encode into a folder of tables."""
-    from ..encode.folder import can_go_on, check_folder_output
+    from ..encode.folder import FolderWriter, can_go_on
 
-    check_folder_output(args.output)
-    quality = encoding_quality(args).classified(args.classification)
-    given, output = _given(args), Path(args.output)
-    scratch = output.with_name(f".{output.name}.voxels")  # for formats that cannot be mapped as they are
+    output = Path(args.output)
     try:
-        report = _folder_report(args, axes, quality, given, scratch, start)
+        with FolderWriter(output) as writer, _scratch_of(output) as scratch:
+            report = _folder_report(args, axes, writer, scratch, start)
     except KeyboardInterrupt:
         if not can_go_on(output):
             raise
         raise Cancelled("Stopped; the planes that are done are kept, and the same command goes on with them.") from None
-    finally:
-        with suppress(OSError):  # Windows removes no file that is still mapped, as after an error
-            scratch.unlink()
     _say_folder(report)
 
 
-def _folder_report(args, axes: list[int], quality, given, scratch: Path, start: float) -> dict:
-    """Encode into a folder of tables, with a file for the voxels if the format needs one; return the report."""
-    from ..pipeline.encode_folder import encode_folder_steps
+@contextmanager
+def _scratch_of(output: Path):
+    """Context manager: a file beside a folder, for the voxels of formats that cannot be mapped as they are."""
+    scratch = output.with_name(f".{output.name}.voxels")
+    try:
+        yield scratch
+    finally:
+        with suppress(OSError):  # Windows removes no file that is still mapped, as after an error
+            scratch.unlink()
 
+
+def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -> dict:
+    """Encode into the folder of a FolderWriter; return the report."""
+    from ..pipeline.encode_folder import write_folder_steps
+
+    quality, given = encoding_quality(args).classified(args.classification), _given(args)
     with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
         level = {"level": 0} if args.level is None else {}
         scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
         with suppress(OSError):  # else it is removed when the mapping is closed
             scratch.unlink()
         with line.compiling():
-            steps = encode_folder_steps(scene, quality, Path(args.output), axes, Path(args.volume).name)
-            report = line.follow(steps)
+            report = line.follow(write_folder_steps(scene, quality, writer, axes, Path(args.volume).name))
         report = {
             "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
             **report, "transfer_function": {"name": function.name, "reason": reason},

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import os
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
+from ..runtime.whole_files import writing
 from ..scene import Camera, RleSplatError, from_mapping, read_json
+from .made import outputs_of
 
-DIGITS = 4  # of a frame's number in a file's name, as Blender writes them
+DIGITS = 4  # of a frame's number in a file's name, as Blender writes them; more where it is larger
+MOST = 10**9  # number of a frame
 TURNTABLE = ("azimuth", "elevation", "fit", "perspective", "fov")
 
 
@@ -32,7 +38,45 @@ def add_frames_option(parser) -> None:
     group.add_argument("--again", action="store_true", help="make all frames, also those that are there already")
 
 
-def each_frame(args) -> list[argparse.Namespace]:
+class Frames(Sequence):
+    """The options of every frame to render, each made when it is asked for.
+
+    Attributes
+    ----------
+    args : argparse.Namespace
+        Of the command.
+    first, last : int
+        Numbers of frames.
+    path : list of Camera or None
+        Of --camera-path.
+    """
+
+    def __init__(self, args, first: int, last: int, path: list[Camera] | None):
+        self.args, self.first, self.last, self.path = args, first, last, path
+
+    def __len__(self) -> int:
+        return self.last - self.first + 1
+
+    def __getitem__(self, index: int) -> argparse.Namespace:
+        return _frame(self.args, range(self.first, self.last + 1)[index], self.path)
+
+    def outputs_at_stake(self, others) -> list[str]:
+        """Outputs of the first frame, and of all frames those that are there already or have the name of one of
+        ``others``: what has to be checked before any is made."""
+        found = dict.fromkeys(outputs_of(self[0]))
+        for path in map(Path, outputs_of(self.args)):
+            pattern = re.compile(f"{re.escape(path.stem)}_([0-9]{{{DIGITS},}}){re.escape(path.suffix)}", re.IGNORECASE)
+            names = [Path(other).name for other in others]
+            if path.parent.is_dir():
+                with writing(path):
+                    names += os.listdir(path.parent)
+            numbers = {int(match[1]) for match in map(pattern.fullmatch, names) if match}
+            among = (number for number in sorted(numbers) if self.first <= number <= self.last)
+            found |= dict.fromkeys(numbered(path, number) for number in among)
+        return list(found)
+
+
+def each_frame(args) -> Sequence:
     """The options of every frame to render.
 
     Parameters
@@ -43,8 +87,8 @@ def each_frame(args) -> list[argparse.Namespace]:
 
     Returns
     -------
-    list of argparse.Namespace
-        ``args`` itself without frames. Else one for each frame: with its number as ``number``, its own ``frame`` of
+    sequence of argparse.Namespace
+        ``args`` itself without frames. Else Frames, one for each: with its number as ``number``, its own ``frame`` of
         the volume, ``azimuth`` or ``camera``, numbered outputs, and no ``json``, since one report is written for all.
 
     Raises
@@ -57,11 +101,13 @@ def each_frame(args) -> list[argparse.Namespace]:
     first, last = args.frames or ((1, len(path)) if path else (None, None))
     if first is None:
         return [args]
-    if not 1 <= first <= last:
-        raise RleSplatError(f"--frames is {first} {last}; give the first and the last frame, counted from 1.")
+    if not 1 <= first <= last <= MOST:
+        raise RleSplatError(
+            f"--frames is {first} {last}; give the first and the last frame, counted from 1 to {MOST} at most."
+        )
     if path and last > len(path):
         raise RleSplatError(f"--frames is {first} {last}, and {args.camera_path} holds {len(path)} cameras.")
-    return [_frame(args, number, path) for number in range(first, last + 1)]
+    return Frames(args, first, last, path)
 
 
 def is_in_time(args) -> bool:

@@ -11,6 +11,7 @@ import errno
 import gc
 import os
 import re
+import signal
 import sys
 from decimal import Decimal
 from importlib import import_module
@@ -166,6 +167,18 @@ def main(argv=None) -> int:
         return code
 
 
+class _CtrlC(KeyboardInterrupt):
+    """Raised for Ctrl+C.
+
+    Where KeyboardInterrupt itself leaves an ``exec`` of text, as of dataclasses in an import, ``python -m`` ends the
+    process by the signal, whatever its exit code, though the exception was handled.
+    """
+
+
+def _stop(*_):
+    raise _CtrlC
+
+
 def run_process() -> int:
     """``main`` for a process that ends afterward.
 
@@ -174,6 +187,8 @@ def run_process() -> int:
     """
     # Modules and kernels stay in memory, so looking through them often is of no use (measured: 0.08 s of 1.0).
     gc.set_threshold(50_000, 20, 20)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _stop)
     code = main()
     gc.freeze()
     return code

@@ -76,7 +76,7 @@ def add_volume_options(parser) -> None:
         "--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="distance between voxel centers")
     group.add_argument(
         "--orientation", metavar="LETTERS", help="where voxel x, y and z grow in the patient, such as LPS")
-    group.add_argument("--flip", metavar="AXES", help="voxel axes to mirror, such as x or xz")
+    group.add_argument("--flip", metavar="AXES", help="voxel axes to mirror, each once, such as x or xz")
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")
@@ -119,8 +119,9 @@ def add_report_options(parser) -> None:
     )
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
-        help="the most memory to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a command "
-             "that needs more is refused",
+        help="the most memory of its own to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a "
+             "command that needs more is refused; mapped files do not count, though the system may show them as memory "
+             "of the process",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from ..runtime.whole_files import part_of, writing
@@ -32,11 +33,11 @@ def check_outputs(paths, inputs=()) -> None:
             raise RleSplatError(f"Cannot write {path}: it is a folder; give a file name.")
         if path.exists() and not path.is_file():
             raise RleSplatError(f"Cannot write {path}: it is not an ordinary file; give another name.")
-        resolved = path.resolve()
+        resolved = os.path.realpath(path)  # Path.resolve raises where links form a loop
         if resolved in seen:
             raise RleSplatError(f"{path} is named twice as an output; give each output its own name.")
         seen.add(resolved)
-        if any(Path(source).resolve() == resolved for source in inputs if source is not None):
+        if any(os.path.realpath(source) == resolved for source in inputs if source is not None):
             raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
         trial = part_of(path)
         with writing(path):

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from ..runtime.whole_files import whole_files, writing
-from ..scene import Quality, RleSplatError, Scene, checked_crop
+from ..scene import Cancelled, Quality, RleSplatError, Scene, checked_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
@@ -181,15 +181,18 @@ def run(args) -> None:
 
 def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
     """Render several frames; return their reports."""
-    if args.dask is not None:
-        from .cluster import frames_on_cluster
+    try:
+        if args.dask is not None:
+            from .cluster import frames_on_cluster
 
-        reports = frames_on_cluster(args, frames, checked, line, _written_frame)
-    else:
-        from .series import Series
+            reports = frames_on_cluster(args, frames, checked, line, _written_frame)
+        else:
+            from .series import Series
 
-        series = Series(args, checked, line)
-        reports = [series.make(own, perf_counter()) for own in frames]
+            series = Series(args, checked, line)
+            reports = [series.make(own, perf_counter()) for own in frames]
+    except KeyboardInterrupt:
+        raise Cancelled("Stopped; frames that were complete are kept.") from None
     if args.json:
         with whole_files([args.json]) as parts:
             write_report(parts[0], {"command": "render", "input": {"path": str(args.volume)}, "frames": reports})
@@ -198,11 +201,12 @@ def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
 
 def _checked(args, frames) -> Checked:
     """Check the options of all frames before any volume is read."""
-    outputs = [path for own in frames for path in outputs_of(own)]
-    for path in outputs:
+    for path in outputs_of(args):
         writer_for(path)
     inputs = (*scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
-    check_outputs([*outputs, *([args.json] if args.json else [])], inputs=inputs)
+    report = [args.json] if args.json else []
+    outputs = outputs_of(args) if frames[0] is args else frames.outputs_at_stake(report)
+    check_outputs([*outputs, *report], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)
     check_light_effects(args)

@@ -20,12 +20,14 @@ import math
 import os
 import shutil
 import zlib
-from contextlib import contextmanager
+from collections import Counter
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ..runtime.file_lock import only_one
 from ..runtime.memory import bytes_text
 from ..runtime.whole_files import writing
 from ..scene import RleSplatError
@@ -57,9 +59,8 @@ def is_folder_form(path) -> bool:
     return os.path.isfile(Path(path) / HEADER)
 
 
-def check_folder_output(path) -> None:
+def _check_output(path: Path) -> None:
     """RleSplatError if a folder of tables cannot be written to ``path``; another folder of tables may be there."""
-    path = Path(path)
     if path.exists() and not is_folder_form(path):
         raise RleSplatError(f"Cannot write {path}: something else has this name; choose another name, or remove it.")
     if not path.parent.is_dir():
@@ -88,35 +89,56 @@ class Slab:
 class FolderWriter:
     """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
 
-    A job that the user stops leaves the slabs that are done, as one that was killed does.
+    A job that the user stops leaves the slabs that are done, as one that was killed does. While one writes, another
+    one for the same folder is refused.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         The folder. It appears under this name when it is complete.
-    job : dict
-        JSON-compatible: all that the tables depend on. A job that was killed goes on if it was the same one.
+
+    Raises
+    ------
+    RleSplatError
+        On entering, if nothing can be written there.
     """
 
-    def __init__(self, path, job: dict):
+    def __init__(self, path):
         self.path = Path(path)
         self.folder = unfinished(self.path)
-        self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
         self.slabs: list[Slab] = []
+        self._job: str | None = None
+        self._sizes: Counter[str] = Counter()  # bytes of each file
+        self._open = ExitStack()
 
     def __enter__(self) -> FolderWriter:
+        _check_output(self.path)
         with writing(self.path):
-            self.slabs = self._left_behind() or []
-            if not self.slabs:
-                self._begin()
+            free = self._open.enter_context(only_one(self.path.with_name(f".{self.path.name}.lock")))
+        if not free:
+            self._open.close()
+            raise self._other()
         return self
 
     def __exit__(self, kind, _problem, _traceback):
-        if kind is not None and not (issubclass(kind, STOPS) and can_go_on(self.path) and self.slabs):
-            shutil.rmtree(self.folder, ignore_errors=True)
+        with self._open:
+            if kind is not None and self._job and not (issubclass(kind, STOPS) and can_go_on(self.path) and self.slabs):
+                shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _begin(self) -> None:
+    def begin(self, job: dict) -> None:
+        """Begin a job, or go on with it if it was killed.
+
+        ``job``: JSON-compatible, all that the tables depend on.
+        """
+        self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
+        with writing(self.path):
+            self.slabs = self._left_behind() or []
+            if not self.slabs:
+                self._begin_anew()
+
+    def _begin_anew(self) -> None:
         """Make the folder anew; after an error there is none."""
+        self._sizes.clear()
         shutil.rmtree(self.folder, ignore_errors=True)
         try:
             self.folder.mkdir()
@@ -124,6 +146,12 @@ class FolderWriter:
         except OSError:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
+
+    def _other(self) -> RleSplatError:
+        return RleSplatError(
+            f"Cannot write {self.path}: another command is writing there; wait until it has ended, or choose another "
+            "name."
+        )
 
     @property
     def planes(self) -> int:
@@ -140,16 +168,17 @@ class FolderWriter:
             return None
         if first != self._job + "\n":
             return None
-        sizes: dict[str, int] = {}
+        sizes: Counter[str] = Counter()
         for slab in slabs:
-            for name, (size, _) in slab.tables.items():
-                sizes[name] = sizes.get(name, 0) + size
+            sizes.update({name: size for name, (size, _) in slab.tables.items()})
         for name, size in sizes.items():
             file = self.folder / name
             if not file.is_file() or file.stat().st_size < size:
                 return None
             os.truncate(file, size)
-        os.truncate(self.folder / JOURNAL, len("".join([first, *lines]).encode()))
+        sizes[JOURNAL] = len("".join([first, *lines]).encode())
+        os.truncate(self.folder / JOURNAL, sizes[JOURNAL])
+        self._sizes = sizes
         return slabs
 
     def append(self, planes: int, tables: dict, facts: dict) -> None:
@@ -166,7 +195,10 @@ class FolderWriter:
 
     def _append(self, name: str, content) -> None:
         with open(self.folder / name, "ab") as file:
+            if file.tell() != self._sizes[name]:  # on a disk without locks
+                raise self._other()
             file.write(content)
+        self._sizes[name] += len(content)
 
     def finish(self, header: dict, joined=()) -> int:
         """Write the header and give the folder its name; return its bytes.
@@ -222,8 +254,8 @@ def read_header(path) -> dict:
     """The header of a folder; RleSplatError if it is missing or damaged."""
     file = Path(path) / HEADER
     try:
-        with open(file, encoding="utf-8") as stream:
-            text = stream.read(MOST_HEADER)
+        with open(file, "rb") as stream:  # a buffer of so many bytes is made whatever the size of the file
+            text = stream.read(min(os.fstat(stream.fileno()).st_size, MOST_HEADER)).decode()
     except OSError as problem:
         if os.path.isfile(Path(path) / JOURNAL):  # False without rights, where Path.is_file raises
             raise RleSplatError(
@@ -235,7 +267,7 @@ def read_header(path) -> dict:
         raise damaged(path, "its header is not text") from None
     try:
         header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
-    except ValueError:
+    except (ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise damaged(path, "its header is not complete")

@@ -11,8 +11,6 @@ import hashlib
 import json
 import math
 import os
-import struct
-import tokenize
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,26 +18,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..classify.limits import BRIGHTEST
 from ..runtime.memory import refuse_beyond
 from ..runtime.whole_files import whole_file
-from ..scene import RECORDS, RleSplatError, as_matrix
-from ..volume.axes import AXES, AXIS_NAMES
-from ..volume.volume import PATIENT
+from ..scene import RleSplatError
+from ..volume.axes import AXIS_NAMES
 from .stored_folder import FolderVolume, load_folder
 from .tables import TABLES, RunLengthVolume
-from .validate import scanline_data_pointers
+from .validate import DAMAGE, checked_color, checked_header, reason_of, scanline_data_pointers
 
 FORMAT = "rle-splat"
 VERSION = 2
 HEADER = "header"
 DECODING = "decoding"  # scales of short records
-# Exceptions that zipfile, numpy's parser of array headers (a Python literal) and the checks below raise for bad files.
-DAMAGE = (
-    zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
-    AttributeError, OverflowError, RuntimeError,
-)  # fmt: skip
-LONGEST_REASON = 150  # characters
 CHUNK_BYTES = 1 << 24  # read at once, so that no table is held twice
 
 
@@ -140,6 +130,12 @@ def save(path, stored: StoredVolume) -> None:
     RleSplatError
         If the encodings do not match or the file cannot be written.
     """
+    with whole_file(path) as part:
+        write(part, stored)
+
+
+def write(path, stored: StoredVolume) -> None:
+    """As ``save``, in place; raises OSError."""
     if len({(e.shape_xyz, e.model, e.record) for e in stored.axes.values()}) != 1:
         raise RleSplatError(
             "A .rle file needs at least one encoding, and all of the same volume, model and record size; encode again."
@@ -157,7 +153,7 @@ def save(path, stored: StoredVolume) -> None:
         members.update({_member(axis, table): getattr(stored.axes[axis], table) for table in TABLES})
         if stored.axes[axis].decoding is not None:
             members[_member(axis, DECODING)] = stored.axes[axis].decoding
-    with whole_file(path) as part, open(part, "wb") as file:
+    with open(path, "wb") as file:
         np.savez(file, **members)
 
 
@@ -185,9 +181,7 @@ def load(path) -> StoredVolume | FolderVolume:
     except RleSplatError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem}") from None
     except DAMAGE as problem:
-        told = str(problem).splitlines()[:1]
-        reason = f" ({told[0][:LONGEST_REASON]})" if told else ""
-        sentence = f"Cannot read {path}: it is not a complete .rle file{reason}; encode the volume again."
+        sentence = f"Cannot read {path}: it is not a complete .rle file{reason_of(problem)}; encode the volume again."
         raise RleSplatError(sentence) from None
     except OSError as problem:
         raise RleSplatError(
@@ -203,23 +197,18 @@ def _member(axis: int, table: str) -> str:
 def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
     """Read and validate the content of an archive."""
     refuse_beyond(file_bytes, "its tables need", "encode fewer principal axes, or use smaller voxel records")
-    header = _read_header(_read_array(archive, HEADER, file_bytes))
-    axes = {}
-    for axis in header["axes"]:
+    facts = checked_header(_read_header(_read_array(archive, HEADER, file_bytes)))
+    shape, model, record = (facts.pop(name) for name in ("shape_xyz", "model", "record"))
+    encoded = {}
+    for axis in facts.pop("axes"):
         tables = [_read_array(archive, _member(axis, table), file_bytes) for table in TABLES]
-        decoding = None
-        if header["record"] != 16:
-            decoding = _read_array(archive, _member(axis, DECODING), file_bytes)
-        derived = scanline_data_pointers(axis, header["shape_xyz"], header["model"], *tables, decoding)
-        axes[axis] = RunLengthVolume(axis, header["shape_xyz"], header["model"], *tables, derived, decoding)
-        if axes[axis].record != header["record"]:
+        decoding = None if record == 16 else _read_array(archive, _member(axis, DECODING), file_bytes)
+        derived = scanline_data_pointers(axis, shape, model, *tables, decoding)
+        encoded[axis] = RunLengthVolume(axis, shape, model, *tables, derived, decoding)
+        if encoded[axis].record != record:
             raise ValueError("its voxel data do not have the stated record size")
-        if not axes[axis].most_color <= 2.0 * BRIGHTEST:  # twice, because short records are rounded
-            raise ValueError(f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
-    return StoredVolume(
-        axes, header["affine"], header["unit"], header["unit_length"], header["transfer_function"],
-        header["lighting"], header["source"], tuple(header["remarks"]), header.get("space"), _key_of(archive),
-    )
+        checked_color(encoded[axis].most_color)
+    return StoredVolume(encoded, **facts, key=_key_of(archive))
 
 
 def _key_of(archive: zipfile.ZipFile) -> str:
@@ -249,7 +238,7 @@ def _read_array(archive: zipfile.ZipFile, name: str, file_bytes: int) -> np.ndar
 
 
 def _read_header(stored: np.ndarray) -> dict:
-    """Parse and check the JSON header; axis names become numbers and the affine a matrix."""
+    """Parse the JSON header; RleSplatError for one of another version."""
     header = json.loads(stored.tobytes().decode())
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise ValueError("its header is not that of a .rle file")
@@ -257,23 +246,4 @@ def _read_header(stored: np.ndarray) -> dict:
         raise RleSplatError(
             f"its format version is {header.get('version')}, and this program reads version {VERSION}; encode it again."
         )
-    shape, names = header["shape_xyz"], header["axes"]
-    if not (isinstance(shape, list) and len(shape) == 3 and all(type(n) is int and n > 0 for n in shape)):
-        raise ValueError("its shape is not three whole numbers")
-    if not (isinstance(names, list) and names and set(map(str, names)) <= set(AXIS_NAMES)):
-        raise ValueError("it names no principal axis")
-    if header["record"] not in RECORDS:
-        raise ValueError("its voxel records have an unknown size")
-    length = header["unit_length"]
-    if not (isinstance(length, (int, float)) and math.isfinite(length) and length > 0.0):
-        raise ValueError("its unit length is not a positive number")
-    if not (isinstance(header["unit"], str) and isinstance(header["source"], str)):
-        raise ValueError("its unit or its source is not text")
-    if not isinstance(header["remarks"], list):
-        raise ValueError("its remarks are not a list")
-    if header.get("space") not in (None, PATIENT):  # older files have none
-        raise ValueError("its space is unknown")
-    return {
-        **header, "shape_xyz": tuple(shape), "axes": [axis for axis in AXES if AXIS_NAMES[axis] in names],
-        "affine": as_matrix(header["affine"], "its affine"), "unit_length": float(length),
-    }
+    return header

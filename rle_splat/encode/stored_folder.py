@@ -4,55 +4,35 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from ..classify.limits import BRIGHTEST
-from ..scene import MODELS, RECORDS, as_matrix
-from ..volume.axes import AXES, AXIS_NAMES
-from ..volume.volume import PATIENT, STORED_TYPES, Volume
+from ..scene import RleSplatError
+from ..volume.volume import Volume
 from .folder import COARSE, COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
-from .records import TYPES, WORDS
+from .records import WORDS
 from .tables import (
     RunTables,
     data_pointers_from_scanlines,
     pointers_from_counts,
-    run_type,
     scanline_pointers_from_counts,
 )
-from .validate import check_records, scanline_starts
-
-DAMAGE = (LookupError, ValueError, TypeError, AttributeError, OverflowError)
-OF_VOXELS = {"pre": ("records",), "post": ("scalars", "light", "normals")}  # classification -> tables of voxels
-
-
-class Values(NamedTuple):
-    """What post-classified tables say of the volume's values.
-
-    Attributes
-    ----------
-    dtype : numpy.dtype
-        Of the volume's voxels.
-    slope, intercept : float
-        See Volume.
-    ends : (float, float)
-        Smallest and largest stored value that is splatted.
-    center : float
-        What was taken from stored values.
-    light : (float, float, float) or None
-        Unit, largest light and largest highlight of codes of light; None without codes.
-    """
-
-    dtype: np.dtype
-    slope: float
-    intercept: float
-    ends: tuple
-    center: float
-    light: tuple | None
+from .validate import (
+    DAMAGE,
+    OF_VOXELS,
+    Values,
+    check_records,
+    check_scalars,
+    checked_color,
+    checked_header,
+    checked_layout,
+    checked_values,
+    reason_of,
+    scanline_starts,
+)
 
 
 class _SlabCounts(NamedTuple):
@@ -219,13 +199,16 @@ class FolderVolume:
         starts, n_voxels = pointers_from_counts(voxels)
         ends = data_pointers_from_scanlines(starts, n_voxels)
         made = scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+        table = next(iter(of_voxels.values()))
+        counted = n_runs, n_voxels
+        if counted != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
+            raise damaged(self.path, "the counts do not fit the tables")
         if not np.array_equal(made, starts):
             raise damaged(self.path, "the counts of voxels do not fit the runs")
-        for name, file in of_voxels.items():
-            if name != "normals" and len(parts[file]) != n_voxels:
-                raise damaged(self.path, f"{file} does not have an entry for each voxel")
         if self.classification == "pre":
             check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
+        else:
+            check_scalars(axis, parts[of_voxels["scalars"]])
         return _SlabCounts(runs, voxels, n_runs, n_voxels)
 
     def _slab_shape(self, order: str, first: int, last: int) -> tuple[int, int]:
@@ -286,68 +269,28 @@ def load_folder(path) -> FolderVolume:
     RleSplatError
         If it is not a folder of tables, or its header is damaged.
     """
+    volume, has_coarse = _opened(Path(path))
+    return replace(volume, coarse=_opened(volume.path / COARSE)[0]) if has_coarse else volume
+
+
+def _opened(path: Path) -> tuple[FolderVolume, bool]:
+    """The FolderVolume of a folder, whose header is checked, and whether there is a coarse one in it."""
     header = read_header(path)
     try:
-        return _opened(Path(path), header)
-    except DAMAGE:
-        raise damaged(path, "its header says something impossible") from None
-
-
-def _opened(path: Path, header: dict) -> FolderVolume:
-    """The FolderVolume of a header, whose entries are checked."""
-    shape = tuple(int(n) for n in header["shape_xyz"])
-    classification, model, record = header["classification"], header["model"], header["record"]
-    ends = [int(planes) for planes, _ in header["slabs"]]
-    names = {name for _, tables in header["slabs"] for name in tables}
-    good = len(shape) == 3 and min(shape) > 0 and ends and ends[-1] == shape[2] and ends == sorted(set(ends))
-    good = good and classification in OF_VOXELS and model in MODELS and record in RECORDS and header["axes"]
-    good = good and all("/" not in name and "\\" not in name for name in names)
-    good = good and header["space"] in (None, PATIENT) and math.isfinite(header["unit_length"])
-    if not good:
-        raise ValueError
-    decoding = header.get("decoding")
-    mapped = MappedTables(path, {**header, "dtypes": _checked_types(header)})
-    return FolderVolume(
-        path, classification, shape, tuple(axis for axis in AXES if AXIS_NAMES[axis] in header["axes"]), model, record,
-        as_matrix(header["affine"], "its affine"), str(header["unit"]), float(header["unit_length"]),
-        header["transfer_function"], header["lighting"], str(header["source"]), tuple(header["remarks"]),
-        header["space"], int(header["visible"]), int(header["nan_voxels"]), _values(header),
-        _checked_color(header.get("most_color", 0.0)), None if decoding is None else np.array(decoding, np.float32),
-        mapped, hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
-        coarse=load_folder(path / COARSE) if header.get(COARSE) else None,
-    )  # fmt: skip
-
-
-def _checked_types(header: dict) -> dict:
-    """The types of the tables: those that kernels take."""
-    nx, ny, _ = header["shape_xyz"]
-    record = np.dtype(TYPES[header["record"]])
-    wanted = {
-        COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
-        "records": {(record.str[1:], math.prod(WORDS[header["record"]]), 0)},
-        "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
-        "light": {("u2", channels, 0) for channels in (1, 2, 3, 6)}, "normals": {("i2", 0, 3)},
-    }  # fmt: skip
-    for name, entry in header["dtypes"].items():
-        if tuple(entry) not in wanted[name.partition(".")[2]]:
-            raise ValueError
-    return {name: tuple(entry) for name, entry in header["dtypes"].items()}
-
-
-def _checked_color(brightest) -> float:
-    if not 0.0 <= float(brightest) <= 2.0 * BRIGHTEST:
-        raise ValueError
-    return float(brightest)
-
-
-def _values(header: dict) -> Values | None:
-    if header["classification"] == "pre":
-        return None
-    if header["stored_type"] not in STORED_TYPES:
-        raise ValueError
-    light = header["light"]
-    return Values(
-        np.dtype(header["stored_type"]), float(header["slope"]), float(header["intercept"]),
-        tuple(float(end) for end in header["ends"]), float(header["center"]),
-        None if light is None else tuple(float(number) for number in light),
-    )  # fmt: skip
+        facts = checked_header(header)
+        dtypes = checked_layout(header, facts)
+        is_pre, decoding = header["classification"] == "pre", header.get("decoding")
+        volume = FolderVolume(
+            path, header["classification"], principal_axes=facts.pop("axes"), **facts,
+            visible_voxels=header["visible"], nan_voxels=int(header["nan_voxels"]),
+            values=None if is_pre else checked_values(header, dtypes),
+            most_color=checked_color(header["most_color"] if is_pre else 0.0),
+            decoding=None if decoding is None else np.array(decoding, np.float32),
+            mapped=MappedTables(path, {**header, "dtypes": dtypes}),
+            key=hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
+        )  # fmt: skip
+    except RleSplatError as problem:
+        raise RleSplatError(f"Cannot read {path}: {problem}") from None
+    except DAMAGE as problem:
+        raise damaged(path, f"its header says something impossible{reason_of(problem)}") from None
+    return volume, bool(header.get(COARSE))

@@ -1,19 +1,197 @@
-"""Validation of run-length tables before any kernel reads them, because kernels have no bounds checks.
+"""Validation of stored tables, in a file or a folder, before any kernel reads them: kernels have no bounds checks.
 
-Every check works on whole arrays. The first failed check gives the error message.
+Every check of tables works on whole arrays. The first failed check gives the error message.
 """
 
 from __future__ import annotations
 
+import math
+import struct
+import tokenize
+import zipfile
+from typing import NamedTuple
+
 import numpy as np
 
-from ..scene import MODELS, RleSplatError
+from ..classify.limits import BRIGHTEST
+from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
+from ..volume.volume import PATIENT, STORED_TYPES
+from .folder import COUNTS, ORDER_OF, ROWS, RUNS
 from .records import TYPES, WORDS, decoding_size
+from .scalars import OWN_TYPES
 from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 
 MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
+MOST_COLOR = 2.0 * BRIGHTEST  # of any channel; twice, because short records are rounded
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
+OF_VOXELS = {"pre": ("records",), "post": ("scalars", "light", "normals")}  # classification -> tables of voxels
+NEEDED = {"pre": ("records",), "post": ("scalars",)}
+# Exceptions that the checks here, json, zipfile and numpy's parser of array headers (a Python literal) raise.
+DAMAGE = (
+    zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
+    AttributeError, OverflowError, RuntimeError,
+)  # fmt: skip
+LONGEST_REASON = 150  # characters
+
+
+class Values(NamedTuple):
+    """What post-classified tables say of the volume's values.
+
+    Attributes
+    ----------
+    dtype : numpy.dtype
+        Of the volume's voxels.
+    slope, intercept : float
+        See Volume.
+    ends : (float, float)
+        Smallest and largest stored value that is splatted.
+    center : float
+        What was taken from stored values.
+    light : (float, float, float) or None
+        Unit, largest light and largest highlight of codes of light; None without codes.
+    """
+
+    dtype: np.dtype
+    slope: float
+    intercept: float
+    ends: tuple
+    center: float
+    light: tuple | None
+
+
+def reason_of(problem: Exception) -> str:
+    """An exception of DAMAGE as a remark in brackets, or nothing."""
+    told = str(problem).splitlines()[:1]
+    return f" ({told[0][:LONGEST_REASON]})" if told else ""
+
+
+def _require(good, what: str) -> None:
+    """ValueError unless ``good``."""
+    if not good:
+        raise ValueError(what)
+
+
+def _is_number(value, above: float = -math.inf) -> bool:
+    return type(value) in (int, float) and math.isfinite(value) and value > above
+
+
+def _is_count(value, least: int = 0) -> bool:
+    return type(value) is int and value >= least
+
+
+def checked_header(header: dict) -> dict:
+    """Check what the header of a file or a folder says of the volume; raises one of DAMAGE, or RleSplatError.
+
+    Returns
+    -------
+    dict
+        ``shape_xyz``, ``model``, ``record``, ``affine``, ``unit``, ``unit_length``, ``transfer_function``,
+        ``lighting``, ``source``, ``remarks`` and ``space`` as in StoredVolume, and ``axes``, a tuple of numbers.
+    """
+    shape, names, space = header["shape_xyz"], header["axes"], header.get("space")  # older files have no space
+    _require(
+        isinstance(shape, list) and len(shape) == 3 and all(_is_count(n, 1) for n in shape),
+        "its shape is not three whole numbers",
+    )
+    _require(
+        isinstance(names, list) and names and set(map(str, names)) <= set(AXIS_NAMES), "it names no principal axis"
+    )
+    _require(header["model"] in MODELS, "there is no model of that name")
+    _require(header["record"] in RECORDS, "its voxel records have an unknown size")
+    _require(_is_number(header["unit_length"], 0.0), "its unit length is not a positive number")
+    _require(
+        isinstance(header["unit"], str) and isinstance(header["source"], str), "its unit or its source is not text"
+    )
+    remarks = header["remarks"]
+    _require(isinstance(remarks, list) and all(isinstance(one, str) for one in remarks), "its remarks are not texts")
+    _require(space in (None, PATIENT), "its space is unknown")
+    for name in ("transfer_function", "lighting"):
+        _require(isinstance(header[name], (dict, type(None))), f"its {name.replace('_', ' ')} is not a JSON object")
+    kept = ("model", "record", "unit", "transfer_function", "lighting", "source")
+    return {
+        **{name: header[name] for name in kept}, "space": space, "shape_xyz": tuple(shape), "remarks": tuple(remarks),
+        "axes": tuple(axis for axis in AXES if AXIS_NAMES[axis] in names),
+        "affine": as_matrix(header["affine"], "its affine"), "unit_length": float(header["unit_length"]),
+    }  # fmt: skip
+
+
+def checked_color(brightest) -> float:
+    """The largest channel of any color, checked."""
+    _require(0.0 <= brightest <= MOST_COLOR, f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
+    return float(brightest)
+
+
+def checked_layout(header: dict, facts: dict) -> dict:
+    """Check that the tables of a folder have the types that kernels take, and that all slabs have entries for all
+    scanlines and voxels; raises one of DAMAGE.
+
+    Parameters
+    ----------
+    header : dict
+    facts : dict
+        See ``checked_header``.
+
+    Returns
+    -------
+    dict
+        Name of a table -> dtype, words of an entry and parts, see ``folder.words_of_entry``.
+    """
+    (nx, ny, nz), record, slabs = facts["shape_xyz"], facts["record"], header["slabs"]
+    classification = header["classification"]
+    ends = [planes for planes, _ in slabs]
+    in_order = all(_is_count(end, 1) for end in ends) and ends == sorted(set(ends))
+    _require(in_order and ends[-1] == nz, "its slabs do not fill the volume")
+    allowed = {
+        COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
+        "records": {(np.dtype(TYPES[record]).str[1:], math.prod(WORDS[record]), 0)},
+        "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
+        "light": {("u2", channels, 0) for channels in (1, 2, 3, 6)}, "normals": {("i2", 0, 3)},
+    }  # fmt: skip
+    found = {name: tuple(entry) for name, entry in header["dtypes"].items()}
+    for order in {ORDER_OF[axis] for axis in facts["axes"]}:
+        of_voxels = [name for name in OF_VOXELS[classification] if f"{order}.{name}" in found]
+        _require(set(NEEDED[classification]) <= set(of_voxels), f"it lacks tables of {order}")
+        first, visible = 0, 0
+        for end, sizes in slabs:
+            entries = {
+                name: _entries(sizes, f"{order}.{name}", found, allowed[name]) for name in (COUNTS, RUNS, *of_voxels)
+            }
+            scanlines, voxels = (ny if order == ROWS else nx) * (end - first), {entries[name] for name in of_voxels}
+            _require(entries[COUNTS] == scanlines, f"{order}.{COUNTS} does not have an entry for each scanline")
+            _require(len(voxels) == 1, f"a table of {order} does not have an entry for each voxel")
+            first, visible = end, visible + voxels.pop()
+        _require(visible == header["visible"], "its number of visible voxels is another one")
+    return found
+
+
+def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
+    """Entries of a slab in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
+    _require(found[table] in allowed, f"{table} has a type that no kernel takes")
+    kind, words, parts = found[table]
+    counts = {sizes[name][0] for name in ([f"{table}.{part}" for part in range(parts)] or [table])}
+    count, size = counts.pop(), np.dtype(kind).itemsize * max(words, 1)
+    _require(not counts and _is_count(count) and count % size == 0, f"{table} is cut within an entry")
+    return count // size
+
+
+def checked_values(header: dict, dtypes: dict) -> Values:
+    """What the header of post-classified tables says of the volume's values, checked; raises one of DAMAGE."""
+    kind, light, ends = header["stored_type"], header["light"], header["ends"]
+    _require(kind in STORED_TYPES, "there is no such type of voxels")
+    scalar = {np.dtype(entry[0]) for name, entry in dtypes.items() if name.endswith(".scalars")}
+    _require(scalar == {np.dtype(kind if kind in OWN_TYPES else np.float32)}, "its scalars have another type")
+    slope, intercept, center = (header[name] for name in ("slope", "intercept", "center"))
+    _require(all(_is_number(one) for one in (slope, intercept, center, *ends)) and slope, "its values are not numbers")
+    _require(len(ends) == 2 and ends[0] <= ends[1], "its values are not in order")
+    has_codes = any(name.endswith(".light") for name in dtypes)
+    _require(has_codes == (light is not None), "its codes of light are not described")
+    good = light is None or (len(light) == 3 and all(map(_is_number, light)) and light[0] > 0.0 <= min(light[1:]))
+    _require(good, "its codes of light have impossible scales")
+    return Values(
+        np.dtype(kind), float(slope), float(intercept), tuple(map(float, ends)), float(center),
+        None if light is None else tuple(map(float, light)),
+    )  # fmt: skip
 
 
 def _broken(axis, what: str) -> RleSplatError:
@@ -114,6 +292,8 @@ def check_records(axis, voxel_data, decoding) -> None:
         raise _broken(axis, "a table is not contiguous in memory")
     if record == 16:
         numbers = voxel_data
+        if decoding is not None:
+            raise _broken(axis, "its voxel data have scales, and are not codes")
     else:
         numbers = decoding
         if decoding is None or decoding.dtype != np.float32 or decoding.shape != (decoding_size(record),):
@@ -121,3 +301,9 @@ def check_records(axis, voxel_data, decoding) -> None:
     # One pass each and no copy: NaN fails both comparisons. Codes are valid whatever their bits.
     if numbers.size and not (numbers.min() >= 0.0 and numbers.max() <= MOST):
         raise _broken(axis, "the voxel data hold a value that is negative, not finite or too large")
+
+
+def check_scalars(axis, scalars) -> None:
+    """Check that the scalars of post-classified voxels are finite."""
+    if scalars.dtype.kind == "f" and not np.isfinite(scalars).all():
+        raise _broken(axis, "the scalars hold a value that is not finite")

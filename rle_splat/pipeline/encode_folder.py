@@ -28,7 +28,6 @@ from ..encode.folder import (
     ROWS,
     RUNS,
     FolderWriter,
-    check_folder_output,
     counts_of,
     is_folder_form,
     words_of_entry,
@@ -121,38 +120,43 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
         If the scene needs all voxels at once (shadows, labels, channels, a refined grid), one plane does not fit into
         memory, or the folder cannot be written. Nothing is left behind then.
     """
-    check_folder_output(path)
+    with FolderWriter(path) as writer:
+        return (yield from write_folder_steps(scene, quality, writer, axes, source))
+
+
+def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axes=tuple(AXES), source: str = ""):
+    """As ``encode_folder_steps``, into the folder of a FolderWriter."""
     _check(scene, quality)
     scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
     vars(volume)["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
     kind = _ClassifiedSlabs if quality.classification == "pre" else _ScalarSlabs
     slabs = kind(scene, quality, axes)
-    with FolderWriter(path, _job(scene, quality, axes)) as writer:
-        resumed = writer.planes
-        has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
-        yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
-        nx, ny, nz = volume.shape_xyz
-        density = 1.0  # visible voxels among all; of the first slab nothing is known
-        while (first := writer.planes) < nz:
-            last = min(first + _planes_at_once(nx * ny, density), nz)
-            yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
-            try:
-                with clock.stage("encode"):
-                    made = slabs.encoded(first, last)
-                    writer.append(last, made.tables, {**made.facts, "visible": made.visible})
-            except TooLargeError:
-                if last == first + 1:
-                    raise
-                density = 1.0
-                continue
-            density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
-        yield Progress(0.98, "Finishing the folder")
-        facts = [slab.facts for slab in writer.slabs]
-        header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
-        header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
-        with clock.stage("encode"):
-            size = writer.finish(header, slabs.joined)
+    writer.begin(_job(scene, quality, axes))
+    resumed = writer.planes
+    has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
+    yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+    nx, ny, nz = volume.shape_xyz
+    density = 1.0  # visible voxels among all; of the first slab nothing is known
+    while (first := writer.planes) < nz:
+        last = min(first + _planes_at_once(nx * ny, density), nz)
+        yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
+        try:
+            with clock.stage("encode"):
+                made = slabs.encoded(first, last)
+                writer.append(last, made.tables, {**made.facts, "visible": made.visible})
+        except TooLargeError:
+            if last == first + 1:
+                raise
+            density = 1.0
+            continue
+        density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
+    yield Progress(0.98, "Finishing the folder")
+    facts = [slab.facts for slab in writer.slabs]
+    header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
+    header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
+    with clock.stage("encode"):
+        size = writer.finish(header, slabs.joined)
     return _report(scene, quality, facts, size, resumed, len(writer.slabs), clock)
 
 
@@ -160,7 +164,7 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
     """Generator of Progress: encode a volume of more than COARSE_VOXELS in larger voxels, too, into a folder ``path``;
     return whether there is one."""
     volume, function, side = scene.volume, scene.transfer_function, 1
-    while math.prod(max(count // side, 1) for count in volume.shape_xyz) > COARSE_VOXELS:
+    while math.prod(-(-count // side) for count in volume.shape_xyz) > COARSE_VOXELS:  # as reduced_steps makes them
         side *= 2
     if side > 1 and not is_folder_form(path):
         factors = tuple(min(side, count) for count in volume.shape_xyz)

@@ -8,6 +8,7 @@ from typing import ClassVar
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
 from ..classify.transfer_function import TransferFunction
+from ..encode.folder import damaged
 from ..encode.scalars import ScalarVolume
 from ..scene import Light, Quality, RleSplatError, Scene
 from ..shade.lighting import lighting
@@ -91,8 +92,11 @@ class ScalarFileSource(FileSource):
         if not stored.holds_normals:
             return None
         described, shade = stored.lighting, TransferFunction.from_json(stored.transfer_function).shade
-        looking = None if described["headlight_direction"] is None else -world_to_camera(scene.camera)[2, :3]
-        lights = [Light(**entry) for entry in described["lights"]]
+        try:
+            looking = None if described["headlight_direction"] is None else -world_to_camera(scene.camera)[2, :3]
+            lights = [Light(**entry) for entry in described["lights"]]
+        except (LookupError, TypeError):
+            raise damaged(stored.path, "its lights are not described") from None
         falling = lighting(
             scene.index_to_world, shade, lights, headlight_direction=looking, eye=eye_of(scene.camera)
         )

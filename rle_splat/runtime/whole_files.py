@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 from ..scene import RleSplatError
 
 PART = ".part-"  # between the process id and the name of a file that is not complete
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, None)  # None: of packages that do not say what was wrong
+NOT_ALL = "not all of it could be written"
 
 
 def part_of(path: Path) -> Path:
@@ -22,7 +25,7 @@ def writing(path):
     try:
         yield
     except OSError as problem:
-        why = problem.strerror or "not all of it could be written"
+        why = problem.strerror or NOT_ALL
         raise RleSplatError(f"Cannot write {path}: {why}; choose another place, or make room there.") from None
 
 
@@ -41,6 +44,11 @@ def whole_files(paths):
     ------
     list of Path
         A temporary path for each target.
+
+    Raises
+    ------
+    OSError
+        Of a full disk and of a temporary file, with the name of the target.
     """
     targets = [Path(path) for path in paths]
     parts = [part_of(target) for target in targets]
@@ -48,6 +56,16 @@ def whole_files(paths):
         yield parts
         for part, target in zip(parts, targets):
             os.replace(part, target)
+    except OSError as problem:
+        of_parts = {str(part): str(target) for part, target in zip(parts, targets)}
+        written = [target for part, target in of_parts.items() if os.path.exists(part)]
+        if problem.filename is not None:
+            written = [of_parts[str(problem.filename)]] if str(problem.filename) in of_parts else []
+        elif problem.errno not in FULL:
+            written = []
+        if not written:
+            raise
+        raise OSError(problem.errno, problem.strerror or NOT_ALL, ", ".join(written)) from None
     finally:
         for part in parts:
             part.unlink(missing_ok=True)

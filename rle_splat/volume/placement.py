@@ -82,6 +82,6 @@ def _axes_of(orientation: str) -> np.ndarray:
 
 def _flipped(flip: str) -> list[int]:
     """Indices of the axes to mirror."""
-    if not set(str(flip)) <= set(AXES):
-        raise RleSplatError(f"The axes to flip must be some of x, y and z, such as xz, not {flip!r}.")
+    if not set(str(flip)) <= set(AXES) or len(set(str(flip))) < len(str(flip)):
+        raise RleSplatError(f"The axes to flip must be some of x, y and z, each once, such as xz, not {flip!r}.")
     return [axis for axis, letter in enumerate(AXES) if letter in flip]

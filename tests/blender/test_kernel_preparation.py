@@ -34,9 +34,9 @@ def ahead(bridge, core, monkeypatch, tmp_path):
 
 
 @pytest.fixture
-def lock(bridge, tmp_path):
+def lock(bridge, core, tmp_path):
     """``with lock() as free``: the lock of the folder, as another Blender's process holds it."""
-    return lambda: bridge("prepare_process").only_one(tmp_path)
+    return lambda: core("runtime.file_lock").only_one(tmp_path / bridge("prepare_process").LOCK)
 
 
 def is_alive(process) -> bool:

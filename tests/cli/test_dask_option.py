@@ -5,7 +5,10 @@ import pytest
 from devtools.docs_reference import command_parser
 from rle_splat.cli import cluster, dask_option
 
-OF_THE_CLIENT = {"json", "shadow_pass", "channel_function"}  # files that workers neither read nor write
+# Files that workers neither read nor write.
+OF_THE_CLIENT = {
+    "json", "shadow_pass", "channel_function", "motion", "camera_path", "environment", "label_functions",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("words, sentence", [

@@ -10,6 +10,8 @@ import time
 import numpy as np
 import pytest
 
+from rle_splat.cli import frames as frames_module
+from rle_splat.cli import series
 from tests.cli.conftest import ROOT, SHAPE_XYZ, ball
 
 QUICK = ["--size", "24", "--backend", "numpy", "--quality", "draft", "--preset", "x-ray"]
@@ -67,6 +69,27 @@ def test_wrong_frames_are_one_sentence_and_no_picture(sequence, call, raw_option
     done = call("render", sequence, "-o", tmp_path / "out.npy", *words, *raw_options, *QUICK)
     assert done.code == 2 and sentence in done.err and len(done.err.strip().splitlines()) == 1
     assert not list(tmp_path.glob("*.npy"))
+
+
+def test_places_are_checked_before_any_frame(raw, call, raw_options, tmp_path, monkeypatch):
+    """However many frames there are, none is looked at."""
+    turn = raw, *raw_options, *QUICK, "--turn", 1, "--frames", 1, 100_000_000
+    with monkeypatch.context() as patch:
+        patch.setattr(frames_module, "_frame", None)
+        refused = call("render", *turn[:-1], 10**12, "-o", tmp_path / "r.npy")
+        assert refused.code == 2 and "counted from 1 to 1000000000 at most" in refused.err
+    made, one = [], frames_module._frame
+    monkeypatch.setattr(frames_module, "_frame", lambda *given: made.append(given[1]) or one(*given))
+    (tmp_path / "r_0077.npy").mkdir()
+    raw.rename(raw.with_name("ball_123456.npy"))
+    turn = raw.with_name("ball_123456.npy"), *turn[1:]
+    for output, said in (
+        ("missing/r.npy", "does not exist; make it first"), ("r.npy", "r_0077.npy: it is a folder"),
+        ("data/ball.npy", "ball_123456.npy is read by this command"), ("s.npy", "s_0001.npy is named twice"),
+    ):  # fmt: skip
+        refused = call("render", *turn, "-o", tmp_path / output, "--json", tmp_path / "s_0001.npy")
+        assert refused.code == 2 and said in refused.err, refused
+    assert len(made) < 20 and not [path for path in tmp_path.glob("*.npy") if path.is_file()]
 
 
 def test_a_file_alone_has_no_frames(raw, call, raw_options, tmp_path):
@@ -215,6 +238,21 @@ def test_a_command_that_is_killed_keeps_its_whole_frames(raw, call, raw_options,
     frames_of(call, fresh, *words[:-3], fresh / "k.npy", *words[-2:], 5)
     for path in there:
         assert int(path.stem[-4:]) > 5 or (fresh / path.name).read_bytes() == path.read_bytes() == there[path]
+
+
+def test_ctrl_c_says_that_whole_frames_are_kept(raw, call, raw_options, tmp_path, monkeypatch):
+    render, made = series.rendered, []
+
+    def stopped(*given):
+        if made:
+            raise KeyboardInterrupt
+        made.append(given)
+        return render(*given)
+
+    monkeypatch.setattr(series, "rendered", stopped)
+    done = call("render", raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1, 9)
+    assert (done.code, done.err) == (130, "Stopped; frames that were complete are kept.\n")
+    assert [path.name for path in tmp_path.glob("*.npy")] == ["k_0001.npy"]
 
 
 # --- farms ------------------------------------------------------------------------------------------------------------

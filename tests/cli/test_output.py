@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from rle_splat.cli.output import check_outputs
 from rle_splat.cli.progress import ProgressLine
 from rle_splat.cli.report import plain, write_report
 from rle_splat.runtime.memory import bytes_text
-from rle_splat.runtime.whole_files import whole_files
+from rle_splat.runtime.whole_files import part_of, whole_files
 from rle_splat.scene import RleSplatError
 
 
@@ -49,6 +50,30 @@ def test_impossible_outputs_are_refused(tmp_path):
         check_outputs([tmp_path / "file"], inputs=[None, tmp_path / "file"])
     check_outputs([tmp_path / "a.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_full_disk_is_told_by_the_name_of_the_file(tmp_path):
+    """Of several, by those that are begun; of a temporary file by the file that it is for."""
+    targets = [tmp_path / "a.png", tmp_path / "b.json"]
+    for problem, names in (
+        (OSError(28, "No space left on device"), targets[:1]), (OSError("2 requested and 1 written"), targets[:1]),
+        (OSError(13, "Permission denied", str(part_of(targets[1]))), targets[1:]),
+    ):  # fmt: skip
+        with pytest.raises(OSError) as told, whole_files(targets) as parts:
+            parts[0].write_text("half")
+            raise problem
+        assert told.value.filename == ", ".join(map(str, names)) and list(tmp_path.iterdir()) == []
+    for problem in (OSError(28, "No space left on device"), FileNotFoundError(2, "No such file", "another")):
+        with pytest.raises(OSError) as told, whole_files(targets):
+            raise problem
+        assert told.value is problem
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows needs a right to make links")
+def test_a_loop_of_links_as_an_input(tmp_path):
+    for name, other in (("a.nrrd", "b.nrrd"), ("b.nrrd", "a.nrrd")):
+        (tmp_path / name).symlink_to(other)
+    check_outputs([tmp_path / "a.png"], inputs=[tmp_path / "a.nrrd"])
 
 
 def test_progress_is_one_line_that_clears_itself():

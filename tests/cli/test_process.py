@@ -115,6 +115,22 @@ def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     assert sorted(tmp_path.iterdir()) == before and output.read_bytes() == b"old"
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to one process")
+def test_ctrl_c_within_code_that_is_made_of_text(tmp_path):
+    """As while a dataclass is made, in an import: Python then ends a process that handled it by the signal."""
+    (tmp_path / "stopped.py").write_text(
+        "import os, signal, sys\n"
+        "from rle_splat.cli import main\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "main._run = lambda argv: exec('os.kill(os.getpid(), signal.SIGINT)\\nwhile True: pass')\n"
+        "sys.exit(main.run_process())\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT)))}
+    words = [sys.executable, "-m", "stopped"]
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (130, "Stopped; nothing was written.\n")
+
+
 def projected_alpha(voxels, function, spacing, azimuth, size):
     """(size, size) alpha of voxels (nz, ny, nx) seen along a horizontal direction, by adding up the optical depths of
     all voxels whose center falls on a pixel: no ray, no run and no sheet has a part in it."""

@@ -1,5 +1,6 @@
 """Folders of tables: the same pictures as in memory, jobs that were killed go on, and damage is told."""
 
+import errno
 import json
 import shutil
 from dataclasses import replace
@@ -143,6 +144,10 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ)
     encoded(tmp_path / "b.rle", scene, quality)
     assert load(tmp_path / "b.rle").coarse is None and not (tmp_path / "b.rle" / "coarse").exists()
+    monkeypatch.setattr(encode_folder, "COARSE_VOXELS", (NX // 2) * (NY // 2) * (NZ // 2))  # odd sides are rounded up
+    encoded(tmp_path / "c.rle", scene, quality)
+    assert load(tmp_path / "c.rle").coarse.shape_xyz == (-(-NX // 4), -(-NY // 4), -(-NZ // 4))
+    assert not (tmp_path / "c.rle" / "coarse" / "coarse").exists()
 
 
 def test_nothing_visible(tmp_path, few_planes):
@@ -229,6 +234,37 @@ def test_a_failed_job_leaves_nothing(tmp_path, few_planes, monkeypatch):
     assert load(tmp_path / "a.rle").record == 16
 
 
+def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
+    """The second is refused before it reads anything, also where the disk has no locks."""
+    scene, quality, path = scene_of(volume_of()), QUALITIES["pre"], tmp_path / "a.rle"
+    lock = tmp_path / ".a.rle.lock"
+    lock.write_bytes(b"")  # of a process that was killed
+    encoded(tmp_path / "whole.rle", scene, quality)
+    wanted = {file.name: file.read_bytes() for file in (tmp_path / "whole.rle").iterdir()}
+    first = encode_folder_steps(scene, quality, path)
+    for step in first:
+        if "planes 4 to 6" in step.message:
+            break
+    with pytest.raises(RleSplatError, match="another command is writing there; wait until it has ended"):
+        next(encode_folder_steps(scene, quality, path))
+    drain(first)
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.rle", "whole.rle"]
+
+    def unknown(*_):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    fcntl = pytest.importorskip("fcntl", reason="Windows locks otherwise")
+    monkeypatch.setattr(fcntl, "flock", unknown)
+    both = encode_folder_steps(scene, quality, path), encode_folder_steps(scene, quality, path)
+    with pytest.raises(RleSplatError, match="another command is writing there"):
+        for _ in zip(*both):
+            pass
+    for steps in both:
+        steps.close()
+    assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
+
+
 def test_what_a_folder_cannot_hold(tmp_path):
     scene = scene_of(volume_of())
     with pytest.raises(RleSplatError, match="the scan's own grid"):
@@ -272,7 +308,9 @@ def test_damage_is_told(tmp_path, few_planes, classification):
     [
         {"shape_xyz": [NX, NY, NZ + 1]}, {"shape_xyz": [NX + 1, NY, NZ]}, {"record": 8}, {"model": "x"}, {"axes": []},
         {"classification": "refined"}, {"affine": 3}, {"slabs": []}, {"dtypes": {}}, {"most_color": -1.0},
-        {"unit_length": float("nan")}, {"version": 9}, {"format": "x"}, {"remarks": 4},
+        {"unit_length": float("nan")}, {"unit_length": 0.0}, {"transfer_function": "other.json"}, {"lighting": []},
+        {"decoding": [1.0, 1.0]}, {"version": 9}, {"format": "x"}, {"remarks": 4},
+        {"affine": [[float("nan")] * 4] * 4}, {"remarks": "deep"},
     ],
     ids=str,
 )
@@ -281,9 +319,9 @@ def test_headers_that_say_something_else(tmp_path, few_planes, monkeypatch, chan
     scene, quality = scene_of(volume_of()), QUALITIES["pre"]
     encoded(tmp_path / "a.rle", scene, quality)
     header = tmp_path / "a.rle" / folder_form.HEADER
-    content = json.dumps({**json.loads(header.read_text()[8:]), **change})
+    content = json.dumps({**json.loads(header.read_text()[8:]), **change}).replace('"deep"', "[" * 9999 + "]" * 9999)
     header.write_text(f"{folder_form.zlib.crc32(content.encode()):08x}{content}")
-    with pytest.raises(RleSplatError):
+    with pytest.raises(RleSplatError, match=r"a\.rle|principal axis z"):
         from_folder(tmp_path / "a.rle", scene, quality)
 
 

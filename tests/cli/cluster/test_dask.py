@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from rle_splat.cli import cluster, cluster_worker
+from rle_splat.cli.main import main
 
 WORDS = ["--size", "90x70", "--backend", "numpy", "--quality", "draft", "--elevation", "20"]
 
@@ -44,6 +45,27 @@ def test_a_picture_has_the_bits_of_one_machine(render, address):
     part = render("c.npy", "--dask", address, "--crop", "11", "5", "70", "44", "--tile", "16")
     np.testing.assert_array_equal(np.load(part), whole[5:44, 11:70])
     assert cluster_worker._JOBS == {}
+
+
+def test_two_commands_on_one_scheduler(render, raw, raw_options, address, tmp_path, monkeypatch):
+    """Each worker reads the volume once for each; of a command that was killed nothing is kept."""
+    whole, read = np.load(render("whole.npy")), []
+    put, picture = cluster.Cluster.results, cluster_worker._picture_of
+    monkeypatch.setattr(cluster_worker, "_picture_of", lambda job: read.append(job.key) or picture(job))
+    monkeypatch.setitem(cluster_worker._JOBS, "Client-of-a-killed-command", None)
+
+    def other_between(self, *arguments):
+        for number, found in enumerate(put(self, *arguments)):
+            if number == 1 and len(set(read)) == 1:
+                words = "render", raw, *raw_options, *WORDS, "-o", tmp_path / "b.npy", "--dask", address, "--tile", 16
+                assert main([str(word) for word in words]) == 0
+            yield found
+
+    monkeypatch.setattr(cluster.Cluster, "results", other_between)
+    render("a.npy", "--dask", address, "--tile", "16")
+    for name in ("a", "b"):
+        np.testing.assert_array_equal(np.load(tmp_path / f"{name}.npy"), whole)
+    assert len(read) == 2 and cluster_worker._JOBS == {}  # both workers are threads of this process
 
 
 def test_frames_are_tasks_and_whole_ones_are_kept(render, address, tmp_path):
@@ -78,6 +100,18 @@ def test_workers_without_the_data_or_of_another_version(refused, raw, raw_option
     assert "has another version of RLE Splat" in refused("render", raw, *words)
     monkeypatch.setitem(sys.modules, "rle_splat.cli.made", None)
     assert "does not have the package rle-splat" in refused("render", raw, *words)
+
+
+def test_files_that_this_command_alone_reads(call, raw, raw_options, address, tmp_path, write_json, monkeypatch):
+    camera = {"matrix_world": [[1, 0, 0, 8], [0, 1, 0, 8], [0, 0, 1, 60], [0, 0, 0, 1]], "type": "ORTHO",
+              "ortho_scale": 24.0}  # fmt: skip
+    words = "--camera-path", write_json([camera], "path.json"), "--motion", write_json([{}, {}], "motion.json")
+    can = os.access
+    monkeypatch.setattr(os, "access", lambda name, mode: not str(name).endswith(".json") and can(name, mode))
+    words = raw, *raw_options, *WORDS[:-2], *words, "-o", tmp_path / "a.npy", "--dask", address
+    result = call("render", *words)
+    assert result.code == 0, result.err
+    assert np.load(tmp_path / "a_0001.npy")[..., 3].max() > 0.3
 
 
 def test_nobody_answers(refused, raw, raw_options, tmp_path, monkeypatch):
