@@ -1,5 +1,6 @@
 """DICOM SEG: names, colors and voxels of segments, each where its frames say."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
 from pydicom.uid import generate_uid
 
+from rle_splat.read.dicom import segmentation
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import PATIENT
@@ -115,6 +117,26 @@ def test_segments_lie_where_they_were_drawn(tmp_path: Path, kind: str, name: str
     assert not any(volume.voxels[k].any() for k in range(len(volume.voxels)) if k not in used)
     overlap = int(np.count_nonzero(masks.sum(axis=0) > 1))
     assert any(f"overlap in {overlap} voxels" in remark for remark in volume.remarks) == (kind != "LABELMAP")
+
+
+@pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL"])
+def test_overlaps_do_not_depend_on_the_order_of_decoding(tmp_path: Path, kind: str, monkeypatch):
+    """Child processes decode compressed frames, which come in any order."""
+    path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3), kind)
+    volumes = [read_volume(path)]
+    planes = segmentation.stored_planes
+    for seed in range(3):
+        monkeypatch.setattr(segmentation, "stored_planes", lambda pictures, seed=seed: shuffled(planes(pictures), seed))
+        volumes.append(read_volume(path))
+        np.testing.assert_array_equal(volumes[-1].voxels, volumes[0].voxels)
+        assert volumes[-1].remarks == volumes[0].remarks
+    assert "which show the segment with the highest number" in volumes[0].remarks[0]
+
+
+def shuffled(answers, seed: int) -> list:
+    found = list(answers)
+    random.Random(seed).shuffle(found)
+    return found
 
 
 def test_names_and_colors(tmp_path: Path):

@@ -37,7 +37,8 @@ def read_segmentation_steps(found: read.Elements):
     -------
     Volume
         A label map in patient space; ``named_labels`` has the segments' numbers, names and colors. Where segments
-        overlap, the last one in the file's order counts. Slices between the file's, which hold no segment, are 0.
+        overlap, the highest number counts, so that the order in which frames are decoded does not matter. Slices
+        between the file's, which hold no segment, are 0.
 
     Raises
     ------
@@ -70,7 +71,9 @@ def read_segmentation_steps(found: read.Elements):
                 overlaps += _put(merged[k], plane, segments[i], threshold)
             done += 1
         yield Progress(done / len(pictures), doing)
-    remarks = [f"Segments overlap in {overlaps} voxels, which show one of them."] if overlaps else []
+    remarks = []
+    if overlaps:
+        remarks.append(f"Segments overlap in {overlaps} voxels, which show the segment with the highest number.")
     if threshold > 1:
         remarks.append("The segments are fractional; voxels with at least half of the largest value were taken.")
     return Volume(
@@ -113,13 +116,10 @@ def _threshold(found: read.Elements) -> int:
 
 def _put(target: np.ndarray, plane: np.ndarray, segment: int | None, threshold: int) -> int:
     """Write one frame into a slice of the label map, in place; returns the number of voxels that held another label."""
-    if segment is None:
-        target[...] = plane
-        return 0
-    there = plane >= threshold
-    before = np.count_nonzero(target[there])
-    target[there] = segment
-    return int(before)
+    labels = plane if segment is None else (plane >= threshold) * target.dtype.type(segment)
+    both = np.count_nonzero((target != 0) & (labels != 0))
+    np.maximum(target, labels.astype(target.dtype, copy=False), out=target)
+    return int(both)
 
 
 def _stack(pictures, found: read.Elements) -> tuple[Stack, list[list[int]]]:
