@@ -172,6 +172,7 @@ def test_beside_its_series_it_is_no_image(tmp_path: Path):
     np.testing.assert_allclose(labels.affine[:3, :3], volume.affine[:3, :3], atol=1e-9)
 
 
+@pytest.mark.extras
 @pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL", "LABELMAP"])
 def test_a_segmentation_of_another_writer(tmp_path: Path, kind: str):
     """highdicom writes it, with its own order of frames and of the source's slices."""
