@@ -75,7 +75,7 @@ def find_pictures(path):
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)
-    own = _kept_pictures(path)
+    own, stamp = _kept_pictures(path), _stamp(path)
     if not own:
         parsed = yield from _parsed(path)
         if parsed is not None and parsed.is_directory:
@@ -86,7 +86,7 @@ def find_pictures(path):
         own = yield from _pictures(parsed)
         if own is None:
             raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
-        _keep(path, own)
+        _keep(path, stamp, own)
     series = own[0].series.key
     if own[0].storage.frames > 1:
         return Found(own, (), (), 0, series)
@@ -118,10 +118,10 @@ def _scan(paths):
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
-            own = _kept_pictures(path)
+            own, stamp = _kept_pictures(path), _stamp(path)
             if own is None:
                 own = yield from _pictures((yield from _parsed(path)))
-                _keep(path, own or ())
+                _keep(path, stamp, own or ())
             others += not own
             pictures += own or ()
         except Damaged:
@@ -154,13 +154,16 @@ def _kept_pictures(path: Path) -> tuple | None:
     return pictures if stamp is not None and stamp == _stamp(path) else None
 
 
-def _keep(path: Path, pictures: tuple) -> None:
-    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers."""
+def _keep(path: Path, stamp: tuple | None, pictures: tuple) -> None:
+    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers.
+
+    ``stamp``: of before it was read, so that a file that changed meanwhile is read again.
+    """
     _count[0] += 1 + len(pictures)
     if _count[0] > MOST_KEPT:
         _kept.clear()
         _count[0] = 1 + len(pictures)
-    _kept[path] = (_stamp(path), pictures)
+    _kept[path] = (stamp, pictures)
 
 
 def _pictures(found: read.Elements | None):

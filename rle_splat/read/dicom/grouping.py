@@ -199,9 +199,9 @@ def _told_apart(pictures, positions, normal, same_voxels) -> list[Group]:
         return [
             Group((tuple(parts[value][here] for here in sorted(parts[value])),), remarks=remarks) for value in parts
         ]
-    kept, copies = _without_copies(pictures, place, same_voxels)
+    kept, more = _without_copies(pictures, place, same_voxels)
     if len(kept) == len(set(place.tolist())):
-        return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies))]
+        return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies + more))]
     return [Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))]
 
 
