@@ -14,6 +14,7 @@ from .refusals import Damaged, Refused, damaged, no_images
 
 MOST_FILES = 20_000
 MOST_KEPT = 10_000  # files and pictures; 3.4 kB each, measured
+SUFFIXES = (".dcm", ".dicom", ".ima")  # a file with one of these that is not DICOM is damaged
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
 
 
@@ -90,7 +91,8 @@ def find_pictures(path):
     series = own[0].series.key
     if own[0].storage.frames > 1:
         return Found(own, (), (), 0, series)
-    siblings = sorted(other for other in path.parent.iterdir() if other.is_file())
+    files = (other for other in path.parent.iterdir() if not other.name.startswith("._"))  # of macOS's archives
+    siblings = sorted(other for other in files if other.is_file())
     _refuse_more(path.parent, len(siblings))
     found = yield from _scan(siblings)
     mine = tuple(picture for picture in found.pictures if picture.series.key == series)
@@ -122,8 +124,12 @@ def _scan(paths):
             if own is None:
                 own = yield from _pictures((yield from _parsed(path)))
                 _keep(path, stamp, own or ())
-            others += not own
-            pictures += own or ()
+            if own:
+                pictures += own
+            elif path.suffix.lower() in SUFFIXES:
+                broken.append(path.name)
+            else:
+                others += 1
         except Damaged:
             broken.append(path.name)
         except Refused as problem:
