@@ -139,6 +139,27 @@ def shuffled(answers, seed: int) -> list:
     return found
 
 
+def test_frames_whose_numbers_jitter_lie_in_one_direction(tmp_path: Path):
+    path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3))
+    before = read_volume(path)
+    dataset = phantoms.read(path)
+    for i, frame in enumerate(dataset.PerFrameFunctionalGroupsSequence):
+        frame.PlaneOrientationSequence = phantoms.one(ImageOrientationPatient=[1, 2e-6 * (i % 2), 0, 0, 1, 0])
+        frame.PlanePositionSequence[0].ImagePositionPatient[2] += 1e-3 * (i % 2)
+    after = read_volume(phantoms.save(dataset, path))
+    np.testing.assert_array_equal(after.voxels, before.voxels)
+    np.testing.assert_allclose(after.affine, before.affine, atol=2e-3)
+
+
+def test_segments_at_irregular_distances_are_told(tmp_path: Path):
+    where = GEOMETRIES["irregular steps"]
+    masks = np.ones((1, len(where.positions), phantoms.ROWS, phantoms.COLUMNS), dtype=bool)
+    volume = read_volume(write_seg(tmp_path / "seg.dcm", where, masks))
+    assert volume.voxels.all() and volume.remarks == (
+        "The segments' slices lie at irregular distances; each slice of the label map shows the nearest one.",
+    )
+
+
 def test_names_and_colors(tmp_path: Path):
     volume = read_volume(write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3)))
     assert [(one.label, one.name) for one in volume.named_labels] == [(1, "organ 1"), (2, "organ 2"), (3, "organ 3")]

@@ -72,6 +72,10 @@ def read_segmentation_steps(found: read.Elements):
             done += 1
         yield Progress(done / len(pictures), doing)
     remarks = []
+    if stacked.kind == "irregular":
+        remarks.append(
+            "The segments' slices lie at irregular distances; each slice of the label map shows the nearest one."
+        )
     if overlaps:
         remarks.append(f"Segments overlap in {overlaps} voxels, which show the segment with the highest number.")
     if threshold > 1:
