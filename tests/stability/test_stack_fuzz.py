@@ -109,14 +109,20 @@ def test_stacks_side_by_side_are_not_parted_at_borders(jitter, beside, seed):
         assert group.stack().kind == "even"
 
 
-@given(st.sampled_from(sorted(TURNS)), st.floats(-1.0, 1.0), st.integers(0, 999))
+@given(
+    st.sampled_from(sorted(TURNS)), st.floats(-1.0, 1.0), st.integers(0, 999), st.sampled_from([0.0, 0.2, 0.49]),
+    st.sampled_from(["trigger time", "acquisition time"]),
+)  # fmt: skip
 @examples(60)
-def test_times_at_places_that_jitter_are_frames(turn, origin, seed):
-    noise = np.random.default_rng(seed).uniform(-2.5e-4, 2.5e-4, (3, 7, 3))
+def test_times_at_places_that_jitter_are_frames(turn, origin, seed, late, name):
+    """Positions and the times of slices of one frame jitter, such as trigger times of the heart."""
+    chance = np.random.default_rng(seed)
+    noise = chance.uniform(-2.5e-4, 2.5e-4, (3, 7, 3))
     positions = positions_of(np.arange(7) * 0.8, TURNS[turn], 0.2, (origin, 0.001, -0.001)) + noise
-    at_times = [picture(i, positions[t, i], TURNS[turn], **{"echo time": float(t)}) for t in range(3) for i in range(7)]
+    times = np.arange(3)[:, None] + late * chance.uniform(-1.0, 1.0, (3, 7))
+    at_times = [picture(i, positions[t, i], TURNS[turn], **{name: times[t, i]}) for t in range(3) for i in range(7)]
     (group,) = grouped(at_times, seed)
-    assert group.times == (0.0, 1.0, 2.0) and group.remarks == ()
+    assert group.times == tuple(times.min(axis=1)) and group.axis == "time" and group.remarks == ()
     for frame in range(3):
         assert [one.instance_number for one in group.frames[frame]] == list(range(7))
         assert group.stack(frame).kind == "even"

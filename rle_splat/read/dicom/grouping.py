@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -235,15 +236,23 @@ def _separator_names(pictures) -> list[str]:
 
 
 def _split_by(name: str, pictures, place) -> dict | None:
-    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None."""
+    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None.
+
+    Values of a frame may differ by place, as times do, if they are all lower than those of the next frame. The least
+    one stands for the frame then.
+    """
     if any(name not in picture.apart for picture in pictures):
         return None
-    split = {}
+    split, at = {}, {}
     for picture, here in zip(pictures, place.tolist()):
-        part = split.setdefault(picture.apart[name], {})
-        if here in part:
+        value = picture.apart[name]
+        if value in at.setdefault(here, {}):
             return None
-        part[here] = picture
+        at[here][value] = split.setdefault(value, {})[here] = picture
+    if len({len(found) for found in at.values()}) == 1:
+        frames = list(zip(*(sorted(found) for found in at.values())))
+        if all(max(values) < min(later) for values, later in pairwise(frames)):
+            return {min(values): {here: at[here][v] for here, v in zip(at, values)} for values in frames}
     return {value: split[value] for value in sorted(split)}
 
 
