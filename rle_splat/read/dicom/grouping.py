@@ -23,7 +23,8 @@ from .stacking import (
     stack_without_positions,
 )
 
-SAME_DIRECTION = 1e-3  # of direction cosines and, relative, of pixel spacings: half a pixel at the edge of 512
+# Direction cosines and, relative, pixel spacings of one stack differ by at most this, and by this at a slice's edge.
+SAME_DIRECTION, PART_OF_PIXEL = 1e-3, 0.5
 FEWEST_SLICES = 2
 ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 MIXED = "sequence"
@@ -150,9 +151,11 @@ def _kind(picture: Picture) -> tuple:
 
 def parallel_parts(pictures) -> list[list[Picture]]:
     """Pictures of one kind, by orientation and pixel spacing, in the order of each part's first one."""
+    storage = pictures[0].storage
+    gap = min(SAME_DIRECTION, PART_OF_PIXEL / max(storage.rows, storage.columns))
     said = [(*(picture.orientation or ()), *np.log(picture.spacing or ())) for picture in pictures]
     parts = {}
-    for picture, part in zip(pictures, parts_at_gaps(said, SAME_DIRECTION).tolist()):
+    for picture, part in zip(pictures, parts_at_gaps(said, gap).tolist()):
         parts.setdefault(part, []).append(picture)
     return list(parts.values())
 

@@ -213,7 +213,7 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
 
 
 def _were(count: int, noun: str, rest: str = "") -> str:
-    """"1 file was" or "2 files were", with ``rest`` before the verb."""
+    """Such as "1 file was" or "2 files were"; ``rest`` stands before the verb."""
     return f"{count} {noun}{'' if count == 1 else 's'}{rest} {'was' if count == 1 else 'were'}"
 
 

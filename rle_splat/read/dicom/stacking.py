@@ -17,6 +17,7 @@ from .refusals import Refused
 SAME_PLACE = 2e-3  # mm; positions closer than this are the same
 EVEN_FRACTION, EVEN_MM = 0.05, 0.01  # a slice may be this far from an even step, in steps or in mm, and at most
 MOST_MM = 0.1  # this far; slices further from the straight line through the first and the last are no stack
+MOST_PIXELS = 3.0  # corners of slices may be this far from where the common directions and spacings put them
 MOST_TIMES = 8  # a stack is resampled to at most this many times its slices
 FRACTIONS_OF_GAP = (1, 2)  # the step of a stack with missing slices: the smallest gap over one of these
 UNIT_TOLERANCE = 1e-2  # direction cosines may be this far from orthonormal
@@ -168,7 +169,7 @@ def stack(positions, orientations, spacings, size) -> Stack:
     ------
     Refused
         If the slices lie on no straight line, the line is within their plane, or their directions or pixel spacings
-        differ by more than a pixel at their edges.
+        differ by more than MOST_PIXELS at their corners.
     """
     positions = np.asarray(positions, dtype=np.float64)
     spacing = np.median(np.asarray(spacings, dtype=np.float64), axis=0)
@@ -185,10 +186,10 @@ def stack(positions, orientations, spacings, size) -> Stack:
         )
     corners = _corners(orientations, spacings, size) - _corners([(*row, *column)], [spacing], size)
     turned = float(np.linalg.norm(corners, axis=2).max())
-    if turned > spacing.min():
+    if turned > MOST_PIXELS * spacing.max():
         raise Refused(
-            f"The directions or pixel spacings of this series' slices differ by up to {turned:.2f} mm at their edges; "
-            "choose a series with parallel slices of one size."
+            f"The slices of this series turn or scale, so that their corners are up to {turned:.2f} mm off; choose a "
+            "series with parallel slices of one pixel spacing."
         )
     along = (positions - positions[0]) @ normal * (length / (whole @ normal))
     kind, steps = _steps(along)
