@@ -44,7 +44,7 @@ IDLE_THREADS = {
 }  # fmt: skip
 
 SLOW, EXTRAS = "slow", "extras"  # marks of tests
-EXTRAS_STAGE = "VTK, VolPack, plots"
+EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 

@@ -44,7 +44,7 @@ NATIVE = (
 )  # fmt: skip
 # With what tests are installed with. A lossless JPEG of process 14 may have any predictor.
 WRITABLE = (*NATIVE, RLELossless, JPEG2000Lossless, JPEG2000, JPEGLosslessSV1, JPEGLossless)
-BY_IMAGECODECS = (  # with a package that only the judges' environment has
+BY_IMAGECODECS = (  # with a package that the tests marked "extras" have
     JPEGExtended12Bit, JPEGLSLossless, JPEGLSNearLossless, JPEG2000Lossless, HTJ2KLossless, HTJ2KLosslessRPCL, HTJ2K,
 )
 BY_PILLOW = (JPEGBaseline8Bit,)

@@ -29,15 +29,8 @@ SENTENCE = re.compile(r"[^\n]{10,400}\.")
 WHERE = phantoms.geometry("short", (1, 0, 0), (0, 1, 0), [0.0, 1.0, 2.0, 3.5])
 
 
-def honest_files(folder: Path) -> list[Path]:
-    """The files to damage: of a series for each transfer syntax that can be written here, and two segmentations."""
-    syntaxes = list(phantoms.WRITABLE)
-    try:
-        import imagecodecs  # noqa: F401
-    except ImportError:
-        pass
-    else:
-        syntaxes += [JPEGLSLossless, JPEGBaseline8Bit, phantoms.HTJ2KLossless]
+def honest_files(folder: Path, syntaxes) -> list[Path]:
+    """The files to damage: of a series for each transfer syntax, and two segmentations."""
     found = []
     for number, syntax in enumerate(syntaxes):
         encoding = phantoms.with_syntax(phantoms.PLAIN, syntax)
@@ -97,9 +90,15 @@ class Reader:
         return self.process.communicate()[1] if self.process is not None else ""
 
 
-def test_damaged_files(tmp_path: Path):
+@pytest.mark.parametrize(
+    "syntaxes", [
+        (*phantoms.WRITABLE, *phantoms.BY_PILLOW),
+        pytest.param((JPEGLSLossless, phantoms.HTJ2KLossless), marks=pytest.mark.extras),
+    ], ids=["own", "imagecodecs"],
+)  # fmt: skip
+def test_damaged_files(tmp_path: Path, syntaxes):
     chance, reader, wrong, outcomes = random.Random(SEED), Reader(), [], {}
-    honest = honest_files(tmp_path / "honest")
+    honest = honest_files(tmp_path / "honest", syntaxes)
     most = 0
     for path in honest:
         answer = reader.read(path)

@@ -18,6 +18,9 @@ from . import dicom_phantoms as phantoms
 
 BOUND = 0.1 + 1e-6  # mm
 GEOMETRIES = phantoms.geometries()
+OF_OTHER_ENCODERS = (
+    *phantoms.BY_PILLOW, *(pytest.param(syntax, marks=pytest.mark.extras) for syntax in phantoms.BY_IMAGECODECS),
+)  # fmt: skip
 
 
 def error_of(path, axis: int) -> float:
@@ -75,7 +78,7 @@ def test_every_transfer_syntax_that_pydicom_decodes_has_a_phantom():
     assert read == {str(syntax) for syntax in AllTransferSyntaxes if is_decoded(syntax)}
 
 
-@pytest.mark.parametrize("syntax", (*phantoms.BY_PILLOW, *phantoms.BY_IMAGECODECS), ids=lambda uid: uid.keyword)
+@pytest.mark.parametrize("syntax", OF_OTHER_ENCODERS, ids=lambda uid: uid.keyword)
 @pytest.mark.parametrize("kind", ["classic", "enhanced"])
 def test_transfer_syntax_of_other_encoders(tmp_path: Path, syntax: str, kind: str):
     pytest.importorskip("PIL" if syntax in phantoms.BY_PILLOW else "imagecodecs")
@@ -92,6 +95,7 @@ def test_transfer_syntax_of_other_encoders(tmp_path: Path, syntax: str, kind: st
         assert error_of(folder, 1) <= BOUND + (0.1 if syntax == JPEGLSNearLossless else 0.0), encoding
 
 
+@pytest.mark.extras
 @pytest.mark.filterwarnings("ignore")  # of the writer
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_an_enhanced_object_of_another_writer(tmp_path: Path, name: str):

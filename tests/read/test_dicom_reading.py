@@ -5,7 +5,9 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,19 +132,39 @@ class TestChildren:
         script.write_text(program)
         monkeypatch.setattr(decoders.decode_child, "__file__", str(script))
 
-    def refusal(self, path: Path) -> str:
+    def refusal(self, path: Path, steps=read_steps) -> str:
         with pytest.raises(RleSplatError) as caught:
-            drain(read_steps(path))
+            drain(steps(path))
         return str(caught.value)
+
+    def pausing(self, monkeypatch):
+        """``read_steps`` whose caller pauses for 1000 s, by the decoders' clock, after each step."""
+        paused, clock = [0.0], time.monotonic
+        stand_in = SimpleNamespace(monotonic=lambda: clock() + paused[0], sleep=time.sleep)
+        monkeypatch.setattr(decoders, "time", stand_in)
+
+        def steps(path):
+            for step in read_steps(path):
+                yield step
+                paused[0] += 1000.0
+                assert paused[0] < 1e6, "a child that hangs is never ended"
+
+        return steps
 
     def test_a_signal(self, scan: Path, monkeypatch):
         self.child(monkeypatch, scan, "import os, sys\nsys.stdin.readline()\nos.abort()\n")
         assert "is damaged and cannot be decoded" in self.refusal(scan)
 
-    def test_a_hang(self, scan: Path, monkeypatch):
+    @pytest.mark.parametrize("pauses", [False, True])
+    def test_a_hang(self, scan: Path, monkeypatch, pauses: bool):
         self.child(monkeypatch, scan, "import time\ntime.sleep(60)\n")
         monkeypatch.setattr(decoders, "SECONDS", 0.5)
-        assert "is damaged and cannot be decoded" in self.refusal(scan)
+        steps = self.pausing(monkeypatch) if pauses else read_steps
+        assert "is damaged and cannot be decoded" in self.refusal(scan, steps)
+
+    def test_a_caller_that_pauses(self, scan: Path, monkeypatch):
+        """Time in which nobody waits for a frame, such as while Blender draws, is no sign of a hang."""
+        assert sum(1 for _ in self.pausing(monkeypatch)(scan)) > len(AXIAL.positions)
 
     def test_no_python(self, scan: Path, monkeypatch):
         monkeypatch.setattr(sys, "executable", "/usr/bin/blender")

@@ -74,6 +74,19 @@ class TestBadInput:
         text = refusal(tmp_path)
         assert paths[3].name in text and ("breaks off" in text or "damaged" in text)
 
+    @pytest.mark.parametrize("content", [b"", bytes(5000)])
+    @pytest.mark.parametrize("slice_", [3, SLICES - 1])
+    def test_a_file_whose_begin_is_lost(self, tmp_path: Path, content: bytes, slice_: int):
+        """Its name says that it may be a slice: no gap is filled for it, and it is named."""
+        paths = phantoms.write_classic(tmp_path, AXIAL)
+        paths[slice_].write_bytes(content)
+        (tmp_path / "._0001.dcm").write_bytes(b"of macOS")
+        for path in (tmp_path, paths[0]):
+            if slice_ == 3:
+                assert refusal(path) == f"{paths[3].name} is damaged and cannot be read; copy it again."
+            else:
+                assert read_volume(path).remarks == (f"1 damaged DICOM file was left out: {paths[-1].name}.",)
+
     @pytest.mark.parametrize(
         ("changes", "word"),
         [

@@ -1,5 +1,6 @@
 """DICOM SEG: names, colors and voxels of segments, each where its frames say."""
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
 from pydicom.uid import generate_uid
 
+from rle_splat.read.dicom import segmentation
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import PATIENT
@@ -117,6 +119,47 @@ def test_segments_lie_where_they_were_drawn(tmp_path: Path, kind: str, name: str
     assert any(f"overlap in {overlap} voxels" in remark for remark in volume.remarks) == (kind != "LABELMAP")
 
 
+@pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL"])
+def test_overlaps_do_not_depend_on_the_order_of_decoding(tmp_path: Path, kind: str, monkeypatch):
+    """Child processes decode compressed frames, which come in any order."""
+    path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3), kind)
+    volumes = [read_volume(path)]
+    planes = segmentation.stored_planes
+    for seed in range(3):
+        monkeypatch.setattr(segmentation, "stored_planes", lambda pictures, seed=seed: shuffled(planes(pictures), seed))
+        volumes.append(read_volume(path))
+        np.testing.assert_array_equal(volumes[-1].voxels, volumes[0].voxels)
+        assert volumes[-1].remarks == volumes[0].remarks
+    assert "which show the segment with the highest number" in volumes[0].remarks[0]
+
+
+def shuffled(answers, seed: int) -> list:
+    found = list(answers)
+    random.Random(seed).shuffle(found)
+    return found
+
+
+def test_frames_whose_numbers_jitter_lie_in_one_direction(tmp_path: Path):
+    path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3))
+    before = read_volume(path)
+    dataset = phantoms.read(path)
+    for i, frame in enumerate(dataset.PerFrameFunctionalGroupsSequence):
+        frame.PlaneOrientationSequence = phantoms.one(ImageOrientationPatient=[1, 2e-6 * (i % 2), 0, 0, 1, 0])
+        frame.PlanePositionSequence[0].ImagePositionPatient[2] += 1e-3 * (i % 2)
+    after = read_volume(phantoms.save(dataset, path))
+    np.testing.assert_array_equal(after.voxels, before.voxels)
+    np.testing.assert_allclose(after.affine, before.affine, atol=2e-3)
+
+
+def test_segments_at_irregular_distances_are_told(tmp_path: Path):
+    where = GEOMETRIES["irregular steps"]
+    masks = np.ones((1, len(where.positions), phantoms.ROWS, phantoms.COLUMNS), dtype=bool)
+    volume = read_volume(write_seg(tmp_path / "seg.dcm", where, masks))
+    assert volume.voxels.all() and volume.remarks == (
+        "The segments' slices lie at irregular distances; each slice of the label map shows the nearest one.",
+    )
+
+
 def test_names_and_colors(tmp_path: Path):
     volume = read_volume(write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3)))
     assert [(one.label, one.name) for one in volume.named_labels] == [(1, "organ 1"), (2, "organ 2"), (3, "organ 3")]
@@ -150,6 +193,7 @@ def test_beside_its_series_it_is_no_image(tmp_path: Path):
     np.testing.assert_allclose(labels.affine[:3, :3], volume.affine[:3, :3], atol=1e-9)
 
 
+@pytest.mark.extras
 @pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL", "LABELMAP"])
 def test_a_segmentation_of_another_writer(tmp_path: Path, kind: str):
     """highdicom writes it, with its own order of frames and of the source's slices."""

@@ -121,9 +121,30 @@ def test_headers_are_read_once_until_a_file_changes(tmp_path: Path, monkeypatch)
         "different scales" in remark for frame in (1, 2) for remark in read_volume(tmp_path, frame=frame).remarks
     )
     assert parsed[2 * SLICES :] == [changed]
+
+
+def test_a_file_that_changes_while_its_header_is_read_is_read_again(tmp_path: Path, monkeypatch):
+    paths = phantoms.write_classic(tmp_path, AXIAL)
+    read = discovery.read.read_elements
+
+    def change_after(path):
+        parsed = yield from read(path)
+        if path == paths[3]:
+            dataset = phantoms.read(path)
+            dataset.RescaleIntercept = 50
+            dataset.save_as(path)
+        return parsed
+
+    monkeypatch.setattr(discovery.read, "read_elements", change_after)
+    assert read_volume(tmp_path).remarks == ()
+    monkeypatch.undo()
+    assert "different scales" in " ".join(read_volume(tmp_path).remarks)
+
+
+def test_few_headers_are_kept(tmp_path: Path, monkeypatch):
+    frames_of(tmp_path, "TemporalPositionIdentifier", (1, 2))
     monkeypatch.setattr(discovery, "MOST_KEPT", 3)
-    shutil.copytree(tmp_path, tmp_path.parent / "elsewhere")
-    assert read_volume(tmp_path.parent / "elsewhere").frames == 2 and len(discovery._kept) <= 3
+    assert read_volume(tmp_path).frames == 2 and len(discovery._kept) <= 3
 
 
 def test_slices_that_nothing_tells_apart_are_refused(tmp_path: Path):
@@ -234,6 +255,59 @@ def test_parallel_stacks_in_one_series(tmp_path: Path):
     assert shapes == {SLICES, 7}
 
 
+@pytest.mark.parametrize("odd", [4, SLICES - 1])
+@pytest.mark.parametrize(
+    ("tag", "usual", "other"),
+    [
+        ("ImageOrientationPatient", [0.707149, 0, -0.707064, 0, 1, 0], [0.707151, 0, -0.707062, 0, 1, 0]),
+        ("PixelSpacing", [0.488249, 0.488249], [0.488251, 0.488251]),
+    ],
+)
+def test_a_slice_whose_numbers_are_rounded_otherwise_stays(tmp_path: Path, tag: str, usual, other, odd: int):
+    oblique = phantoms.geometry("oblique", (0.707149, 0, -0.707064), (0, 1, 0), np.arange(SLICES) * 2.0)
+    phantoms.write_classic(
+        tmp_path, oblique, change=lambda dataset, i: setattr(dataset, tag, other if i == odd else usual)
+    )
+    volume = read_volume(tmp_path)
+    assert volume.voxels.shape[0] == SLICES and volume.remarks == ()
+    np.testing.assert_array_equal(volume.voxels, np.rint([oblique.values(i, 2) for i in range(SLICES)]))
+
+
+def test_slices_that_jitter_are_not_resampled(tmp_path: Path):
+    jitter = np.array([0, 2, -2, 1, 2, -1, -2, 2, 0]) * 0.01
+    where = phantoms.geometry("jitter", (1, 0, 0), (0, 1, 0), np.arange(SLICES) * 2.0 + jitter)
+    phantoms.write_classic(tmp_path, where)
+    volume = read_volume(tmp_path)
+    np.testing.assert_array_equal(volume.voxels, np.rint([where.values(i, 2) for i in range(SLICES)]))
+    assert volume.remarks == ("Slices are up to 0.020 mm off the even, parallel stack that they were put into.",)
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_slices_of_the_series_that_are_left_out_are_told(tmp_path: Path, last: bool):
+    """Also if the series was named: one that is turned, and one that cannot be used."""
+    odd = SLICES - 2 if last else 4
+
+    def change(dataset, i):
+        if i == odd:
+            dataset.ImageOrientationPatient = [1, 0, 0, 0, 0.999, 0.0447]
+        if i == SLICES - 1:
+            dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 3, "RGB"
+
+    paths = phantoms.write_classic(tmp_path, AXIAL, change=change)
+    number = 1 + int(np.argmax([group.slices for group in drain(series_steps(tmp_path))]))
+    key = read_volume(tmp_path).series
+    for options in ({}, {"series": number}, {"series_key": key, "series": number}, {"series_key": key}):
+        volume = read_volume(tmp_path, **options)
+        assert volume.voxels.shape[0] == (SLICES - 2 if last else SLICES - 1)
+        assert (
+            f"1 file of this series was left out: {paths[-1].name} is a color picture; choose a series with one gray "
+            "value in each voxel.",
+            "1 slice of this series was left out, because size, direction, pixel spacing or place does not fit the "
+            "others; the volume is interpolated or ends there.",
+        ) == volume.remarks[:2]
+        assert volume.remarks[2:] == (() if last else ("1 slice is missing and was interpolated: number 5 of 8.",))
+
+
 def test_a_directory_file(tmp_path: Path):
     phantoms.write_classic(tmp_path / "in", AXIAL)
     files = FileSet()
@@ -241,7 +315,10 @@ def test_a_directory_file(tmp_path: Path):
         files.add(path)
     files.write(tmp_path / "disc")
     shutil.rmtree(tmp_path / "in")
-    assert error_of(read_volume(tmp_path / "disc" / "DICOMDIR")) <= 0.05 + 1e-6
+    assert error_of(volume := read_volume(tmp_path / "disc" / "DICOMDIR")) <= 0.05 + 1e-6 and not volume.remarks
+    next(path for path in sorted((tmp_path / "disc").rglob("*")) if path.is_file() and path.name != "DICOMDIR").unlink()
+    remark = "The DICOMDIR lists files that are not there (1), so slices may be missing."
+    assert remark in read_volume(tmp_path / "disc" / "DICOMDIR").remarks
     shutil.rmtree(next(path for path in (tmp_path / "disc").iterdir() if path.is_dir()))
     assert "not beside it" in refusal(tmp_path / "disc" / "DICOMDIR")
 

@@ -23,7 +23,8 @@ from .refusals import Refused, damaged_frame
 
 SLOTS = 2  # orders that a child has at once
 MOST_CHILDREN = 4
-SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0  # a child that takes longer for a frame hangs; measured: 0.1 s a megapixel
+# A child that is waited for longer than this for a frame hangs; measured: 0.1 s a megapixel.
+SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0
 POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller is told that nothing came
 # Codec -> the package that has it, and what needs it.
 PACKAGES = {
@@ -103,23 +104,27 @@ def _run(children, waiting: list, left: int):
                 left -= 1
                 came = True
                 yield answer
-        now = time.monotonic()
         if came:
-            last = now
-        elif now - last > PATIENCE:
-            last = now
+            last = time.monotonic()
+        elif time.monotonic() - last > PATIENCE:
             yield None
+            last = time.monotonic()
         else:
             time.sleep(POLL)
+            for child in children:
+                child.waited += POLL
 
 
 class _Child:
-    """A child process, the files through which it answers, and the orders that it has."""
+    """A child process, the files through which it answers, and the orders that it has.
+
+    ``waited``: seconds slept for its next answer. Time in which the caller does something else is not counted.
+    """
 
     def __init__(self, folder: Path, number: int, limit: int, seconds: float):
         self.limit, self.seconds = limit, seconds
         self.at_work: dict[int, Order] = {}
-        self.given = 0.0
+        self.waited = 0.0
         self.rest = b""
         paths = [folder / f"{number}.{kind}" for kind in ("pixels", "answers")]
         flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
@@ -140,7 +145,7 @@ class _Child:
     def give(self, order: Order) -> None:
         slot = next(slot for slot in range(SLOTS) if slot not in self.at_work)
         if not self.at_work:
-            self.given = time.monotonic()
+            self.waited = 0.0
         self.at_work[slot] = order
         places = " ".join(f"{offset} {length}" for offset, length in order.fragments)
         path = os.fsencode(order.path).hex()
@@ -155,12 +160,12 @@ class _Child:
         for line in lines:
             slot, count = (int(word) for word in line.split())
             order = self.at_work.pop(slot)
-            self.given = time.monotonic()
+            self.waited = 0.0
             if count < 0:
                 raise damaged_frame(order.path, order.frame)
             self.pixels.seek(slot * self.limit)
             yield order, self.pixels.read(count)
-        if self.at_work and (ended or time.monotonic() - self.given > self.seconds):
+        if self.at_work and (ended or self.waited > self.seconds):
             order = next(iter(self.at_work.values()))
             raise damaged_frame(order.path, order.frame)
 

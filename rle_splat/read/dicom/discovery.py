@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...runtime.steps import Progress, mapped, within
 from ..library_import import library_steps
 from . import elements as read
-from .pictures import is_segmentation, picture_steps
+from .pictures import is_segmentation, picture_steps, series_key
 from .refusals import Damaged, Refused, damaged, no_images
 
 MOST_FILES = 20_000
 MOST_KEPT = 10_000  # files and pictures; 3.4 kB each, measured
+SUFFIXES = (".dcm", ".dicom", ".ima")  # a file with one of these that is not DICOM is damaged
 YIELD_FILES = 16  # files looked at between two steps, when they are no pictures
 
 
@@ -38,6 +39,8 @@ class Found:
         Hash of the series of the file that the path names; "" if it names several.
     segmentation : elements.Elements or None
         The path's file, if it is a DICOM SEG.
+    absent : int
+        Number of files that a DICOMDIR lists and that are not there.
     """
 
     pictures: tuple
@@ -46,6 +49,7 @@ class Found:
     others: int
     series: str = ""
     segmentation: read.Elements | None = None
+    absent: int = 0
 
 
 def find_pictures(path):
@@ -72,25 +76,27 @@ def find_pictures(path):
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
         return _checked(found, path)
-    own = _kept_pictures(path)
+    own, stamp = _kept_pictures(path), _stamp(path)
     if not own:
         parsed = yield from _parsed(path)
         if parsed is not None and parsed.is_directory:
-            found = yield from _scan((yield from _directory_files(parsed)))
-            return _checked(found, path)
+            files, absent = yield from _directory_files(parsed)
+            return replace(_checked((yield from _scan(files)), path), absent=absent)
         if parsed is not None and read.quietly(is_segmentation, parsed):
             return Found((), (), (), 0, segmentation=parsed)
         own = yield from _pictures(parsed)
         if own is None:
             raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
-        _keep(path, own)
+        _keep(path, stamp, own)
     series = own[0].series.key
     if own[0].storage.frames > 1:
         return Found(own, (), (), 0, series)
-    siblings = sorted(other for other in path.parent.iterdir() if other.is_file())[:MOST_FILES]
+    files = (other for other in path.parent.iterdir() if not other.name.startswith("._"))  # of macOS's archives
+    siblings = sorted(other for other in files if other.is_file())
+    _refuse_more(path.parent, len(siblings))
     found = yield from _scan(siblings)
     mine = tuple(picture for picture in found.pictures if picture.series.key == series)
-    return Found(mine, (), found.broken, found.others, series)
+    return Found(mine, found.refused, found.broken, found.others, series)
 
 
 def _files_below(folder: Path):
@@ -99,12 +105,14 @@ def _files_below(folder: Path):
     for here, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
         found += [Path(here, name) for name in sorted(names) if not name.startswith(".")]
-        if len(found) > MOST_FILES:
-            raise Refused(
-                f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series."
-            )
+        _refuse_more(folder, len(found))
         yield Progress(0.0, f"Looking for images in {folder.name}")
     return found
+
+
+def _refuse_more(folder: Path, files: int) -> None:
+    if files > MOST_FILES:
+        raise Refused(f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series.")
 
 
 def _scan(paths):
@@ -112,12 +120,16 @@ def _scan(paths):
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
-            own = _kept_pictures(path)
+            own, stamp = _kept_pictures(path), _stamp(path)
             if own is None:
                 own = yield from _pictures((yield from _parsed(path)))
-                _keep(path, own or ())
-            others += not own
-            pictures += own or ()
+                _keep(path, stamp, own or ())
+            if own:
+                pictures += own
+            elif path.suffix.lower() in SUFFIXES:
+                broken.append(path.name)
+            else:
+                others += 1
         except Damaged:
             broken.append(path.name)
         except Refused as problem:
@@ -148,13 +160,16 @@ def _kept_pictures(path: Path) -> tuple | None:
     return pictures if stamp is not None and stamp == _stamp(path) else None
 
 
-def _keep(path: Path, pictures: tuple) -> None:
-    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers."""
+def _keep(path: Path, stamp: tuple | None, pictures: tuple) -> None:
+    """Keep the pictures of a file, so that the next frame of a series in time is found without reading headers.
+
+    ``stamp``: of before it was read, so that a file that changed meanwhile is read again.
+    """
     _count[0] += 1 + len(pictures)
     if _count[0] > MOST_KEPT:
         _kept.clear()
         _count[0] = 1 + len(pictures)
-    _kept[path] = (_stamp(path), pictures)
+    _kept[path] = (stamp, pictures)
 
 
 def _pictures(found: read.Elements | None):
@@ -168,22 +183,26 @@ def _pictures(found: read.Elements | None):
     try:
         steps = within(sort_out(), read.quiet)
         return (yield from mapped(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
+    except Refused as problem:
+        problem.series = read.quietly(series_key, found)
+        raise
     except read.problems():
         raise damaged(found.path) from None
 
 
 def _directory_files(found: read.Elements):
-    """Generator: files that a DICOMDIR lists and that exist."""
-    files = []
+    """Generator: the files that a DICOMDIR lists and that exist, and the number of the others."""
+    files, absent = [], 0
     for record in found.frames:
         names = read.quietly(read.texts, record, "ReferencedFileID")
-        file = _listed(found.path.parent, names) if names else None
-        if file is not None:
-            files.append(file)
+        if names:
+            file = _listed(found.path.parent, names)
+            files += [file] if file is not None else []
+            absent += file is None
         yield Progress(0.0, f"Reading {found.path.name}")
     if not files:
         raise Refused(f"The files that {found.path.name} lists are not beside it; choose the folder that holds them.")
-    return files
+    return files, absent
 
 
 def _listed(folder: Path, names) -> Path | None:

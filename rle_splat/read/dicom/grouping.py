@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from ...scene import RleSplatError
 from .pictures import SEPARATORS, TIMES, Picture
 from .refusals import Refused, no_positions, nothing_apart, single_picture
-from .stacking import Stack, axes, parallel_lines, places, sorted_along, stack, stack_without_positions
+from .stacking import (
+    Stack,
+    axes,
+    common_orientation,
+    parallel_lines,
+    parts_at_gaps,
+    places,
+    sorted_along,
+    stack,
+    stack_without_positions,
+)
 
-SAME_DIRECTION = 1e-4
+# Direction cosines and, relative, pixel spacings of one stack differ by at most this, and by this at a slice's edge.
+SAME_DIRECTION, PART_OF_PIXEL = 1e-3, 0.5
 FEWEST_SLICES = 2
 ENOUGH_SLICES = 3  # a group with fewer is not taken by itself beside others
 MIXED = "sequence"
@@ -89,7 +101,8 @@ class Group:
         if has_geometry(slices[0]):
             if spacing is not None:
                 raise RleSplatError("The files of this series state its geometry; leave out --spacing.")
-            return stack([s.position for s in slices], slices[0].orientation, slices[0].spacing)
+            storage = slices[0].storage
+            return stack(*planes_of(slices), (storage.rows, storage.columns))
         if spacing is None:
             raise no_positions()
         return stack_without_positions(len(slices), spacing)
@@ -98,6 +111,11 @@ class Group:
 def has_geometry(picture: Picture) -> bool:
     """Whether a picture says where it lies."""
     return None not in (picture.position, picture.orientation, picture.spacing)
+
+
+def planes_of(pictures) -> tuple[list, list, list]:
+    """Positions, orientations and pixel spacings of pictures that all say where they lie."""
+    return tuple(map(list, zip(*((p.position, p.orientation, p.spacing) for p in pictures))))
 
 
 def groups_of(pictures, same_voxels) -> list[Group]:
@@ -117,31 +135,42 @@ def groups_of(pictures, same_voxels) -> list[Group]:
     by_kind = {}
     for picture in pictures:
         by_kind.setdefault(_kind(picture), []).append(picture)
-    found = [group for kept in by_kind.values() for group in _groups_of_kind(kept, same_voxels)]
+    parallel = [part for kept in by_kind.values() for part in parallel_parts(kept)]
+    found = [group for part in parallel for group in _groups_of_parallel(part, same_voxels)]
     return sorted(found, key=lambda group: group.first.series.number)
 
 
 def _kind(picture: Picture) -> tuple:
-    """What all pictures of a group share."""
+    """What is equal for all pictures of a group."""
     storage = picture.storage
-    turn = () if picture.orientation is None else np.round(np.array(picture.orientation) / SAME_DIRECTION)
-    spacing = () if picture.spacing is None else np.round(np.array(picture.spacing) / SAME_DIRECTION)
+    said = (picture.position is None, picture.orientation is None, picture.spacing is None)
     return (
-        picture.series.key, storage.rows, storage.columns, tuple(turn), tuple(spacing), picture.position is None,
-        picture.localizer, picture.stack, storage.kind,
+        picture.series.key, storage.rows, storage.columns, *said, picture.localizer, picture.stack, storage.kind,
     )  # fmt: skip
 
 
-def _groups_of_kind(pictures, same_voxels) -> list[Group]:
-    """Groups of pictures of one kind: one for each straight line of slices."""
+def parallel_parts(pictures) -> list[list[Picture]]:
+    """Pictures of one kind, by orientation and pixel spacing, in the order of each part's first one."""
+    storage = pictures[0].storage
+    gap = min(SAME_DIRECTION, PART_OF_PIXEL / max(storage.rows, storage.columns))
+    said = [(*(picture.orientation or ()), *np.log(picture.spacing or ())) for picture in pictures]
+    parts = {}
+    for picture, part in zip(pictures, parts_at_gaps(said, gap).tolist()):
+        parts.setdefault(part, []).append(picture)
+    return list(parts.values())
+
+
+def _groups_of_parallel(pictures, same_voxels) -> list[Group]:
+    """Groups of parallel pictures of one kind: one for each straight line of slices."""
     if not has_geometry(pictures[0]):
         ordered = sorted(pictures, key=lambda picture: (picture.instance_number, picture.number))
         return [Group((tuple(ordered),))]
     try:
-        row, column, normal = axes(pictures[0].orientation)
+        positions, orientations, _ = planes_of(pictures)
+        row, column, normal = axes(common_orientation(orientations))
     except Refused as problem:
         return [Group((tuple(pictures),), refusal=problem)]
-    positions = np.array([picture.position for picture in pictures])
+    positions = np.array(positions)
     lines = parallel_lines(positions, row, column)
     split = [np.flatnonzero(lines == line) for line in range(lines.max() + 1)]
     if min(len(part) for part in split) < FEWEST_SLICES:  # no parallel stacks: the stack's own refusal says how far off
@@ -174,9 +203,9 @@ def _told_apart(pictures, positions, normal, same_voxels) -> list[Group]:
         return [
             Group((tuple(parts[value][here] for here in sorted(parts[value])),), remarks=remarks) for value in parts
         ]
-    kept, copies = _without_copies(pictures, place, same_voxels)
+    kept, more = _without_copies(pictures, place, same_voxels)
     if len(kept) == len(set(place.tolist())):
-        return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies))]
+        return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies + more))]
     return [Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))]
 
 
@@ -210,15 +239,23 @@ def _separator_names(pictures) -> list[str]:
 
 
 def _split_by(name: str, pictures, place) -> dict | None:
-    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None."""
+    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None.
+
+    Values of a frame may differ by place, as times do, if they are all lower than those of the next frame. The least
+    one stands for the frame then.
+    """
     if any(name not in picture.apart for picture in pictures):
         return None
-    split = {}
+    split, at = {}, {}
     for picture, here in zip(pictures, place.tolist()):
-        part = split.setdefault(picture.apart[name], {})
-        if here in part:
+        value = picture.apart[name]
+        if value in at.setdefault(here, {}):
             return None
-        part[here] = picture
+        at[here][value] = split.setdefault(value, {})[here] = picture
+    if len({len(found) for found in at.values()}) == 1:
+        frames = list(zip(*(sorted(found) for found in at.values())))
+        if all(max(values) < min(later) for values, later in pairwise(frames)):
+            return {min(values): {here: at[here][v] for here, v in zip(at, values)} for values in frames}
     return {value: split[value] for value in sorted(split)}
 
 

@@ -125,6 +125,11 @@ def hashed(uid: str) -> str:
     return hashlib.blake2b(uid.encode(), digest_size=8).hexdigest() if uid else ""
 
 
+def series_key(found: read.Elements) -> str:
+    """Hash of the series of a file; files that name none are a series of their folder."""
+    return hashed(read.text(found.dataset, "SeriesInstanceUID") or f"folder {found.path.parent}")
+
+
 def picture_steps(found: read.Elements):
     """Generator: the pictures of one file; yields None now and then.
 
@@ -239,12 +244,11 @@ def _series(found: read.Elements, frame, shared) -> Series:
     """What the pictures of a file have in common; ``frame``, ``shared``: functional groups of an enhanced object."""
     dataset = found.dataset
     modality = _coded(dataset, "Modality")
-    uid = read.text(dataset, "SeriesInstanceUID") or f"folder {found.path.parent}"
     centers, widths = read.numbers(dataset, "WindowCenter"), read.numbers(dataset, "WindowWidth")
     table, table_unit = table_of(found)
     unit = _value_unit(dataset, modality, frame, shared) if table is None else table_unit or None
     return Series(
-        key=hashed(uid), instance=hashed(read.text(dataset, "SOPInstanceUID")),
+        key=series_key(found), instance=hashed(read.text(dataset, "SOPInstanceUID")),
         number=read.whole(dataset, "SeriesNumber", 0), modality=modality, body_part=_coded(dataset, "BodyPartExamined"),
         description=read.text(dataset, "SeriesDescription"), value_unit=unit,
         inverted=read.text(dataset, "PhotometricInterpretation") == "MONOCHROME1",

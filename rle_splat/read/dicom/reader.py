@@ -33,6 +33,7 @@ from .values import (
 )  # fmt: skip
 
 FILES_LOOKED_AT = 2000  # 0.1 s; before reading begins nothing can be canceled
+TOLD_MM = 0.01  # slices that were moved by more are reported
 HEADERS = 0.2  # share of the time that finding pictures takes
 
 
@@ -141,7 +142,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames), frame_axis=group.axis or "time",
         series=first.series.key,
         remarks=(
-            *_broken_remark(found.broken), *(() if series or series_key else _left_out_remark(groups, group)),
+            *_files_left_out(found, first.series.key),
+            *_slices_left_out(groups, group, named=bool(series or series_key)),
             *group.remarks, *_remarks(group, stack, mapping, padded),
             *frame_remark(number, len(group.frames), group.axis),
         ),
@@ -210,20 +212,43 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
     return lowered
 
 
-def _broken_remark(broken) -> tuple:
-    if not broken:
-        return ()
-    names = ", ".join(broken[:3]) + (" and others" if len(broken) > 3 else "")
-    return (f"{len(broken)} damaged DICOM file{'s were' if len(broken) > 1 else ' was'} left out: {names}.",)
+def _were(count: int, noun: str, rest: str = "") -> str:
+    """Such as "1 file was" or "2 files were"; ``rest`` stands before the verb."""
+    return f"{count} {noun}{'' if count == 1 else 's'}{rest} {'was' if count == 1 else 'were'}"
 
 
-def _left_out_remark(groups, group: Group) -> tuple:
-    """The remark on groups that were not taken, and are no localizers."""
-    count = sum(1 for other in groups if other is not group and not other.localizer)
-    if not count:
-        return ()
-    were = "was" if count == 1 else "were"
-    return (f"{count} other series with fewer than {ENOUGH_SLICES} slices {were} left out; --series chooses one.",)
+def _files_left_out(found: Found, key: str) -> list[str]:
+    """Remarks on files that were not read and may hold slices of the series ``key``."""
+    remarks = []
+    if found.broken:
+        names = ", ".join(found.broken[:3]) + (" and others" if len(found.broken) > 3 else "")
+        remarks.append(f"{_were(len(found.broken), 'damaged DICOM file')} left out: {names}.")
+    if found.absent:
+        remarks.append(f"The DICOMDIR lists files that are not there ({found.absent}), so slices may be missing.")
+    refused = [problem for problem in found.refused if problem.series == key]
+    if refused:
+        remarks.append(f"{_were(len(refused), 'file', ' of this series')} left out: {refused[0]}")
+    return remarks
+
+
+def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
+    """Remarks on groups that were not taken and are no localizers; ``named``: whether this one was asked for."""
+    others = [other for other in groups if other is not group and not other.localizer]
+    own = [other for other in others if other.first.series.key == group.first.series.key]
+    odd = [other for other in own if other.slices < ENOUGH_SLICES]
+    further = 0 if named else len(others) - len(odd)
+    remarks = []
+    if odd:
+        count = sum(len(frame) for other in odd for frame in other.frames)
+        remarks.append(
+            f"{_were(count, 'slice', ' of this series')} left out, because size, direction, pixel spacing or place "
+            "does not fit the others; the volume is interpolated or ends there."
+        )
+    if further:
+        were = "was" if further == 1 else "were"
+        fewer = f"with fewer than {ENOUGH_SLICES} slices"
+        remarks.append(f"{further} other series {fewer} {were} left out; --series chooses one.")
+    return remarks
 
 
 def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
@@ -232,14 +257,17 @@ def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
     if stack.kind == "missing":
         numbers = [str(k + 1) for k in stack.filled]
         names = ", ".join(numbers[:8]) + (" and others" if len(numbers) > 8 else "")
-        found.append(f"{len(numbers)} slices are missing and were interpolated: number {names} of {stack.slices}.")
+        missing = "1 slice is missing and was" if len(numbers) == 1 else f"{len(numbers)} slices are missing and were"
+        found.append(f"{missing} interpolated: number {names} of {stack.slices}.")
     elif stack.kind == "irregular":
         found.append(
             f"The {group.slices} slices lie at irregular distances and were resampled to {stack.slices} slices, "
             f"{np.linalg.norm(stack.affine[:3, 2]):.4g} mm apart."
         )
-    if stack.off_line > 0.01:
-        found.append(f"Slices are up to {stack.off_line:.3f} mm off a straight line.")
+    if stack.moved > TOLD_MM:
+        found.append(
+            f"Slices are up to {stack.moved:.3f} mm off the even, parallel stack that they were put into."
+        )
     if not has_geometry(group.first):
         found.append("The files do not say where the slices lie; their order is that of their numbers.")
     if series.table is not None:

@@ -8,7 +8,12 @@ from ...scene import RleSplatError
 
 
 class Refused(RleSplatError):
-    """Bad DICOM input; its text is one sentence that says what is wrong and what to do."""
+    """Bad DICOM input; its text is one sentence that says what is wrong and what to do.
+
+    ``series``: hash of the series of the file that it is about, where that is known.
+    """
+
+    series = ""
 
 
 class Damaged(Refused):

@@ -11,11 +11,11 @@ from ...runtime.steps import Progress, mapped, within
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
-from .grouping import has_geometry
+from .grouping import has_geometry, parallel_parts, planes_of
 from .pictures import check_size, frame_steps
 from .pixels import stored_planes
 from .refusals import Refused, damaged, no_positions
-from .stacking import Stack, axes, places, sorted_along, stack
+from .stacking import Stack, axes, common_orientation, places, sorted_along, stack
 
 LARGEST_LABEL = (1 << 16) - 1
 D50_WHITE = np.array([0.9642, 1.0, 0.8251])  # of the profile connection space, in which DICOM gives colors
@@ -37,7 +37,8 @@ def read_segmentation_steps(found: read.Elements):
     -------
     Volume
         A label map in patient space; ``named_labels`` has the segments' numbers, names and colors. Where segments
-        overlap, the last one in the file's order counts. Slices between the file's, which hold no segment, are 0.
+        overlap, the highest number counts, so that the order in which frames are decoded does not matter. Slices
+        between the file's, which hold no segment, are 0.
 
     Raises
     ------
@@ -70,7 +71,13 @@ def read_segmentation_steps(found: read.Elements):
                 overlaps += _put(merged[k], plane, segments[i], threshold)
             done += 1
         yield Progress(done / len(pictures), doing)
-    remarks = [f"Segments overlap in {overlaps} voxels, which show one of them."] if overlaps else []
+    remarks = []
+    if stacked.kind == "irregular":
+        remarks.append(
+            "The segments' slices lie at irregular distances; each slice of the label map shows the nearest one."
+        )
+    if overlaps:
+        remarks.append(f"Segments overlap in {overlaps} voxels, which show the segment with the highest number.")
     if threshold > 1:
         remarks.append("The segments are fractional; voxels with at least half of the largest value were taken.")
     return Volume(
@@ -113,28 +120,25 @@ def _threshold(found: read.Elements) -> int:
 
 def _put(target: np.ndarray, plane: np.ndarray, segment: int | None, threshold: int) -> int:
     """Write one frame into a slice of the label map, in place; returns the number of voxels that held another label."""
-    if segment is None:
-        target[...] = plane
-        return 0
-    there = plane >= threshold
-    before = np.count_nonzero(target[there])
-    target[there] = segment
-    return int(before)
+    labels = plane if segment is None else (plane >= threshold) * target.dtype.type(segment)
+    both = np.count_nonzero((target != 0) & (labels != 0))
+    np.maximum(target, labels.astype(target.dtype, copy=False), out=target)
+    return int(both)
 
 
 def _stack(pictures, found: read.Elements) -> tuple[Stack, list[list[int]]]:
     """Geometry of all frames, and for each frame the slices of the grid that it fills."""
-    first = pictures[0]
-    if any(p.orientation != first.orientation or p.spacing != first.spacing for p in pictures):
+    positions, orientations, spacings = planes_of(pictures)
+    if parallel_parts(pictures)[1:]:
         raise Refused(f"{found.path.name} holds segments in several directions; export each as a file of its own.")
-    normal = axes(first.orientation)[2]
-    positions = np.array([picture.position for picture in pictures])
+    normal, positions = axes(common_orientation(orientations))[2], np.array(positions)
     order = sorted_along(positions, normal)
     place = places(positions, normal)
     distinct = positions[order][np.unique(place[order], return_index=True)[1]]
     if len(distinct) == 1:
         distinct = np.stack([distinct[0], distinct[0] + normal * _thickness(found)])
-    stacked = stack(distinct, first.orientation, first.spacing)
+    storage = pictures[0].storage
+    stacked = stack(distinct, orientations, spacings, (storage.rows, storage.columns))
     nearest = stacked.below + (stacked.weight > 0.5)
     exact = stacked.weight == 0.0 if stacked.kind == "missing" else np.ones(stacked.slices, dtype=bool)
     return stacked, [np.flatnonzero((nearest == p) & exact).tolist() for p in place]

@@ -2,6 +2,8 @@
 
 The third column of the affine is (last - first) / steps, from ImagePositionPatient alone. So a tilted gantry becomes a
 sheared affine, exactly. SliceThickness, SpacingBetweenSlices and GantryDetectorTilt are nominal and are not used.
+
+Numbers of files are rounded, or jitter. No tolerance here is a rounding: what is close is never parted by a border.
 """
 
 from __future__ import annotations
@@ -13,8 +15,9 @@ import numpy as np
 from .refusals import Refused
 
 SAME_PLACE = 2e-3  # mm; positions closer than this are the same
-EVEN_MM, EVEN_FRACTION = 0.01, 0.01  # a slice may be this far from an even step, in mm and in steps
-OFF_LINE_MM = 0.1  # slices further from the straight line through the first and the last are no stack
+EVEN_FRACTION, EVEN_MM = 0.05, 0.01  # a slice may be this far from an even step, in steps or in mm, and at most
+MOST_MM = 0.1  # this far; slices further from the straight line through the first and the last are no stack
+MOST_PIXELS = 3.0  # corners of slices may be this far from where the common directions and spacings put them
 MOST_TIMES = 8  # a stack is resampled to at most this many times its slices
 FRACTIONS_OF_GAP = (1, 2)  # the step of a stack with missing slices: the smallest gap over one of these
 UNIT_TOLERANCE = 1e-2  # direction cosines may be this far from orthonormal
@@ -33,15 +36,16 @@ class Stack:
     weight : (slices,) ndarray of float64
         Share of the file's slice ``below + 1``, in [0, 1).
     kind : {"even", "missing", "irregular"}
-    off_line : float
-        Largest distance of a slice from the straight line, in mm.
+    moved : float
+        No pixel of a slice in the file is further from its place in the grid, in mm. Slices at irregular distances are
+        resampled, so of their positions only what is across their line counts.
     """
 
     affine: np.ndarray
     below: np.ndarray
     weight: np.ndarray
     kind: str
-    off_line: float = 0.0
+    moved: float = 0.0
 
     @property
     def slices(self) -> int:
@@ -83,6 +87,34 @@ def sorted_along(positions, normal) -> np.ndarray:
     return np.argsort(np.asarray(positions, dtype=np.float64) @ normal, kind="stable")
 
 
+def parts_at_gaps(points, gap: float) -> np.ndarray:
+    """Number of the part of each point; parts are separated by a gap in one coordinate or several.
+
+    Points of different parts differ by more than ``gap`` in some coordinate. Points that differ by at most ``gap`` in
+    each coordinate are in one part, whatever their order and wherever they lie.
+
+    Parameters
+    ----------
+    points : (n, d) array_like
+    gap : float
+
+    Returns
+    -------
+    (n,) ndarray of int64
+        Ascending along the first coordinate.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    found, count = np.zeros(len(points), dtype=np.int64), 0
+    while True:
+        for coordinate in points.T:
+            order = np.lexsort((coordinate, found))
+            begins = (np.diff(found[order]) > 0) | (np.diff(coordinate[order]) > gap)
+            found[order] = np.concatenate([[0], np.cumsum(begins)])
+        if found.max() == count:
+            return found
+        count = found.max()
+
+
 def places(positions, normal) -> np.ndarray:
     """Number of the place of each position, counted along ``normal``; positions at one place share a number.
 
@@ -96,15 +128,7 @@ def places(positions, normal) -> np.ndarray:
     (n,) ndarray of int64
     """
     positions = np.asarray(positions, dtype=np.float64)
-    order = np.lexsort((*np.round(positions / SAME_PLACE).T, np.round(positions @ normal / SAME_PLACE)))
-    found = np.empty(len(positions), dtype=np.int64)
-    number, before = -1, None
-    for i in order:
-        if before is None or np.linalg.norm(positions[i] - before) > SAME_PLACE:
-            number += 1
-            before = positions[i]
-        found[i] = number
-    return found
+    return parts_at_gaps(np.column_stack([positions @ normal, positions]), SAME_PLACE)
 
 
 def parallel_lines(positions, row, column) -> np.ndarray:
@@ -114,22 +138,28 @@ def parallel_lines(positions, row, column) -> np.ndarray:
     offsets within the slice share a number.
     """
     positions = np.asarray(positions, dtype=np.float64)
-    if _off_line(positions[sorted_along(positions, np.cross(row, column))]) <= OFF_LINE_MM:
+    if _off_line(positions[sorted_along(positions, np.cross(row, column))]) <= MOST_MM:
         return np.zeros(len(positions), dtype=np.int64)
-    offsets = np.round(np.stack([positions @ row, positions @ column], axis=1) / OFF_LINE_MM)
-    return np.unique(offsets, axis=0, return_inverse=True)[1].reshape(-1)
+    return parts_at_gaps(np.stack([positions @ row, positions @ column], axis=1), MOST_MM)
 
 
-def stack(positions, orientation, spacing) -> Stack:
+def common_orientation(orientations) -> np.ndarray:
+    """ImageOrientationPatient (6,) of slices (n, 6) that differ by little: the median, which one odd slice leaves."""
+    return np.median(np.asarray(orientations, dtype=np.float64), axis=0)
+
+
+def stack(positions, orientations, spacings, size) -> Stack:
     """Find the regular grid of slices.
 
     Parameters
     ----------
     positions : (n, 3) array_like
         ImagePositionPatient, sorted along the normal, at least two.
-    orientation : (6,) array_like
-    spacing : (2,) array_like
-        PixelSpacing: distance between rows, then between columns.
+    orientations : (m, 6) array_like
+        ImageOrientationPatient of pictures; the grid has their median.
+    spacings : (m, 2) array_like
+        PixelSpacing of pictures: distance between rows, then between columns; the grid has their median.
+    size : (rows, columns)
 
     Returns
     -------
@@ -138,19 +168,28 @@ def stack(positions, orientation, spacing) -> Stack:
     Raises
     ------
     Refused
-        If the slices lie on no straight line, or the line is within their plane.
+        If the slices lie on no straight line, the line is within their plane, or their directions or pixel spacings
+        differ by more than MOST_PIXELS at their corners.
     """
     positions = np.asarray(positions, dtype=np.float64)
-    row, column, normal = axes(orientation)
+    spacing = np.median(np.asarray(spacings, dtype=np.float64), axis=0)
+    row, column, normal = axes(common_orientation(orientations))
     whole = positions[-1] - positions[0]
     length = float(np.linalg.norm(whole))
-    if whole @ normal <= 1e-3 * length:
-        raise Refused("The slices of this series lie in one plane; a volume needs slices at different depths.")
+    if whole @ normal <= 1e-3 * length or np.diff(positions @ normal).min() <= SAME_PLACE:
+        raise Refused("Slices of this series lie in one plane; a volume needs slices at different depths.")
     off_line = _off_line(positions)
-    if off_line > OFF_LINE_MM:
+    if off_line > MOST_MM:
         raise Refused(
             f"The slices of this series are up to {off_line:.2f} mm off a straight line; choose a series with parallel "
             "slices one above the other."
+        )
+    corners = _corners(orientations, spacings, size) - _corners([(*row, *column)], [spacing], size)
+    turned = float(np.linalg.norm(corners, axis=2).max())
+    if turned > MOST_PIXELS * spacing.max():
+        raise Refused(
+            f"The slices of this series turn or scale, so that their corners are up to {turned:.2f} mm off; choose a "
+            "series with parallel slices of one pixel spacing."
         )
     along = (positions - positions[0]) @ normal * (length / (whole @ normal))
     kind, steps = _steps(along)
@@ -159,8 +198,19 @@ def stack(positions, orientation, spacing) -> Stack:
     affine[:3, 1] = column * spacing[0]
     affine[:3, 2] = whole / steps
     affine[:3, 3] = positions[0]
-    below, weight = _weights(along, steps, kind)
-    return Stack(affine, below, weight, kind, off_line)
+    numbers = along * steps / length
+    if kind != "irregular":
+        numbers = np.round(numbers)
+    moves = positions - positions[0] - numbers[:, None] * affine[:3, 2]
+    moved = float(np.linalg.norm(moves, axis=1).max())
+    return Stack(affine, *_weights(numbers, steps), kind, moved + turned)
+
+
+def _corners(orientations, spacings, size) -> np.ndarray:
+    """(m, 3, 3): from the first pixel of each picture to its other corners, in mm."""
+    edges = np.asarray(spacings, dtype=np.float64) * (np.asarray(size) - 1)
+    row, column = np.moveaxis(np.asarray(orientations, dtype=np.float64).reshape(-1, 2, 3) * edges[:, ::-1, None], 1, 0)
+    return np.stack([row, column, row + column], axis=1)
 
 
 def stack_without_positions(count: int, spacing) -> Stack:
@@ -178,7 +228,8 @@ def _off_line(positions) -> float:
 
 
 def _tolerance(step: float) -> float:
-    return max(EVEN_MM, EVEN_FRACTION * step)
+    """How far a slice may be from an even step; a gap of two steps is never taken for one."""
+    return min(max(EVEN_FRACTION * step, min(EVEN_MM, step / 4.0)), MOST_MM)
 
 
 def _steps(along) -> tuple[str, int]:
@@ -190,27 +241,22 @@ def _steps(along) -> tuple[str, int]:
     smallest = gaps.min()
     smallest = float(gaps[gaps <= smallest + 2.0 * _tolerance(smallest)].mean())
     for fraction in FRACTIONS_OF_GAP:
-        steps = round(length * fraction / smallest)
+        each = np.round(gaps * fraction / smallest)  # gap by gap, so that jitter does not add up
+        steps = int(each.sum())
         if steps >= MOST_TIMES * count:
             break
-        step = length / steps
-        numbers = np.round(along / step)
-        if np.diff(numbers).min() >= 1 and np.abs(along - numbers * step).max() <= _tolerance(step):
+        off = along[1:] - np.cumsum(each) * length / steps
+        if each.min() >= 1 and np.abs(off).max() <= _tolerance(length / steps):
             return "missing", steps
     steps = int(np.ceil(length / smallest * (1.0 - 1e-9)))
     return "irregular", min(steps, MOST_TIMES * count - 1)
 
 
-def _weights(along, steps: int, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """``below`` and ``weight`` of Stack."""
-    step = float(along[-1]) / steps
-    if kind != "irregular":
-        numbers = np.round(along / step)
-    else:
-        numbers = along / step
+def _weights(numbers, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """``below`` and ``weight`` of Stack; ``numbers`` (n,): the places of the file's slices in the grid."""
     grid = np.arange(steps + 1, dtype=np.float64)
-    below = np.clip(np.searchsorted(numbers, grid + 1e-9, side="right") - 1, 0, len(along) - 1)
-    after = np.minimum(below + 1, len(along) - 1)
+    below = np.clip(np.searchsorted(numbers, grid + 1e-9, side="right") - 1, 0, len(numbers) - 1)
+    after = np.minimum(below + 1, len(numbers) - 1)
     gap = np.where(after > below, numbers[after] - numbers[below], 1.0)
     weight = np.clip((grid - numbers[below]) / gap, 0.0, 1.0)
     weight[weight < 1e-9] = 0.0
