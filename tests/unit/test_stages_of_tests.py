@@ -198,10 +198,11 @@ def test_what_the_machine_lacks_is_said_last_and_fails_in_ci(monkeypatch, capsys
     monkeypatch.setenv("CI", ci)
     tests = {"one": "could not import 'a': no", "two": "could not import 'a': no", "three": "needs a scan"}
     ran = Stage("core", passed=1, tests=tests)
-    elsewhere = Stage("other", passed=1, tests={"two": ""})
+    elsewhere = Stage("other", passed=1, tests={"two": "", "file.py::four": ""})
+    ran.tests["file.py"] = "could not import 'a': no"
     lacking = Stage("real blender", skipped=1, missing="no blender")
     assert stages_module.summary([ran, elsewhere, lacking]) == code
     *_, counts, last = capsys.readouterr().out.splitlines()
     assert counts == "2 passed, 0 failed, 1 skipped"
     assert last == "NOT TESTED on this machine: real blender (no blender); 1 tests (could not import 'a': no)."
-    assert stages_module.summary([ran, Stage("other", passed=1, tests={"one": "", "two": ""})]) == 0
+    assert stages_module.summary([ran, Stage("other", passed=1, tests={"one": "", "two": "", "file.py::four": ""})]) == 0
