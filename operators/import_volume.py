@@ -31,7 +31,7 @@ DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name i
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
 ENCODED = "encoded"  # in place of the name of a format
-LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
+LETTERS = 38  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
 
@@ -90,6 +90,10 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         self.is_confirmed = True
         if not self.properties.is_property_set("use_headlight"):
             self.use_headlight = True
+
+    def _draw_placing(self, layout):
+        for name in ("at_cursor", "use_framing", "use_headlight"):
+            layout.prop(self, name)
 
     def prepare(self, context):
         paths = self.paths()
@@ -255,8 +259,9 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             self._draw_placing(layout)
             return
         if len(paths) > 1:
-            together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack"}
-            layout.label(text=f"{len(paths)} files; {together.get(kind, 'each layout is guessed')}")
+            together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack",
+                        RAW: "each layout is guessed"}
+            layout.label(text=f"{len(paths)} files; {together.get(kind, 'each is read as a volume')}")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
@@ -275,12 +280,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.prop(self, "value_unit")
         source_options.draw_calibration(layout, self)
         layout.separator()
-        layout.prop(self, "preset")
+        layout.prop(self, "preset", text="Preset")
         self._draw_placing(layout)
-
-    def _draw_placing(self, layout):
-        for name in ("at_cursor", "use_framing", "use_headlight"):
-            layout.prop(self, name)
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""
@@ -295,7 +296,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         else:
             row = layout.row(heading="Spacing")
             row.alert = True
-            row.prop(self, "use_file_spacing", text="Unknown: Enter It (Counts as 1)", toggle=True)
+            row.prop(self, "use_file_spacing", text="Unknown: Enter It", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=filled(
@@ -335,8 +336,9 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         source_options.draw_spacing(layout, self)
-        for name in ("modality", "preset", "at_cursor", "use_framing", "use_headlight"):
-            layout.prop(self, name)
+        layout.prop(self, "modality")
+        layout.prop(self, "preset", text="Preset")
+        self._draw_placing(layout)
 
 
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):

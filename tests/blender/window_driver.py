@@ -45,7 +45,7 @@ PROBLEM = re.compile(r"Traceback|Error: Python|\bWARN|rna_|unknown|not found")
 # The time of a forced redraw, the add-on's messages, and what a small system lacks: /proc, languages, the network.
 HARMLESS = re.compile(
     r"^(\w+: \d+ . Draw Window.*|RLE Splat: .*|.*mounted file-systems|.*'PreferencesView', .*'language'"
-    r"|Repository data: .*|.*WARNING The animation was canceled; .*)\n", re.MULTILINE | re.IGNORECASE)
+    r"|Repository data: .*|[\d:.]+ +operator +\| (?!ERROR).*)\n", re.MULTILINE | re.IGNORECASE)
 
 LONG_LINE = re.compile(r"(.{400}).+")
 
