@@ -21,6 +21,7 @@ SHORT = "real_blender.py"
 WINDOW = "window.py"
 PANELS = "window_panels.py"
 IMPORT = "window_import.py"
+DIALOGS = "window_dialogs.py"
 LIVE = "window_live.py"
 CUT = "window_cut.py"
 LOOK = "window_look.py"
@@ -33,7 +34,7 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
 SECONDS = {
-    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, LOOK: 400, PRESETS: 900,
+    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, DIALOGS: 600, LIVE: 600, CUT: 400, LOOK: 400, PRESETS: 900,
     WHOLE: 1200,
 }  # fmt: skip
 SCENARIO_SECONDS = 600  # of one that is given
@@ -100,6 +101,7 @@ def window_stages(zip_path: Path, backend: str | None = None) -> list[Stage]:
         (WINDOW, "window", USUAL_SCREEN),
         (PANELS, "panels", TALL_SCREEN),
         (IMPORT, "import", USUAL_SCREEN),
+        (DIALOGS, "dialogs", USUAL_SCREEN),
         (LIVE, "live", USUAL_SCREEN),
         (CUT, "cut", USUAL_SCREEN),
         (LOOK, "look", USUAL_SCREEN),

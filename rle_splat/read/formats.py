@@ -103,8 +103,13 @@ def format_named(path) -> Format | None:
 
 
 def format_of(path) -> Format | None:
-    """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells."""
+    """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells.
+
+    RleSplatError for anything else that has a path, such as a named pipe, which would be waited for.
+    """
     path = Path(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise RleSplatError(f"{path} is neither a file nor a folder; give the path of one.")
     if path.is_dir():
         try:
             return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)

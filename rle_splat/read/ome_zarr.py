@@ -27,6 +27,7 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    place_of_frame,
     sensible_spacing,
 )
 from .streaming import allocated, grid_text, plain_name, storable_steps
@@ -122,7 +123,7 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
     differ_in = " and ".join({"t": "time", "c": "channel"}.get(name, name) for name, n in others if n > 1) or "time"
     affine, unit, remarks = _geometry(pyramid, chosen)
     remarks += _level_remarks(shapes, sizes, chosen, level, quick)
-    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, number - 1, scratch)
+    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, number, scratch)
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), frames=frames, frame_axis=differ_in,
         remarks=(*remarks, *frame_remark(number, frames, differ_in)), levels=tuple(shapes),
@@ -288,11 +289,12 @@ def _opened(pyramid: Pyramid) -> list:
 
 
 def _voxel_steps(path: Path, pyramid: Pyramid, array, shape, dtype, number: int, scratch):
-    """Generator of Progress: the voxels of frame ``number``, from 0, of a level."""
+    """Generator of Progress: the voxels of frame ``number``, from 1, of a level."""
     doing = f"reading {path.name} ({grid_text(shape, dtype)})"
     voxels = allocated(path, shape, dtype) if scratch is None else _in_file(scratch, shape, dtype)
-    others = [n for name, n in zip(pyramid.axes, array.shape) if name not in SPACE]
-    index = tuple(int(i) for i in np.unravel_index(number, others)) if others else ()
+    others = {name: n for name, n in zip(pyramid.axes, array.shape) if name not in SPACE}
+    found = place_of_frame(number, others)
+    index = tuple(found[name] for name in others)
     planes, rows, _ = tuple(array.chunks)[-3:]
     _, ny, nz = shape
     for z in range(0, nz, planes):

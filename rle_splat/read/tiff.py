@@ -23,9 +23,11 @@ from .header import (
     damaged,
     frame_remark,
     library,
+    place_of_frame,
     sensible_spacing,
 )
 from .layout import checked_spacing
+from .sequence import listed, sequence_of
 from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -138,8 +140,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
     frames = math.prod(longer[axis] for axis in others)
     shape = checked_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
     dtype = checked_kind(path, np.dtype(series.dtype))
-    place = np.unravel_index(checked_frame(path, frame, frames) - 1, [longer[axis] for axis in others] or [1])
-    fixed = dict(zip(others, place))
+    fixed = place_of_frame(checked_frame(path, frame, frames), {axis: longer[axis] for axis in others})
     places = [[z if axis == depth else fixed.get(axis, 0) for axis in lengths] for z in range(shape[2])]
     numbers = [int(np.ravel_multi_index(place, list(lengths.values()))) for place in places]
     if series.dataoffset is not None and numbers[-1] - numbers[0] == shape[2] - 1:
@@ -154,7 +155,8 @@ def _one_file_steps(path: Path, file, frame: int | None):
     remarks = () if several == 1 else (f"The file holds {several} stacks; the largest was read.",)
     if depth in TIME_AXES:
         remarks += ("The file says that its pages follow one another in time; they were taken as slices.",)
-    differ_in = "time" if set(others) <= set(TIME_AXES) else "channel"
+    in_time, in_more = set(others) & set(TIME_AXES), set(others) - set(TIME_AXES)
+    differ_in = " and ".join(("time",) * bool(in_time or not in_more) + ("channel",) * bool(in_more))
     return voxels, _Facts(spacing, unit, frames, differ_in, remarks)
 
 
@@ -192,7 +194,21 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
         if len(first.shape) != 2:
             raise RleSplatError(f"The pages of {files[0].name} are colors; export one number for each pixel.")
     shape = checked_grid(path, (*first.shape[::-1], len(files)))
-    return (yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())), _Facts()
+    voxels = yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())
+    return voxels, _Facts(remarks=_missing_remark(files))
+
+
+def _missing_remark(files: list[Path]) -> tuple:
+    """The remark on numbers that are missing among the files of a stack."""
+    numbered = sequence_of(files[0])
+    if numbered is None or len(numbered.files) != len(files) or not numbered.missing:
+        return ()
+    gaps = [min(numbered.files) + (frame - 1) * numbered.step for frame in numbered.missing]
+    are = "number {} is" if len(gaps) == 1 else "numbers {} are"
+    return (
+        f"Of the files {files[0].name} to {files[-1].name} the {are.format(listed(gaps))} missing, and those beside a "
+        "gap were taken as neighboring slices; copy what is missing, or number the files without gaps.",
+    )
 
 
 def _page_text(page) -> str:

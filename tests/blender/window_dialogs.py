@@ -22,7 +22,6 @@ from tests.blender.window_driver import (
     drive,
     in_the_view,
     new_file,
-    open_panels,
     passed,
     photograph,
     region_of,
@@ -215,12 +214,21 @@ def opens_dialog(cls) -> bool:
     return issubclass(cls, (ImportHelper, ExportHelper)) or any(word in own for word in asks)
 
 
+def write_functions() -> Path:
+    """A file with two transfer functions."""
+    kind = '<VolumeProperty name="{}" scalarOpacity="4 0 0 255 1" colorTransfer="8 0 0 0 0 255 1 1 1"/>'
+    path = FOLDER / "presets.xml"
+    path.write_text(f"<MRML>{kind.format('Rose')}{kind.format('Sea')}</MRML>")
+    return path
+
+
 def check_others():
     """Every dialog that is not of an import, opened once and left by Esc."""
     yield from new_file()
     owner = add_volume(FOLDER)
     owner.rle_splat.level, owner.rle_splat.frame_count = 0, 2
     options = {"reload": {"use_dialog": True}, "delete_own_preset": {"name": "mine"}}
+    leads_to = {"choose_transfer": ("load_transfer", "EXEC_DEFAULT", {"filepath": str(write_functions())})}
     of_imports = {"import_volume", "import_folder", "choose_series"}
     names = {name_of(cls): cls for cls in operators() if opens_dialog(cls)}
     assert of_imports | set(options) < set(names), sorted(names)
@@ -229,7 +237,8 @@ def check_others():
         rest_mouse()
         yield
         with in_the_view():
-            getattr(bpy.ops.rle_splat, name)("INVOKE_DEFAULT", **options.get(name, {}))
+            opener, call, given = leads_to.get(name, (name, "INVOKE_DEFAULT", options.get(name, {})))
+            getattr(bpy.ops.rle_splat, opener)(call, **given)
         yield
         yield from photograph(name)
         if inspect.isfunction(getattr(names[name], "draw", None)):
