@@ -25,6 +25,7 @@ from .header import (
     library,
     place_of_frame,
     sensible_spacing,
+    time_first,
 )
 from .layout import checked_spacing
 from .sequence import listed, sequence_of
@@ -136,7 +137,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
     lengths = dict(zip(axes[:-2], series.shape))
     longer = {axis: n for axis, n in lengths.items() if n > 1}
     depth = next((axis for axis in DEPTH_AXES if axis in longer), "")
-    others = [axis for axis in longer if axis != depth]
+    others = time_first(axis for axis in longer if axis != depth)
     frames = math.prod(longer[axis] for axis in others)
     shape = checked_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
     dtype = checked_kind(path, np.dtype(series.dtype))
