@@ -95,7 +95,7 @@ def frame_remark(frame: int, frames: int, axis: str = "time") -> tuple:
         return ()
     if axis == "time":
         return (f"There are {frames} volumes in time; frame {frame} was read.",)
-    axis += "" if "time" in axis else ", not in time"
+    axis += "" if "time" in axis.split(" and ") else ", not in time"
     return (f"There are {frames} volumes that differ in {axis}; number {frame} was read.",)
 
 

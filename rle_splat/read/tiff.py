@@ -59,7 +59,7 @@ def recognizes_tiff(head: Head) -> bool:
 
 def reads_tiff_folder(path: Path) -> bool:
     """Whether most files of a folder are TIFF files, by their names, and there are at least two."""
-    files = [file for file in Path(path).iterdir() if not file.name.startswith(".")]
+    files = [file for file in Path(path).iterdir() if file.is_file() and not file.name.startswith(".")]
     pages = [file for file in files if file.suffix.lower() in SUFFIXES]
     return len(pages) >= 2 and 2 * len(pages) > len(files)
 
@@ -76,7 +76,8 @@ def _numbered(path: Path) -> list[Path]:
         return [path]
     begin, end = numbers[-1].span()
     alike = re.compile(re.escape(path.stem[:begin]) + r"\d+" + re.escape(path.stem[end:] + path.suffix), re.IGNORECASE)
-    return sorted((file for file in path.parent.iterdir() if alike.fullmatch(file.name)), key=_by_number)
+    files = (file for file in path.parent.iterdir() if alike.fullmatch(file.name) and file.is_file())
+    return sorted(files, key=_by_number)
 
 
 @contextmanager
@@ -273,7 +274,8 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")
     if path.is_dir():
-        files = sorted((file for file in path.iterdir() if file.suffix.lower() in SUFFIXES), key=_by_number)
+        pages = (file for file in path.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+        files = sorted(pages, key=_by_number)
         voxels, facts = yield from _files_steps(path, files, frame)
     else:
         with ExitStack() as held:

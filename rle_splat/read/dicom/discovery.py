@@ -98,7 +98,8 @@ def _files_below(folder: Path):
     found = []
     for here, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
-        found += [Path(here, name) for name in sorted(names) if not name.startswith(".")]
+        files = (Path(here, name) for name in sorted(names) if not name.startswith("."))
+        found += [file for file in files if file.is_file()]  # no pipes
         if len(found) > MOST_FILES:
             raise Refused(
                 f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series."
