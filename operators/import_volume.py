@@ -16,6 +16,7 @@ from ..bridge.translations import filled, told
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.read.tiff import is_page
 from ..rle_splat.runtime.steps import Progress, part
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
@@ -41,16 +42,29 @@ def _shared_format(paths):
     return kinds.pop() if len(kinds) == 1 else None
 
 
+def _are_pages(paths) -> bool:
+    """Whether files are TIFF files, of which the first has a single page: they are a stack."""
+    return _shared_format(paths) is TIFF and is_page(paths[0])
+
+
 def _sequence_among(paths) -> tuple[str, bool]:
     """What the dialog says about numbered files, "" if there are none, and whether it proposes to read them as frames.
 
-    It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence.
+    It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence. Files of
+    one page are slices and no frames.
     """
+    if _are_pages(paths):
+        return "", False
     numbered = [sequence_of(path) for path in paths]
     if not numbered or None in numbered or any(one.first != numbered[0].first for one in numbered):
         return "", False
     is_vdb = all(path.lower().endswith(".vdb") for path in paths)
     return f"{numbered[0].count} frames from {numbered[0].first.name}", is_vdb or len(paths) > 1
+
+
+def _draw_text(layout, text: str) -> None:
+    for line in textwrap.wrap(text, LETTERS):
+        layout.label(text=line)
 
 
 class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
@@ -216,7 +230,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             return chosen
         if _shared_format(chosen) is DICOM:
             return list(dict.fromkeys(map(os.path.dirname, chosen)))
-        if not self.use_sequence and _shared_format(chosen) is not TIFF:
+        if not self.use_sequence and not _are_pages(chosen):
             return chosen
         first = {}
         for path in chosen:
@@ -254,14 +268,13 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         paths = self.chosen_paths()
         kind = self._kind(paths)
         if self.format_name == ENCODED:
-            for line in textwrap.wrap(f"{encoded.STORED_VALUES}.", LETTERS):
-                layout.label(text=line)
+            _draw_text(layout, f"{encoded.STORED_VALUES}.")
             self._draw_placing(layout)
             return
         if len(paths) > 1:
-            together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack",
-                        RAW: "each layout is guessed"}
-            layout.label(text=f"{len(paths)} files; {together.get(kind, 'each is read as a volume')}")
+            together = {DICOM: "the series in their folder is read", RAW: "each layout is guessed",
+                        TIFF: "numbered pages are one stack"}
+            _draw_text(layout, f"{len(paths)} files; {together.get(kind, 'each is read as a volume')}")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
@@ -305,8 +318,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             box = layout.box().column(align=True)
             box.scale_y = 0.8
             for sentence in self.guess_text.split("\n"):
-                for line in textwrap.wrap(sentence, LETTERS):
-                    box.label(text=line)
+                _draw_text(box, sentence)
 
 
 class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):

@@ -64,6 +64,24 @@ def reads_tiff_folder(path: Path) -> bool:
     return len(pages) >= 2 and 2 * len(pages) > len(files)
 
 
+def is_page(path) -> bool:
+    """Whether a file is a TIFF file with one page of gray values, which is a slice of a stack and no volume.
+
+    False for a damaged file, which ``read_tiff_steps`` refuses.
+    """
+    tifffile = library("tifffile", "tifffile", "TIFF")
+    try:
+        with _library(path), tifffile.TiffFile(path) as file:
+            return _has_one_page(file)
+    except RleSplatError:
+        return False
+
+
+def _has_one_page(file) -> bool:
+    """Whether an open file holds one picture of gray values."""
+    return len(file.pages) == 1 and len(file.series[0].shape) == 2
+
+
 def _by_number(path: Path) -> list:
     """Sorting key by which a2 stands before a10."""
     return [int(word) if word.isdigit() else word for word in re.split(r"(\d+)", path.name.lower())]
@@ -281,7 +299,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
         with ExitStack() as held:
             with _library(path):
                 file = held.enter_context(tifffile.TiffFile(path))
-                is_single = len(file.pages) == 1 and len(file.series[0].shape) == 2
+                is_single = _has_one_page(file)
             files = _numbered(path) if is_single else []
             if len(files) > 1:
                 voxels, facts = yield from _files_steps(path, files, frame)

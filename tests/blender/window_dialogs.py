@@ -158,6 +158,24 @@ def check_import():
         yield from read(name)
 
 
+def check_pages():
+    """All pages of a stack, chosen together, are one volume and no frames."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT")
+    yield from choose(FOLDER, "page_01.tif")
+    browser().spaces.active.params.filter_search = "page_"
+    yield
+    yield
+    press("A", first_row())
+    yield from until(lambda: "5 files; numbered pages are one stack" in drawn["import_volume"], seconds=10.0)
+    yield from photograph("import pages")
+    assert "use_sequence" not in drawn["import_volume"]
+    press("RET", first_row())
+    yield from read("pages")
+    assert volumes()[0].rle_splat.frame_count == 1
+
+
 def check_folder():
     """A folder of a series and one of masks in File > Import."""
     for name in ("series", "masks"):
@@ -271,7 +289,7 @@ def scenario():
     watch_draws()
     yield from new_file()
     write_encoded()
-    for check in (check_others, check_series, check_folder, check_drop, check_import):
+    for check in (check_others, check_series, check_folder, check_pages, check_drop, check_import):
         yield from check()
         passed(check.__name__)
 
