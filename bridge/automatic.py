@@ -45,7 +45,7 @@ def draw_number(layout, data, name: str, switch: str) -> None:
     name, switch : str
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
     """
-    column = layout.column(align=True, heading=data.bl_rna.properties[name].name)
+    column = layout.column(align=True, heading=data.rna_type.properties[name].name)
     column.prop(data, switch)
     if not getattr(data, switch):
         column.prop(data, name, text=" ")

@@ -16,6 +16,7 @@ from ..bridge.translations import filled, told
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
+from ..rle_splat.read.tiff import is_page
 from ..rle_splat.runtime.steps import Progress, part
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
@@ -31,7 +32,7 @@ DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name i
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
 ENCODED = "encoded"  # in place of the name of a format
-LETTERS = 46  # characters in a line of the dialog, since labels do not wrap
+LETTERS = 38  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
 
@@ -41,16 +42,29 @@ def _shared_format(paths):
     return kinds.pop() if len(kinds) == 1 else None
 
 
+def _are_pages(paths) -> bool:
+    """Whether files are TIFF files, of which the first has a single page: they are a stack."""
+    return _shared_format(paths) is TIFF and is_page(paths[0])
+
+
 def _sequence_among(paths) -> tuple[str, bool]:
     """What the dialog says about numbered files, "" if there are none, and whether it proposes to read them as frames.
 
-    It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence.
+    It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence. Files of
+    one page are slices and no frames.
     """
+    if _are_pages(paths):
+        return "", False
     numbered = [sequence_of(path) for path in paths]
     if not numbered or None in numbered or any(one.first != numbered[0].first for one in numbered):
         return "", False
     is_vdb = all(path.lower().endswith(".vdb") for path in paths)
     return f"{numbered[0].count} frames from {numbered[0].first.name}", is_vdb or len(paths) > 1
+
+
+def _draw_text(layout, text: str) -> None:
+    for line in textwrap.wrap(text, LETTERS):
+        layout.label(text=line)
 
 
 class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
@@ -90,6 +104,10 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         self.is_confirmed = True
         if not self.properties.is_property_set("use_headlight"):
             self.use_headlight = True
+
+    def _draw_placing(self, layout):
+        for name in ("at_cursor", "use_framing", "use_headlight"):
+            layout.prop(self, name)
 
     def prepare(self, context):
         paths = self.paths()
@@ -212,7 +230,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             return chosen
         if _shared_format(chosen) is DICOM:
             return list(dict.fromkeys(map(os.path.dirname, chosen)))
-        if not self.use_sequence and _shared_format(chosen) is not TIFF:
+        if not self.use_sequence and not _are_pages(chosen):
             return chosen
         first = {}
         for path in chosen:
@@ -250,13 +268,13 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         paths = self.chosen_paths()
         kind = self._kind(paths)
         if self.format_name == ENCODED:
-            for line in textwrap.wrap(f"{encoded.STORED_VALUES}.", LETTERS):
-                layout.label(text=line)
+            _draw_text(layout, f"{encoded.STORED_VALUES}.")
             self._draw_placing(layout)
             return
         if len(paths) > 1:
-            together = {DICOM: "the series in their folder is read", TIFF: "numbered files are one stack"}
-            layout.label(text=f"{len(paths)} files; {together.get(kind, 'each layout is guessed')}")
+            together = {DICOM: "the series in their folder is read", RAW: "each layout is guessed",
+                        TIFF: "numbered pages are one stack"}
+            _draw_text(layout, f"{len(paths)} files; {together.get(kind, 'each is read as a volume')}")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
         else:
@@ -275,12 +293,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.prop(self, "value_unit")
         source_options.draw_calibration(layout, self)
         layout.separator()
-        layout.prop(self, "preset")
+        layout.prop(self, "preset", text="Preset")
         self._draw_placing(layout)
-
-    def _draw_placing(self, layout):
-        for name in ("at_cursor", "use_framing", "use_headlight"):
-            layout.prop(self, name)
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""
@@ -295,7 +309,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         else:
             row = layout.row(heading="Spacing")
             row.alert = True
-            row.prop(self, "use_file_spacing", text="Unknown: Enter It (Counts as 1)", toggle=True)
+            row.prop(self, "use_file_spacing", text="Unknown: Enter It", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=filled(
@@ -304,8 +318,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             box = layout.box().column(align=True)
             box.scale_y = 0.8
             for sentence in self.guess_text.split("\n"):
-                for line in textwrap.wrap(sentence, LETTERS):
-                    box.label(text=line)
+                _draw_text(box, sentence)
 
 
 class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
@@ -335,8 +348,9 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout.use_property_split = True
         layout.use_property_decorate = False
         source_options.draw_spacing(layout, self)
-        for name in ("modality", "preset", "at_cursor", "use_framing", "use_headlight"):
-            layout.prop(self, name)
+        layout.prop(self, "modality")
+        layout.prop(self, "preset", text="Preset")
+        self._draw_placing(layout)
 
 
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):

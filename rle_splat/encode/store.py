@@ -18,6 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..read.format import refuse_pipe
 from ..runtime.memory import refuse_beyond
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
@@ -175,6 +176,7 @@ def load(path) -> StoredVolume | FolderVolume:
     """
     if Path(path).is_dir():
         return load_folder(path)
+    refuse_pipe(path)
     try:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             return _read(archive, os.fstat(file.fileno()).st_size)

@@ -31,10 +31,16 @@ def named_files(path: Path, given: str, listed) -> list[Path]:
     Raises
     ------
     RleSplatError
-        If a file is missing; the message names it.
+        If a file is missing or outside the folder of the header; the message names it.
     """
     names = list(listed) if given.upper().split()[:1] == ["LIST"] else _pattern_names(path, given)
-    files = [path.parent / name.strip().replace("\\", "/") for name in names if name.strip()]
+    names = [os.path.normpath(name.strip().replace("\\", "/")) for name in names if name.strip()]
+    for name in names:
+        if Path(name).anchor or Path(name).parts[:1] == ("..",):  # a header of others must not choose among one's files
+            raise RleSplatError(
+                f"{path.name} names {name}, which is outside its folder; move that file beside it and correct the name."
+            )
+    files = [path.parent / name for name in names]
     missing = next((file for file in files if not file.is_file()), None)
     if missing is not None or not files:
         gone = missing.name if missing is not None else "a list of files"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from ..scene import RleSplatError
 
 MEANING_OPTIONS = ("slope", "intercept", "unit", "value_unit", "modality")  # meaning of values, for every format
 PLACE_OPTIONS = ("spacing", "orientation", "flip")  # corrections of the grid, for every format
@@ -37,6 +40,12 @@ class Head:
     def is_gzip(self) -> bool:
         """Whether the file begins as a gzip file, whatever its name."""
         return self.stored.startswith(GZIP_MAGIC)
+
+
+def refuse_pipe(path) -> None:
+    """Raise RleSplatError for what is neither a file nor a folder, such as a named pipe, which may be waited for."""
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+        raise RleSplatError(f"{path} is neither a file nor a folder; give the path of one.")
 
 
 def head_of(path) -> Head:

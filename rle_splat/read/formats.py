@@ -19,7 +19,7 @@ from ..volume.reduced import sampled_steps
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
-from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of
+from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of, refuse_pipe
 from .layout import checked_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
@@ -105,6 +105,7 @@ def format_named(path) -> Format | None:
 def format_of(path) -> Format | None:
     """The format of a file or folder: by its content if that tells, else by its suffix; None if neither tells."""
     path = Path(path)
+    refuse_pipe(path)
     if path.is_dir():
         try:
             return next((entry for entry in FORMATS if entry.reads_folder and entry.reads_folder(path)), None)

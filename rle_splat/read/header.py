@@ -71,13 +71,32 @@ def checked_frame(path, frame: int | None, frames: int) -> int:
     return int(frame)
 
 
+def time_first(axes) -> list:
+    """The further axes of a file in the order of ``place_of_frame``, whatever order they have in the file."""
+    return sorted(axes, key=lambda axis: axis.lower() != "t")
+
+
+def place_of_frame(frame: int, lengths: dict) -> dict:
+    """Index along each further axis of a file, such as time and channel, of a frame.
+
+    Parameters
+    ----------
+    frame : int
+        From 1. The last axis is counted first: frame 2 is the second channel of the first time.
+    lengths : dict of str to int
+        Axis -> its length, in the order of ``time_first``.
+    """
+    return dict(zip(lengths, map(int, np.unravel_index(frame - 1, tuple(lengths.values())))))
+
+
 def frame_remark(frame: int, frames: int, axis: str = "time") -> tuple:
     """The remark on a source of several frames; ``axis``: what they differ in."""
     if frames == 1:
         return ()
     if axis == "time":
         return (f"There are {frames} volumes in time; frame {frame} was read.",)
-    return (f"There are {frames} volumes that differ in {axis}, not in time; number {frame} was read.",)
+    axis += "" if "time" in axis.split(" and ") else ", not in time"
+    return (f"There are {frames} volumes that differ in {axis}; number {frame} was read.",)
 
 
 def checked_affine(path, affine) -> np.ndarray:

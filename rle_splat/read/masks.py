@@ -19,7 +19,7 @@ MOST_MASKS = 1000
 
 def _masks(path: Path) -> list[Path]:
     """The NIfTI files of a folder, by name."""
-    return sorted(file for file in Path(path).iterdir() if file.name.lower().endswith(SUFFIXES))
+    return sorted(file for file in Path(path).iterdir() if file.name.lower().endswith(SUFFIXES) and file.is_file())
 
 
 def reads_mask_folder(path: Path) -> bool:

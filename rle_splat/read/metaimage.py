@@ -53,7 +53,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
     try:
         with open(path, "rb") as stream:
             while line := stream.readline(MOST_HEADER):
-                name, equals, value = line.decode("latin-1").partition("=")
+                name, equals, value = _decoded(line).partition("=")
                 end = stream.tell()
                 if not equals or end > MOST_HEADER:
                     raise damaged(path, "it does not end with ElementDataFile")
@@ -62,12 +62,20 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
                     break
             listed = []
             if fields.get("elementdatafile", "").upper().startswith("LIST"):
-                listed = stream.read(MOST_HEADER).decode("utf-8", "replace").splitlines()
+                listed = _decoded(stream.read(MOST_HEADER)).splitlines()
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
     if "elementdatafile" not in fields or fields.get("objecttype", "Image").lower() != "image":
         raise RleSplatError(f"{path.name} is not a MetaImage, or its header is cut short; copy or export it again.")
     return fields, listed, end
+
+
+def _decoded(text: bytes) -> str:
+    """Text of a header, which says nothing of its encoding."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1")
 
 
 def _numbers(path, fields: dict, names, count: int, default):

@@ -27,7 +27,9 @@ from .header import (
     checked_kind,
     damaged,
     frame_remark,
+    place_of_frame,
     sensible_spacing,
+    time_first,
 )
 from .streaming import allocated, grid_text, plain_name, storable_steps
 
@@ -116,13 +118,15 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
         raise RleSplatError(f"There is no level {level}: {path.name} has {len(arrays)}; give one from 0.")
     chosen = _chosen(shapes, sizes, quick) if level is None else int(level)
     array, shape = arrays[chosen], shapes[chosen]
-    others = [(name, n) for name, n in zip(pyramid.axes, array.shape) if name not in SPACE]
-    frames = math.prod(n for _, n in others)
+    lengths = dict(zip(pyramid.axes, array.shape))
+    others = {name: lengths[name] for name in time_first(name for name in pyramid.axes if name not in SPACE)}
+    frames = math.prod(others.values())
     number = checked_frame(path, frame, frames)
-    differ_in = " and ".join({"t": "time", "c": "channel"}.get(name, name) for name, n in others if n > 1) or "time"
+    several = [{"t": "time", "c": "channel"}.get(name, name) for name, n in others.items() if n > 1]
+    differ_in = " and ".join(several) or "time"
     affine, unit, remarks = _geometry(pyramid, chosen)
     remarks += _level_remarks(shapes, sizes, chosen, level, quick)
-    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, number - 1, scratch)
+    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, place_of_frame(number, others), scratch)
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), frames=frames, frame_axis=differ_in,
         remarks=(*remarks, *frame_remark(number, frames, differ_in)), levels=tuple(shapes),
@@ -287,12 +291,11 @@ def _opened(pyramid: Pyramid) -> list:
     return arrays
 
 
-def _voxel_steps(path: Path, pyramid: Pyramid, array, shape, dtype, number: int, scratch):
-    """Generator of Progress: the voxels of frame ``number``, from 0, of a level."""
+def _voxel_steps(path: Path, pyramid: Pyramid, array, shape, dtype, frame: dict, scratch):
+    """Generator of Progress: the voxels of a frame, which has an index along each further axis, of a level."""
     doing = f"reading {path.name} ({grid_text(shape, dtype)})"
     voxels = allocated(path, shape, dtype) if scratch is None else _in_file(scratch, shape, dtype)
-    others = [n for name, n in zip(pyramid.axes, array.shape) if name not in SPACE]
-    index = tuple(int(i) for i in np.unravel_index(number, others)) if others else ()
+    index = tuple(frame[name] for name in pyramid.axes if name not in SPACE)
     planes, rows, _ = tuple(array.chunks)[-3:]
     _, ny, nz = shape
     for z in range(0, nz, planes):

@@ -11,6 +11,7 @@ from pathlib import Path
 from ..scene import RleSplatError
 
 NUMBER = re.compile(r"\d+")
+LISTED = 8  # numbers in a message
 # Types, shapes and spacings, which names of raw files hold.
 NO_FRAME = re.compile(r"u?int\d+|float\d+|\d+(\.\d+)?(x\d+(\.\d+)?)+")
 
@@ -117,6 +118,11 @@ def sequence_of(path) -> Sequence | None:
     numbers = sorted(found)
     step = math.gcd(*(b - a for a, b in pairwise(numbers)))
     return Sequence({number: found[number] for number in numbers}, step)
+
+
+def listed(numbers) -> str:
+    """Numbers for a message; the first of many."""
+    return ", ".join(map(str, numbers[:LISTED])) + (" and others" if len(numbers) > LISTED else "")
 
 
 def _same_width(digits: str, given: str) -> bool:

@@ -23,9 +23,12 @@ from .header import (
     damaged,
     frame_remark,
     library,
+    place_of_frame,
     sensible_spacing,
+    time_first,
 )
 from .layout import checked_spacing
+from .sequence import listed, sequence_of
 from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -56,9 +59,27 @@ def recognizes_tiff(head: Head) -> bool:
 
 def reads_tiff_folder(path: Path) -> bool:
     """Whether most files of a folder are TIFF files, by their names, and there are at least two."""
-    files = [file for file in Path(path).iterdir() if not file.name.startswith(".")]
+    files = [file for file in Path(path).iterdir() if file.is_file() and not file.name.startswith(".")]
     pages = [file for file in files if file.suffix.lower() in SUFFIXES]
     return len(pages) >= 2 and 2 * len(pages) > len(files)
+
+
+def is_page(path) -> bool:
+    """Whether a file is a TIFF file with one page of gray values, which is a slice of a stack and no volume.
+
+    False for a damaged file, which ``read_tiff_steps`` refuses.
+    """
+    tifffile = library("tifffile", "tifffile", "TIFF")
+    try:
+        with _library(path), tifffile.TiffFile(path) as file:
+            return _has_one_page(file)
+    except RleSplatError:
+        return False
+
+
+def _has_one_page(file) -> bool:
+    """Whether an open file holds one picture of gray values."""
+    return len(file.pages) == 1 and len(file.series[0].shape) == 2
 
 
 def _by_number(path: Path) -> list:
@@ -73,7 +94,8 @@ def _numbered(path: Path) -> list[Path]:
         return [path]
     begin, end = numbers[-1].span()
     alike = re.compile(re.escape(path.stem[:begin]) + r"\d+" + re.escape(path.stem[end:] + path.suffix), re.IGNORECASE)
-    return sorted((file for file in path.parent.iterdir() if alike.fullmatch(file.name)), key=_by_number)
+    files = (file for file in path.parent.iterdir() if alike.fullmatch(file.name) and file.is_file())
+    return sorted(files, key=_by_number)
 
 
 @contextmanager
@@ -134,12 +156,11 @@ def _one_file_steps(path: Path, file, frame: int | None):
     lengths = dict(zip(axes[:-2], series.shape))
     longer = {axis: n for axis, n in lengths.items() if n > 1}
     depth = next((axis for axis in DEPTH_AXES if axis in longer), "")
-    others = [axis for axis in longer if axis != depth]
+    others = time_first(axis for axis in longer if axis != depth)
     frames = math.prod(longer[axis] for axis in others)
     shape = checked_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
     dtype = checked_kind(path, np.dtype(series.dtype))
-    place = np.unravel_index(checked_frame(path, frame, frames) - 1, [longer[axis] for axis in others] or [1])
-    fixed = dict(zip(others, place))
+    fixed = place_of_frame(checked_frame(path, frame, frames), {axis: longer[axis] for axis in others})
     places = [[z if axis == depth else fixed.get(axis, 0) for axis in lengths] for z in range(shape[2])]
     numbers = [int(np.ravel_multi_index(place, list(lengths.values()))) for place in places]
     if series.dataoffset is not None and numbers[-1] - numbers[0] == shape[2] - 1:
@@ -154,7 +175,8 @@ def _one_file_steps(path: Path, file, frame: int | None):
     remarks = () if several == 1 else (f"The file holds {several} stacks; the largest was read.",)
     if depth in TIME_AXES:
         remarks += ("The file says that its pages follow one another in time; they were taken as slices.",)
-    differ_in = "time" if set(others) <= set(TIME_AXES) else "channel"
+    in_time, in_more = set(others) & set(TIME_AXES), set(others) - set(TIME_AXES)
+    differ_in = " and ".join(("time",) * bool(in_time or not in_more) + ("channel",) * bool(in_more))
     return voxels, _Facts(spacing, unit, frames, differ_in, remarks)
 
 
@@ -192,7 +214,21 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
         if len(first.shape) != 2:
             raise RleSplatError(f"The pages of {files[0].name} are colors; export one number for each pixel.")
     shape = checked_grid(path, (*first.shape[::-1], len(files)))
-    return (yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())), _Facts()
+    voxels = yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())
+    return voxels, _Facts(remarks=_missing_remark(files))
+
+
+def _missing_remark(files: list[Path]) -> tuple:
+    """The remark on numbers that are missing among the files of a stack."""
+    numbered = sequence_of(files[0])
+    if numbered is None or len(numbered.files) != len(files) or not numbered.missing:
+        return ()
+    gaps = [min(numbered.files) + (frame - 1) * numbered.step for frame in numbered.missing]
+    are = "number {} is" if len(gaps) == 1 else "numbers {} are"
+    return (
+        f"Of the files {files[0].name} to {files[-1].name} the {are.format(listed(gaps))} missing, and those beside a "
+        "gap were taken as neighboring slices; copy what is missing, or number the files without gaps.",
+    )
 
 
 def _page_text(page) -> str:
@@ -256,13 +292,14 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")
     if path.is_dir():
-        files = sorted((file for file in path.iterdir() if file.suffix.lower() in SUFFIXES), key=_by_number)
+        pages = (file for file in path.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+        files = sorted(pages, key=_by_number)
         voxels, facts = yield from _files_steps(path, files, frame)
     else:
         with ExitStack() as held:
             with _library(path):
                 file = held.enter_context(tifffile.TiffFile(path))
-                is_single = len(file.pages) == 1 and len(file.series[0].shape) == 2
+                is_single = _has_one_page(file)
             files = _numbered(path) if is_single else []
             if len(files) > 1:
                 voxels, facts = yield from _files_steps(path, files, frame)

@@ -4,6 +4,8 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender import formats
+
 AFFINE = np.array([(-2.0, 0.3, 0, 30), (0, 1.5, 0.4, -20), (0, 0, 3.0, 100), (0, 0, 0, 1)])  # to LPS, sheared
 
 
@@ -138,24 +140,8 @@ def test_lzw_pages_are_decoded_by_blenders_own_module(tmp_path, bridge):
     np.testing.assert_array_equal(bridge("volumes").load_volume(active()).voxels, values)
 
 
-def one_of_each_family(folder, nibabel):
-    """Small files of every family, by the libraries in the extension or by hand: (name, values (x, y, z))."""
-    nrrd, tifffile = pytest.importorskip("nrrd"), pytest.importorskip("tifffile")
-    values = (np.arange(5 * 7 * 9) * 37 % 30000).astype(np.int16).reshape(9, 7, 5)
-    nibabel.save(nibabel.Nifti2Image(values, np.eye(4)), folder / "two.nii.gz")
-    nibabel.save(nibabel.AnalyzeImage(values, np.eye(4)), folder / "pair.img")
-    nibabel.save(nibabel.freesurfer.MGHImage(values, np.eye(4)), folder / "a.mgz")
-    nrrd.write(str(folder / "a.nrrd"), values, {"encoding": "gzip"})
-    nrrd.write(str(folder / "b.nhdr"), values, {"encoding": "raw"})
-    text = "ObjectType = Image\nNDims = 3\nDimSize = 9 7 5\nElementType = MET_SHORT\nElementDataFile = LOCAL\n"
-    (folder / "a.mha").write_bytes(text.encode() + values.T.tobytes())
-    tifffile.imwrite(folder / "a.ome.tif", np.ascontiguousarray(values.T), ome=True, compression="zlib")
-    return ("two.nii.gz", "pair.img", "a.mgz", "a.nrrd", "b.nhdr", "a.mha", "a.ome.tif"), values
-
-
 def test_one_file_of_each_family(tmp_path, bridge, nibabel):
-    names, values = one_of_each_family(tmp_path, nibabel)
-    for name in names:
+    for name in formats.write_families(tmp_path):
         assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / name)) == {"FINISHED"}
         volume = bridge("volumes").load_volume(active())
-        np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values, err_msg=name)
+        np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), formats.values(), err_msg=name)

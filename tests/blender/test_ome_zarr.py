@@ -1,40 +1,18 @@
 """OME-Zarr in Blender: refused in a sentence without the package zarr; with it, the level that was read is kept."""
 
-import json
 import sys
 
 import bpy
 import numpy as np
 import pytest
 
-
-def write(path, levels):
-    """A folder as OME-Zarr 0.5 has it, of chunks that are not packed."""
-    codec = {"name": "bytes", "configuration": {"endian": "little"}}
-    datasets = []
-    for number, values in enumerate(levels):
-        folder = path / str(number)
-        (folder / "c" / "0" / "0").mkdir(parents=True)
-        (folder / "c" / "0" / "0" / "0").write_bytes(values.astype("<u2").tobytes())
-        (folder / "zarr.json").write_text(json.dumps({
-            "zarr_format": 3, "node_type": "array", "shape": values.shape, "data_type": "uint16", "fill_value": 0,
-            "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": values.shape}},
-            "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}}, "codecs": [codec],
-            "attributes": {},
-        }))  # fmt: skip
-        scale = [float(2**number)] * 3
-        datasets.append({"path": str(number), "coordinateTransformations": [{"type": "scale", "scale": scale}]})
-    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
-    image = {"version": "0.5", "multiscales": [{"axes": axes, "datasets": datasets}]}
-    group = {"zarr_format": 3, "node_type": "group", "attributes": {"ome": image}}
-    (path / "zarr.json").write_text(json.dumps(group))
-    return path
+from tests.blender.formats import write_zarr
 
 
 @pytest.fixture
 def pyramid(tmp_path):
     fine = np.arange(8 * 9 * 10, dtype=np.uint16).reshape(8, 9, 10)
-    return write(tmp_path / "a.zarr", (fine, fine[::2, ::2, ::2]))
+    return write_zarr(tmp_path / "a.zarr", (fine, fine[::2, ::2, ::2]))
 
 
 def test_without_the_package(pyramid, monkeypatch):

@@ -151,7 +151,7 @@ def import_dialog(phantom):
 
 
 def test_the_import_dialog_is_drawn_for_each_kind_of_file(import_dialog, monkeypatch, phantom):
-    """A raw file with what was guessed of it, several files, and a VDB with its grid."""
+    """A raw file with what was guessed of it, several files, a VDB with its grid, and others with what they hold."""
     import_dialog.filepath, import_dialog.guess_text = str(phantom[0]), "The name gives no shape.\nIts size does."
     import_dialog.shape, import_dialog.dtype = (7, 6, 5), "uint8"
     log = draw_all(monkeypatch)
@@ -167,6 +167,10 @@ def test_the_import_dialog_is_drawn_for_each_kind_of_file(import_dialog, monkeyp
     import_dialog.filepath = "smoke.vdb"
     log = draw_all(monkeypatch)
     assert ("prop", "grid") in log and ("prop", "header_bytes") not in log
+
+    for name, number in (("a.nii", "first_frame"), ("a.dcm", "only_series"), ("a.zarr", "fitting_level")):
+        import_dialog.filepath = name
+        assert ("prop", f"use_{number}") in draw_all(monkeypatch)
 
 
 def test_empty_scene_offers_the_import(monkeypatch):

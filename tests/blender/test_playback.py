@@ -224,6 +224,23 @@ def test_all_files_of_a_sequence_are_one_volume(sequence):
     assert [one.rle_splat.frame_count for one in found] == [4]
 
 
+def test_pages_chosen_together_are_one_stack_and_stacks_are_not(tmp_path, addon):
+    tifffile = pytest.importorskip("tifffile")
+    values = np.arange(5 * 7 * 9, dtype=np.uint16).reshape(5, 7, 9)
+    for number, page in enumerate(values, 1):
+        tifffile.imwrite(tmp_path / f"page_{number}.tif", page)
+    for number in (1, 2):
+        tifffile.imwrite(tmp_path / f"time_{number}.tif", number * values)
+    among = import_module(f"{addon.__name__}.operators.import_volume")._sequence_among
+    in_time = "2 frames from time_1.tif", True
+    for name, count, proposed, added in (("page", 5, ("", False), 1), ("time", 2, in_time, 2)):
+        names, before = [f"{name}_{number}.tif" for number in range(1, count + 1)], set(bpy.data.objects)
+        assert among([str(tmp_path / one) for one in names]) == proposed
+        bpy.ops.rle_splat.import_volume(directory=str(tmp_path), files=[{"name": one} for one in names])
+        found = [one for one in set(bpy.data.objects) - before if one.rle_splat.is_volume]
+        assert [one.rle_splat.frame_count for one in found] == [1] * added
+
+
 def test_sequence_of_a_file_alone_is_refused(phantom, refused):
     refused(bpy.ops.rle_splat.import_volume, "switch Sequence off", filepath=str(phantom[0]), shape=(7, 6, 5),
             dtype="uint8", use_sequence=True)

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from tests.blender import scenes
+from tests.blender.formats import write_series
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
@@ -164,31 +165,6 @@ def check_browser():
         bpy.ops.rle_splat.import_folder("INVOKE_DEFAULT")
     yield from confirm_browser(FOLDER / "study" / "2")
     yield from until(lambda: len(volumes()) == 2)
-
-
-def write_series(folder: Path, number: int, count: int) -> None:
-    """DICOM files of a series, each a disc that grows."""
-    from pydicom.dataset import Dataset, FileMetaDataset
-    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
-
-    folder.mkdir(parents=True)
-    series, (y, x) = generate_uid(), np.mgrid[-1:1:64j, -1:1:64j]
-    for i in range(count):
-        data = Dataset()
-        data.file_meta = FileMetaDataset()
-        data.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-        data.file_meta.MediaStorageSOPClassUID = data.SOPClassUID = "1.2.840.10008.5.1.4.1.1.2"
-        data.file_meta.MediaStorageSOPInstanceUID = data.SOPInstanceUID = generate_uid()
-        data.SeriesInstanceUID, data.SeriesNumber, data.InstanceNumber = series, number, i + 1
-        data.Modality, data.BodyPartExamined, data.SeriesDescription = "CT", "HEAD", f"disc {number}"
-        data.Rows = data.Columns = 64
-        data.ImagePositionPatient, data.ImageOrientationPatient = [0, 0, 2.0 * i], [1, 0, 0, 0, 1, 0]
-        data.PixelSpacing, data.RescaleSlope, data.RescaleIntercept = [1.5, 1.5], 1, -1024
-        data.BitsAllocated, data.BitsStored, data.HighBit, data.PixelRepresentation = 16, 16, 15, 0
-        data.SamplesPerPixel, data.PhotometricInterpretation = 1, "MONOCHROME2"
-        disc = x**2 + y**2 < (0.3 + 0.4 * i / count) * number / 2
-        data.PixelData = np.where(disc, 2000, 24).astype("<u2").tobytes()
-        data.save_as(folder / f"{i:04d}", enforce_file_format=True)
 
 
 def check_chooser():

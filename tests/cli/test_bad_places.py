@@ -20,6 +20,26 @@ for words in json.loads(sys.argv[1]):
 """
 
 
+@POSIX
+def test_a_pipe_is_no_volume(tmp_path):
+    """Nobody writes into it, so that opening it would wait."""
+    names = ("a.raw", "a.nii", "a.mha", "a.tif", "a", "a.rle")
+    for name in names:
+        os.mkfifo(tmp_path / name)
+    volume = [str(tmp_path / name) for name in names]
+    words = [["info", path] for path in volume]
+    words += [["render", path, "-o", str(tmp_path / "a.npy")] for path in volume]
+    words += [["render", path, "--shape", "2", "2", "2", "-o", str(tmp_path / "a.npy")] for path in volume[:1]]
+    (tmp_path / "scan").mkdir()
+    for name in ("a.dcm", "1.tif", "2.tif", "a.nii", "b.nii"):
+        os.mkfifo(tmp_path / "scan" / name)
+    words += [["info", str(tmp_path / "scan")]]
+    expected = [f"{path} is neither a file nor a folder; give the path of one." for _, path, *_ in words]
+    expected[-1] = "scan holds no medical images, and no other files; choose the folder of the series."
+    done = subprocess.run([sys.executable, "-c", EACH, json.dumps(words)], capture_output=True, text=True, timeout=120)
+    assert done.stderr.splitlines() == [line for one in expected for line in (one, "2")]
+
+
 @pytest.fixture
 def disk(tmp_path):
     """A disk of few KiB."""

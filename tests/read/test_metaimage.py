@@ -75,6 +75,29 @@ def test_slices_in_files_of_their_own(tmp_path, field):
         read_volume(tmp_path / "a.mhd")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_a_name_beyond_ascii(tmp_path, encoding):
+    values = coordinates(AFFINES["axial"])[0]
+    (tmp_path / "sch\u00e4del.raw").write_bytes(values.T.tobytes())
+    (tmp_path / "a.mhd").write_bytes(f"{HEADER}ElementDataFile = sch\u00e4del.raw\n".encode(encoding))
+    np.testing.assert_array_equal(read_volume(tmp_path / "a.mhd").voxels.transpose(2, 1, 0), values)
+
+
+@pytest.mark.parametrize("name", ["../other/a.raw", "below/../../other/a.raw", "{}/other/a.raw"])
+def test_a_file_elsewhere_is_refused(tmp_path, name):
+    """A header that was sent by someone must not read what its receiver has."""
+    for folder in ("other", "scan/below"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "a.raw").write_bytes(coordinates(AFFINES["axial"])[0].tobytes())
+    header = tmp_path / "scan" / "a.mhd"
+    for field, listed in ((name, ""), ("LIST", f"{name}\n")):
+        header.write_text(f"{HEADER}ElementDataFile = {field}\n{listed}".format(tmp_path))
+        with pytest.raises(RleSplatError, match=r"a\.mhd names .*other.a\.raw, which is outside its folder; move"):
+            read_volume(header)
+    header.write_text(f"{HEADER}ElementDataFile = below/a.raw\n")
+    assert read_volume(header).shape_xyz == (9, 7, 5)
+
+
 @pytest.mark.parametrize("skip", [11, -1])
 def test_a_header_in_the_data_file(tmp_path, skip):
     values = coordinates(AFFINES["axial"])[0]

@@ -81,9 +81,11 @@ def test_types(tmp_path, dtype):
     np.testing.assert_array_equal(volume.voxels, values(0, dtype))
 
 
-def test_times_and_channels_are_frames(tmp_path):
-    path = write(tmp_path / "a.zarr", names="tczyx", before=(2, 3))
+@pytest.mark.parametrize("names", ["tczyx", "ctzyx"])
+def test_times_and_channels_are_frames(tmp_path, names):
+    path = write(tmp_path / "a.zarr", names=names, before=(2, 3))
     every = values(0, np.uint16, 2, 3)
+    every = every if names[0] == "t" else every.swapaxes(0, 1)  # by time, then by channel
     for number in (1, 3, 5):
         volume = read_volume(path, frame=number)
         np.testing.assert_array_equal(volume.voxels, every.reshape(6, *SHAPE)[number - 1])

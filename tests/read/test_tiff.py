@@ -50,23 +50,25 @@ def test_a_stack_of_imagej(tmp_path):
     assert volume.unit == "um" and volume.spacing.tolist() == [0.25, 0.5, 2.5] and volume.remarks == ()
 
 
-def test_an_ome_stack_in_time_and_channels(tmp_path):
+@pytest.mark.parametrize("axes", ["TZCYX", "TCZYX", "CTZYX", "CZTYX", "ZCTYX", "ZTCYX"])
+def test_an_ome_stack_in_time_and_channels(tmp_path, axes):
     values = np.arange(3 * 5 * 2 * 7 * 9, dtype=np.uint16).reshape(3, 5, 2, 7, 9)
     facts = {
-        "axes": "TZCYX",
+        "axes": axes,
         "PhysicalSizeX": 500,
         "PhysicalSizeXUnit": "nm",
         "PhysicalSizeY": 0.25,
         "PhysicalSizeZ": 2,
     }
-    tifffile.imwrite(tmp_path / "a.ome.tif", values, ome=True, metadata=facts, compression="zlib")
+    stored = np.ascontiguousarray(values.transpose(["TZCYX".index(axis) for axis in axes]))
+    tifffile.imwrite(tmp_path / "a.ome.tif", stored, ome=True, metadata=facts, compression="zlib")
     for frame in range(1, 7):
         volume = read_volume(tmp_path / "a.ome.tif", frame=frame)
         time, channel = divmod(frame - 1, 2)
         np.testing.assert_array_equal(volume.voxels, values[time, :, channel])
         assert volume.frames == 6 and volume.unit == "um"
         np.testing.assert_allclose(volume.spacing, (0.5, 0.25, 2.0), rtol=1e-12)
-        assert "differ in channel" in volume.remarks[0]
+        assert "differ in time and channel; number" in volume.remarks[0]
 
 
 def test_time_alone_is_frames(tmp_path):
@@ -87,6 +89,23 @@ def test_numbered_files_stand_in_the_order_of_their_numbers(tmp_path, given):
     np.testing.assert_array_equal(volume.voxels, VALUES)
     with pytest.raises(RleSplatError, match=r"no frame 2.*one frame only"):
         read_volume(tmp_path / given if given else tmp_path, frame=2)
+
+
+@pytest.mark.parametrize(
+    "numbers, gaps",
+    [
+        ((1, 2, 3, 7, 8), "the numbers 4, 5, 6 are missing"), ((1, 2, 3, 4, 6), "the number 5 is missing"),
+        ((10, 20, 30, 40, 50), ""), ((1, 2, 3, 40, 50), "4, 5, 6, 7, 8, 9, 10, 11 and others are missing"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("given", ["", "s_{:02d}.tif"])
+def test_missing_numbers_are_named(tmp_path, numbers, gaps, given):
+    for number, page in zip(numbers, VALUES):
+        tifffile.imwrite(tmp_path / f"s_{number:02d}.tif", page)
+    volume = read_volume(tmp_path / given.format(numbers[1]))
+    assert volume.shape_xyz == (9, 7, 5)
+    assert any("missing" in remark for remark in volume.remarks) == bool(gaps)
+    assert gaps in " ".join(volume.remarks)
 
 
 @pytest.mark.parametrize("compression", ["packbits", "tiff_adobe_deflate"])

@@ -104,7 +104,8 @@ def _files_below(folder: Path):
     found = []
     for here, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
-        found += [Path(here, name) for name in sorted(names) if not name.startswith(".")]
+        files = (Path(here, name) for name in sorted(names) if not name.startswith("."))
+        found += [file for file in files if file.is_file()]  # no pipes
         _refuse_more(folder, len(found))
         yield Progress(0.0, f"Looking for images in {folder.name}")
     return found
