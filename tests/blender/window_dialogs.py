@@ -122,7 +122,7 @@ def choose(folder: Path, name: str):
     """Click a file in the browser, and wait until it is chosen."""
     yield from go_to(folder, name)
     press("LEFTMOUSE", first_row())
-    yield from until(lambda: browser().spaces.active.params.filename == name, seconds=10.0)
+    yield from until(lambda: browser().spaces.active.params.filename == name)
     yield
 
 
@@ -168,7 +168,7 @@ def check_pages():
     yield
     yield
     press("A", first_row())
-    yield from until(lambda: "5 files; numbered pages are one stack" in drawn["import_volume"], seconds=10.0)
+    yield from until(lambda: "5 files; numbered pages are one stack" in drawn["import_volume"])
     yield from photograph("import pages")
     assert "use_sequence" not in drawn["import_volume"]
     press("RET", first_row())
