@@ -18,6 +18,7 @@ from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..warp.warp import warp_steps
 from .choose_source import Settled, choose_source, settled
+from .mapped_files import whole_steps
 from .memory_estimate import picture_bytes, refuse_too_large
 from .preset_plan import with_plan
 from .report import report_of
@@ -63,7 +64,8 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
     as it was before.
     """
-    rendering, kernels = yield from told_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), quality)
+    steps = whole_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), scene)
+    rendering, kernels = yield from told_steps(steps, quality)
     return replace(rendering, report={**rendering.report, "kernels": kernels})
 
 
