@@ -13,6 +13,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import compositor, freshness, images, messages, pictures, preferences
+from .file_names import is_reserved
 from .source_paths import kept_path
 
 FOLDER = "_rle_splat"  # the folder's name is that of the .blend with this suffix
@@ -77,6 +78,7 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
 def _file_name(name: str, taken: set[str]) -> str:
     """An unused file name for a picture, on file systems that ignore case too."""
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
+    plain = f"picture {plain}" if is_reserved(plain) else plain
     found, number = f"{plain}.exr", 1
     while found.lower() in taken:
         number += 1

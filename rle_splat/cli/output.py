@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os.path import exists
 from pathlib import Path
 
 from ..runtime.whole_files import part_of, writing
@@ -36,7 +37,7 @@ def check_outputs(paths, inputs=()) -> None:
         if resolved in seen:
             raise RleSplatError(f"{path} is named twice as an output; give each output its own name.")
         seen.add(resolved)
-        if any(Path(source).resolve() == resolved for source in inputs if source is not None):
+        if path.exists() and any(path.samefile(source) for source in inputs if source is not None and exists(source)):
             raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
         trial = part_of(path)
         with writing(path):

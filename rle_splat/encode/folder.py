@@ -88,7 +88,8 @@ class Slab:
 class FolderWriter:
     """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
 
-    A job that the user stops leaves the slabs that are done, as one that was killed does.
+    A job that the user stops leaves the slabs that are done, as one that was killed does, and as one does whose folder
+    another program holds.
 
     Parameters
     ----------
@@ -103,6 +104,7 @@ class FolderWriter:
         self.folder = unfinished(self.path)
         self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
         self.slabs: list[Slab] = []
+        self._is_held_up = False  # whether all is done but for the folder that is replaced
 
     def __enter__(self) -> FolderWriter:
         with writing(self.path):
@@ -112,7 +114,8 @@ class FolderWriter:
         return self
 
     def __exit__(self, kind, _problem, _traceback):
-        if kind is not None and not (issubclass(kind, STOPS) and can_go_on(self.path) and self.slabs):
+        goes_on = self._is_held_up or (kind is not None and issubclass(kind, STOPS))
+        if kind is not None and not (goes_on and can_go_on(self.path) and self.slabs):
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _begin(self) -> None:
@@ -173,7 +176,10 @@ class FolderWriter:
 
         ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
         """
+        before = self.path.with_name(f".{self.path.name}.replaced")
         with writing(self.path):
+            shutil.rmtree(before, ignore_errors=True)
+            self._check_is_replaceable(before)
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]
@@ -185,13 +191,26 @@ class FolderWriter:
                 with open(file, "rb+") as stream:
                     os.fsync(stream.fileno())
                 size += file.stat().st_size
-            before = self.path.with_name(f".{self.path.name}.replaced")
-            shutil.rmtree(before, ignore_errors=True)
             if self.path.exists():
                 os.replace(self.path, before)
             os.replace(self.folder, self.path)
             shutil.rmtree(before, ignore_errors=True)
         return size
+
+    def _check_is_replaceable(self, aside: Path) -> None:
+        """RleSplatError that leaves the slabs, if the folder that is there cannot be renamed: Windows holds mapped
+        files."""
+        if not self.path.exists():
+            return
+        try:
+            os.replace(self.path, aside)
+        except PermissionError:
+            self._is_held_up = True
+            raise RleSplatError(
+                f"Cannot replace {self.path}, because a program shows it; close it there, and run this again, which "
+                "goes on where it ended."
+            ) from None
+        os.replace(aside, self.path)
 
     def _join(self, name: str) -> None:
         parts = sorted(self.folder.glob(f"{name}.*"))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..scene import RleSplatError
 
+PAUSES = 0.1, 0.4  # seconds before a file that another program holds is renamed again
 PART = ".part-"  # between the process id and the name of a file that is not complete
 
 
@@ -47,10 +49,20 @@ def whole_files(paths):
     try:
         yield parts
         for part, target in zip(parts, targets):
-            os.replace(part, target)
+            _replace(part, target)
     finally:
         for part in parts:
             part.unlink(missing_ok=True)
+
+
+def _replace(part: Path, target: Path) -> None:
+    """Rename a file; tried again where Windows refuses, because a virus scanner looks at a new file for a moment."""
+    for pause in PAUSES:
+        try:
+            return os.replace(part, target)
+        except PermissionError:
+            time.sleep(pause)
+    return os.replace(part, target)
 
 
 @contextmanager

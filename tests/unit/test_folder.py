@@ -1,6 +1,7 @@
 """Folders of tables: the same pictures as in memory, jobs that were killed go on, and damage is told."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -227,6 +228,27 @@ def test_a_failed_job_leaves_nothing(tmp_path, few_planes, monkeypatch):
     steps.close()
     assert sorted(file.name for file in tmp_path.rglob("*")) == before
     assert load(tmp_path / "a.rle").record == 16
+
+
+def test_a_folder_that_a_program_shows_is_replaced_when_it_is_closed(tmp_path, few_planes, monkeypatch):
+    """Windows refuses to rename a folder with a mapped file; the slabs wait for the same job."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    path, os_replace = tmp_path / "a.rle", os.replace
+    encoded(path, scene, quality)
+
+    def refuse(source, target):
+        if source == path:
+            raise PermissionError(13, "Access is denied")
+        os_replace(source, target)
+
+    other = replace(quality, record=8)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        with pytest.raises(RleSplatError, match=r"a program shows it; close it there, and run this again"):
+            encoded(path, scene, other)
+    assert load(path).record == 16
+    assert encoded(path, scene, other)["folder"]["resumed_at_plane"] == scene.volume.shape_xyz[2]
+    assert load(path).record == 8 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 
 
 def test_what_a_folder_cannot_hold(tmp_path):
