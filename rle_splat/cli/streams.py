@@ -53,5 +53,5 @@ def settle_streams() -> None:
             continue
         raw = io.BufferedWriter(_Lasting(descriptor))
         encoding = "utf-8" if stream is None else stream.encoding
-        lines = name == "stderr"
+        lines = name == "stderr" or (stream is not None and stream.write_through)  # python -u
         setattr(sys, name, io.TextIOWrapper(raw, encoding, errors="backslashreplace", line_buffering=lines))

@@ -16,9 +16,9 @@ from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
 from ..runtime.steps import Clock, Progress, drain, forward, mapped, portion, timed, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
+from ..volume.mapped_files import whole_steps
 from ..warp.warp import warp_steps
 from .choose_source import Settled, choose_source, settled
-from .mapped_files import whole_steps
 from .memory_estimate import picture_bytes, refuse_too_large
 from .preset_plan import with_plan
 from .report import report_of

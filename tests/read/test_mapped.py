@@ -10,6 +10,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.main import main
+from rle_splat.pipeline.previews import progressive_steps
 from rle_splat.pipeline.render import render_steps
 from rle_splat.read import streaming
 from rle_splat.read.formats import read_volume
@@ -93,7 +94,8 @@ def test_a_small_file_is_copied(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("which", ["volume", "labels"])
-def test_a_mapped_file_that_is_cut_short_while_it_is_shown(tmp_path, all_large, which):
+@pytest.mark.parametrize("picture_steps", [render_steps, progressive_steps])
+def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, picture_steps, which):
     """A read beyond its end would end the program."""
     np.arange(64**3, dtype=np.int32).astype(np.int16).tofile(tmp_path / "a.raw")
     in_file = read_volume(tmp_path / "a.raw", shape=(64, 64, 64), dtype="int16")
@@ -104,7 +106,7 @@ def test_a_mapped_file_that_is_cut_short_while_it_is_shown(tmp_path, all_large, 
     camera = Camera(place, "ORTHO", ortho_scale=64.0, clip_end=200.0)
     function = TransferFunction(opacity=((0, 0.0), (1000, 0.5)), color=((0.0, 1.0, 1.0, 1.0),))
     scene = Scene(volume, function, camera, 8, 8, labels=Labels(labels))
-    steps = render_steps(scene, Quality())
+    steps = picture_steps(scene, Quality())
     next(steps)
     os.truncate(tmp_path / "a.raw", 4096)
     with pytest.raises(RleSplatError, match=r"a\.raw was cut short .* 4096 of 524288 bytes are left"):

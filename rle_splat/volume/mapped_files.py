@@ -32,7 +32,7 @@ def _whole(files):
         held = os.path.getsize(path) if path.is_file() else end
         if held < end:
             raise RleSplatError(
-                f"{path} was cut short while it was shown: {held} of {end} bytes are left; restore the file."
+                f"{path} was cut short while it was read: {held} of {end} bytes are left; restore the file."
             )
     yield
 
