@@ -23,6 +23,7 @@ from .live.surface import clip_of
 from .live.view import Matrices, view_of
 from .playback import shown_frame
 from .source_paths import check_is_no_scan
+from .translations import filled
 
 EXR = ".exr"
 NO_VIEWPORT = "There is no 3D viewport to take the view from; choose the scene's camera."
@@ -96,11 +97,21 @@ def figure_of(panels: tuple[Panel, ...], style: FigureStyle) -> Figure:
         tuple(replace(one, scene=replace(one.scene, width=width, height=height)) for one in panels), style)
 
 
-def check_files(path: str) -> None:
-    """Refuse a path that no figure can be written to."""
+def is_free(path: str) -> bool:
+    """Whether neither a figure nor its sidecar is there."""
+    return not os.path.exists(path) and not sidecar_path(path).exists()
+
+
+def check_files(path: str, was_typed: bool) -> None:
+    """Refuse a path that no figure can be written to.
+
+    ``was_typed``: whether a user chose the path in a dialog, which shows that a figure is there but not its sidecar.
+    """
     checked_suffix(path, (EXR,))
     check_is_no_scan(path)
     check_outputs([path, sidecar_path(path)])
+    if was_typed and not os.path.exists(path) and not is_free(path):
+        raise RleSplatError(filled("{path} belongs to another figure; give another name.", path=sidecar_path(path)))
 
 
 def sources_of(volume_object, depsgraph, path: str) -> Sources:

@@ -271,7 +271,8 @@ def _delete_unused(newest: Path) -> None:
             made[path] = path.stat().st_mtime
     for path in sorted(made.keys() - shown, key=made.get)[:-KEPT]:
         if made[path] < time.time() - RECENT:
-            path.unlink(missing_ok=True)
+            with suppress(PermissionError):  # another Blender on Windows shows it
+                path.unlink(missing_ok=True)
 
 
 @persistent

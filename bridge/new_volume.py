@@ -5,7 +5,7 @@ import os
 import bpy
 
 from ..rle_splat.read.formats import format_of
-from . import box, linked, source_options, source_paths, volumes
+from . import box, linked, source_options, volumes
 from .facts import write_facts
 from .playback import FIXED, HOLD
 from .reading import Found
@@ -77,7 +77,7 @@ def fill_volume(scene, owner, found: Found) -> None:
     """
     properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
-    source_paths.write_path(owner, "filepath", os.path.abspath(found.path), bpy.data.filepath)
+    owner.rle_splat.filepath = os.path.abspath(found.path)
     properties.data_key = volumes.hash_of(volume)
     properties.series_key = volume.series if volume.holds_values else ""
     properties.frame_count, properties.data_frame = found.frames, found.frame

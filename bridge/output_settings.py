@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+from itertools import count
+
+import bpy
 
 from ..rle_splat.scene import RleSplatError
 from . import versions
 from .camera import image_size
 from .held import Held
+from .source_paths import check_is_no_scan
+from .translations import filled
 
 MOVIE, PNG, EXR = "MP4", "PNG", "EXR"
 EXTENSIONS = {MOVIE: ".mp4", PNG: ".png", EXR: ".exr"}
@@ -85,6 +90,49 @@ def look_through(scene, camera, frames: range) -> None:
         marker.camera = None
 
 
+def free_path(name: str, suffix: str, is_free) -> str:
+    """A path for a new file beside the .blend, numbered if there is one; the name alone before the first save."""
+    if not bpy.data.filepath:
+        return name + suffix
+    folder = os.path.dirname(bpy.data.filepath)
+    paths = (os.path.join(folder, f"{name}{f' {n}' if n > 1 else ''}{suffix}") for n in count(1))
+    return next(filter(is_free, paths))
+
+
+def final_path(output: str, path: str) -> str:
+    """The path that Blender is given for an animation: with ``####`` for the frame's number, unless it is a movie."""
+    stem, extension = os.path.splitext(path)
+    if extension.lower() not in EXTENSIONS.values():
+        stem = path
+    if output == MOVIE:
+        return stem.removesuffix(DIGITS) + EXTENSIONS[output]
+    return stem + ("" if "#" in os.path.basename(stem) else DIGITS) + EXTENSIONS[output]
+
+
+def check_frames(scene, frames, were_typed: bool) -> None:
+    """Refuse to write an animation over files that nobody meant.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        A scene whose animation ``write_to`` has directed to files.
+    frames : iterable of int
+    were_typed : bool
+        Whether a user typed the name in a dialog, which shows no names of numbered pictures.
+
+    Raises
+    ------
+    RleSplatError
+        If a file is one that a volume is read from, or a picture is there already.
+    """
+    is_movie = scene.render.is_movie_format
+    for path in [scene.render.filepath] if is_movie else [scene.render.frame_path(frame=frame) for frame in frames]:
+        check_is_no_scan(path)
+        if were_typed and not is_movie and os.path.exists(path):
+            raise RleSplatError(filled(
+                "{path} is there already; give another name, or delete the old pictures.", path=path))
+
+
 def write_to(scene, output: str, path: str) -> str:
     """Have an animation of a scene written to files.
 
@@ -109,16 +157,14 @@ def write_to(scene, output: str, path: str) -> str:
     """
     if not path:
         raise RleSplatError("The animation has no file name; give a file path.")
-    stem, extension = os.path.splitext(path)
-    if extension.lower() not in EXTENSIONS.values():
-        stem = path
-    if not os.path.basename(stem):
+    final = final_path(output, path)
+    if not os.path.basename(path):
         raise RleSplatError("The path of the animation names a folder; add a file name.")
     try:
-        os.makedirs(os.path.dirname(stem), exist_ok=True)
+        os.makedirs(os.path.dirname(final), exist_ok=True)
     except OSError as problem:
         raise RleSplatError(
-            f"The folder {os.path.dirname(stem)} cannot be made: {problem.strerror}; choose another one."
+            f"The folder {os.path.dirname(final)} cannot be made: {problem.strerror}; choose another one."
         ) from None
     if output == MOVIE:
         _check_size(scene.render)
@@ -127,8 +173,8 @@ def write_to(scene, output: str, path: str) -> str:
         versions.use_pictures(scene.render, {PNG: "PNG", EXR: "OPEN_EXR"}[output])
     render = scene.render
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
-    render.filepath = stem + ("" if output == MOVIE or "#" in os.path.basename(stem) else DIGITS) + EXTENSIONS[output]
-    return render.filepath
+    render.filepath = final
+    return final
 
 
 def _check_size(render) -> None:

@@ -16,6 +16,7 @@ from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.runtime.steps import Progress, portion
 from ..rle_splat.runtime.whole_files import whole_files
 from ..rle_splat.scene import RleSplatError
+from .file_names import is_reserved
 
 PLACE = "presets/rle_splat"
 SUFFIX = ".json"
@@ -96,13 +97,16 @@ def checked_name(name: str) -> str:
         raise RleSplatError(f"The name of a preset may have {LONGEST} letters, not {len(name)}; shorten it.")
     if name.startswith(".") or name.endswith(".") or any(c in REFUSED or not c.isprintable() for c in name):
         raise RleSplatError(f"The name of a preset may not have any of {' '.join(REFUSED)} or a period at an end.")
+    if is_reserved(name):
+        raise RleSplatError(f"No preset can be called {name}, because Windows has a device of this name; add a word.")
     return name
 
 
 def usable_name(name: str) -> str:
     """A name that ``checked_name`` lets through, from one of another program."""
     kept = "".join("-" if c in REFUSED or not c.isprintable() else c for c in name).strip(". ")
-    return kept[:LONGEST].strip(". ") or "Preset"
+    kept = kept[:LONGEST].strip(". ") or "Preset"
+    return f"Preset {kept}" if is_reserved(kept) else kept
 
 
 def is_known(name: str) -> bool:

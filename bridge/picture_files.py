@@ -1,6 +1,7 @@
 """Saves our pictures with the .blend, as EXR files in a folder beside it or packed into it.
 
-Before that, pictures are only in memory, so that making one adds nothing to Blender's undo memory.
+Before that, pictures are only in memory, so that making one adds nothing to Blender's undo memory.  Their paths are
+relative only while a .blend is written, as those of volumes (see source_paths.py).
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import compositor, freshness, images, messages, pictures, preferences
+from .file_names import is_reserved
+from .source_paths import kept_path
 
 FOLDER = "_rle_splat"  # the folder's name is that of the .blend with this suffix
 
@@ -21,14 +24,30 @@ def _before_save(blend_file, *_):
     pictures.settle_copies()
     taken: set[str] = set()
     composited = {image for scene in bpy.data.scenes for image in compositor.images_of(scene)}  # see over_render.py
-    made = [one for one in bpy.data.images if images.MARK in one and one.library is None and one not in composited]
+    made = [one for one in _own_images() if one not in composited]
     # Reading the size loads an image.  That must happen before the file that a user's copy shows is overwritten.
     for image in [one for one in made if one.size[0] > 0]:
         freshness.store(image)
         _keep(image, blend_file, taken)
+    if blend_file and bpy.data.filepath:  # Blender adapts relative paths to the file that it writes
+        for image in [one for one in made if one.filepath_raw]:
+            image.filepath_raw = kept_path(image.filepath_raw, bpy.data.filepath)
 
 
-HANDLERS = (("save_pre", _before_save),)
+@persistent
+def _make_absolute(*_):
+    for image in [one for one in _own_images() if one.filepath_raw]:
+        image.filepath_raw = os.path.normpath(bpy.path.abspath(image.filepath_raw))
+
+
+HANDLERS = (
+    ("save_pre", _before_save), ("save_post", _make_absolute), ("save_post_fail", _make_absolute),
+    ("load_post", _make_absolute),
+)  # fmt: skip
+
+
+def _own_images() -> list:
+    return [one for one in bpy.data.images if images.MARK in one and one.library is None]
 
 
 def _keep(image, blend_file: str, taken: set[str]) -> None:
@@ -53,23 +72,19 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
                         scene.rle_splat, f"{image.name!r} could not be written to the folder beside the .blend "
                         f"({_reason(problem)}), so it was packed into the .blend.")
             return
-    if bpy.data.filepath:  # Blender adapts relative paths to the file that it writes
-        image.filepath_raw = bpy.path.relpath(path) if _same_drive(path, bpy.data.filepath) else path
+    image.filepath_raw = path
 
 
 def _file_name(name: str, taken: set[str]) -> str:
     """An unused file name for a picture, on file systems that ignore case too."""
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
+    plain = f"picture {plain}" if is_reserved(plain) else plain
     found, number = f"{plain}.exr", 1
     while found.lower() in taken:
         number += 1
         found = f"{plain} {number}.exr"
     taken.add(found.lower())
     return found
-
-
-def _same_drive(path: str, other: str) -> bool:
-    return os.path.splitdrive(path)[0].lower() == os.path.splitdrive(other)[0].lower()
 
 
 def _reason(problem: Exception) -> str:

@@ -31,6 +31,7 @@ from .playback import Playback
 from .preferences import FAILED_FRAME_ITEMS
 from .settings import scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
+from .source_paths import make_absolute
 from .transfer_nodes import is_transfer_tree
 from .translations import OURS
 
@@ -129,6 +130,15 @@ def _flip(group, on: bool) -> None:
     group.clip_keep = "OUTSIDE" if on else "INSIDE"
 
 
+def _file_chosen(group, context):
+    make_absolute(group, "filepath")
+
+
+def _labels_chosen(group, context):
+    make_absolute(group, "label_file")
+    _evaluate_anew(group, context)
+
+
 class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     """The source, facts, transfer function and shading of one volume object."""
 
@@ -136,7 +146,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"})
     filepath: StringProperty(
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"})
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)
     data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
     files_digest: StringProperty(
         name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
@@ -152,10 +162,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
-    label_file: LiveString(
+    label_file: StringProperty(
         name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
         "If a label has its own transfer function or color, edges inside the volume are softer",
-        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"})
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(

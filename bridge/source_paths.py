@@ -1,11 +1,12 @@
-"""Paths of volume files: stored relative to the .blend if possible, and resolved to absolute paths.
+"""Paths of volume files: absolute in memory, relative in a saved .blend if possible.
 
-A relative path is relative to the file that its value comes from.  For linked data and for properties that an override
-leaves unchanged that file is the library.
+Undo restores the text of a path, but not the place of the .blend that a relative path was meant for: after Save As it
+could lead to another patient's file of the same name.  So handlers make the paths of the open file absolute on loading,
+on Append and after saving, and relative only while a file is written.
 
-Blender adapts its own paths when the .blend is saved elsewhere or data move between files, but not paths in property
-groups.  Two handlers adapt them on saving and one on Append.  Make Local and Duplicate call no handler.  So the
-resolved paths of linked volumes are remembered: local copies find their files, and saving then stores the path.
+A relative path in memory is relative to the file that its value comes from: the library, for linked data and for
+properties that an override leaves unchanged.  Make Local and Duplicate call no handler.  So the resolved paths of
+linked volumes are remembered: local copies find their files.
 """
 
 import os
@@ -20,7 +21,6 @@ from . import linked
 PATHS = ("filepath", "label_file")  # properties of a volume
 
 _leads_to: dict = {}  # (property, relative path, hash of the voxels) from a library -> absolute path
-_written_here: set = set()  # (session id, property, path) of paths that are relative to the open file
 _while_saving: dict = {}  # session id -> absolute paths by property, during a save
 
 
@@ -62,10 +62,13 @@ def resolved_path(owner, name: str = "filepath") -> str:
     str
         Absolute path.
     """
+    paths = _while_saving.get(owner.session_uid, {})
+    if name in paths:
+        return paths[name]
     path = getattr(owner.rle_splat, name)
     key = (name, path, owner.rle_splat.data_key)
     library = linked.library_of(owner, name)
-    if library is None and (owner.session_uid, name, path) not in _written_here:
+    if library is None:
         path = _leads_to.get(key, path)
     found = os.path.normpath(bpy.path.abspath(path, library=library))
     if library is not None and path.startswith("//"):
@@ -103,26 +106,19 @@ def _files_of(owner) -> list:
     return found if numbered is None else [*found, *numbered.files.values()]
 
 
-def write_path(owner, name: str, path: str, blend_file: str) -> None:
-    """Set a path property of a local or overridden volume.
+def make_absolute(properties, name: str) -> None:
+    """Make a path that a user has typed or chosen absolute.
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
+    properties : VolumeProperties
+        The properties of a volume.
     name : str
         One of PATHS.
-    path : str
-        Absolute path.
-    blend_file : str
-        The .blend that the stored path is relative to.
     """
-    kept = kept_path(path, blend_file)
-    if owner.override_library is not None and kept.startswith("//"):
-        kept = "//./" + kept[2:]  # must differ from the library's text, or Blender drops the override
-    if kept != getattr(owner.rle_splat, name):
-        setattr(owner.rle_splat, name, kept)
-    _written_here.add((owner.session_uid, name, kept))
+    path, owner = getattr(properties, name), properties.id_data
+    if path.startswith("//") and owner.library is None and owner.session_uid not in _while_saving:
+        setattr(properties, name, os.path.normpath(bpy.path.abspath(path)))
 
 
 def _volumes() -> list:
@@ -135,11 +131,12 @@ def _own_paths(owner) -> list[str]:
 
 
 def _remember(owner) -> None:
-    """Remember which paths of a volume are relative to the open file, and the absolute paths of the others."""
+    """Make the paths of a volume that come from the open file absolute, and remember where the others lead."""
     own = _own_paths(owner)
-    _written_here.update((owner.session_uid, name, getattr(owner.rle_splat, name)) for name in own)
-    for name in set(PATHS) - set(own):
-        resolved_path(owner, name)
+    for name in PATHS:
+        path = resolved_path(owner, name)
+        if name in own:
+            setattr(owner.rle_splat, name, path)
 
 
 @persistent
@@ -149,32 +146,35 @@ def before_save(blend_file, *_):
         return
     for owner in _volumes():
         if owner.library is None:
-            paths = _while_saving[owner.session_uid] = {n: resolved_path(owner, n) for n in _own_paths(owner)}
+            paths = {name: resolved_path(owner, name) for name in _own_paths(owner)}
+            _while_saving[owner.session_uid] = paths
             for name, path in paths.items():
-                write_path(owner, name, path, blend_file)
+                kept = kept_path(path, blend_file)
+                if owner.override_library is not None and kept.startswith("//"):
+                    kept = "//./" + kept[2:]  # must differ from the library's text, or Blender drops the override
+                setattr(owner.rle_splat, name, kept)
 
 
 @persistent
 def after_save(*_):
-    """Handler: make the paths relative to the open file again, which Save Copy does not change."""
+    """Handler: make the paths absolute again."""
     for owner in _volumes():
         for name, path in _while_saving.get(owner.session_uid, {}).items():
-            write_path(owner, name, path, bpy.data.filepath)
+            setattr(owner.rle_splat, name, path)
     _while_saving.clear()
 
 
 @persistent
 def after_load(*_):
-    """Handler: forget the paths of the previous file and remember those of the opened one."""
+    """Handler: forget the paths of the previous file, and make those of the opened one absolute."""
     _leads_to.clear()
-    _written_here.clear()
     for owner in _volumes():
         _remember(owner)
 
 
 @persistent
 def after_import(imported, *_):
-    """Handler: adapt the paths of appended volumes to the open file, and remember those of linked volumes."""
+    """Handler: make the paths of appended volumes absolute, and remember those of linked volumes."""
     for item in imported.import_items:
         owner = item.id
         if item.id_type != "OBJECT" or owner is None or not owner.rle_splat.is_volume:
@@ -184,7 +184,7 @@ def after_import(imported, *_):
         elif item.append_action in ("MAKE_LOCAL", "COPY_LOCAL"):
             for name in _own_paths(owner):
                 path = bpy.path.abspath(getattr(owner.rle_splat, name), library=item.source_library)
-                write_path(owner, name, os.path.normpath(path), bpy.data.filepath)
+                setattr(owner.rle_splat, name, os.path.normpath(path))
 
 
 HANDLERS = (

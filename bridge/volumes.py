@@ -20,6 +20,7 @@ from . import encoded, file_state
 from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
+from .translations import filled
 
 READING = 0.9  # share of the time until a file is read; the rest is for measuring its values
 
@@ -231,9 +232,26 @@ def load_volume(owner, warn=None, depsgraph=None):
             warn(f"The files of {owner.name!r} have changed since the import; if frame {frame} looks wrong, import "
                  "them again.")
     elif hash_of(volume) != properties.data_key:
-        warn(f"The voxels of {owner.name!r} are not those that were imported, because {resolved_path(owner)} has "
-             "changed; import it again, or press Relocate to choose the original file.")
+        warn(_changed(owner))
     return volume
+
+
+def _changed(owner) -> str:
+    return filled(
+        "The voxels of {volume} are not those that were imported, because {path} has changed; import it again, or "
+        "press Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))
+
+
+def changes(scene) -> list[str]:
+    """A sentence for each volume of a scene in memory whose voxels are not those that were imported; reads no file."""
+    found = []
+    for owner in volume_objects(scene):
+        properties = owner.rle_splat
+        if properties.data_key and shown_frame(owner) == properties.data_frame:
+            volume = at_hand(owner)
+            if volume is not None and hash_of(volume) != properties.data_key:
+                found.append(_changed(owner))
+    return found
 
 
 def at_hand(owner, depsgraph=None, ahead: int = 0):

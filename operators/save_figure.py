@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 from ..bridge import figure, render_scene, volumes
 from ..bridge.decimals import typed
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.output_settings import free_path
 from ..bridge.settings import quality_of, tolerance_of
 from ..rle_splat.figure.make import figure_steps
 from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
@@ -15,7 +16,7 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import has_values
 from .through_camera import evaluated
 
-DEFAULT_NAME = "figure.svg"
+DEFAULT_NAME = "figure", ".svg"
 
 
 class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
@@ -28,6 +29,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     filepath: StringProperty(
         name="File", description="The figure, which ends in .svg, .png or .exr", subtype="FILE_PATH",
         options={"SKIP_SAVE"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})  # the file browser marks the name of a file in red
     filter_glob: StringProperty(default="*.svg;*.png;*.exr", options={"HIDDEN"})
     view: EnumProperty(
         name="View", description="From where the volume is seen",
@@ -72,7 +74,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     def invoke(self, context, _event):
         self.is_confirmed = True
         if not self.filepath:
-            self.filepath = DEFAULT_NAME
+            self.filepath = free_path(*DEFAULT_NAME, figure.is_free)
         if context.scene.camera is None:
             self.view = "VIEWPORT"
         context.window_manager.fileselect_add(self)
@@ -102,7 +104,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         if not self.filepath:
             raise RleSplatError("The figure has no file; give a path that ends in .svg, .png or .exr.")
         self._path = figure.absolute(self.filepath)
-        figure.check_files(self._path)
+        figure.check_files(self._path, self.was_in_window)
         owner = volumes.volume_object(context)
         depsgraph = evaluated(context, owner)
         plain = self._read_scene(context, owner, depsgraph)

@@ -4,6 +4,8 @@ Blender renders it as any animation, so that meshes, lights and the compositor a
 its progress, and Esc ends it.  The scene's output settings are changed for the time of the render and then put back.
 """
 
+import os
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
@@ -12,7 +14,18 @@ from ..bridge import camera_path, volumes
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.messages import sentence_of
-from ..bridge.output_settings import EXR, EXTENSIONS, MOVIE, PNG, KeptOutput, look_through, write_to
+from ..bridge.output_settings import (
+    EXR,
+    EXTENSIONS,
+    MOVIE,
+    PNG,
+    KeptOutput,
+    check_frames,
+    final_path,
+    free_path,
+    look_through,
+    write_to,
+)
 from ..bridge.translations import filled
 from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
@@ -36,7 +49,6 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would render again
 
     filename_ext = EXTENSIONS[MOVIE]
-    check_extension = None  # the kind of output gives the extension
     filepath: StringProperty(name="File Path", subtype="FILE_PATH", options={"SKIP_SAVE"})
     path: EnumProperty(
         name="Path", description="How the camera moves",
@@ -88,16 +100,26 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     def invoke(self, context, event):
         self._is_confirmed = True
         if not self.filepath:
-            self.filepath = f"{volumes.volume_object(context).name} Turntable"
+            name = bpy.path.clean_name(f"{volumes.volume_object(context).name} Turntable", replace=" ")
+            self.filepath = free_path(name, EXTENSIONS[MOVIE], lambda path: not os.path.exists(path))
         return ExportHelper.invoke(self, context, event)
 
+    def check(self, _context):
+        """Complete the name, so that the file browser marks it in red if it is that of a movie."""
+        before = self.filepath
+        if os.path.basename(before):
+            self.filepath = final_path(self.output, before)
+        return self.filepath != before
+
     def execute(self, context):
-        in_window = getattr(self, "_is_confirmed", False) and context.window is not None and not bpy.app.background
+        was_typed = getattr(self, "_is_confirmed", False)
+        in_window = was_typed and context.window is not None and not bpy.app.background
         scene, renders = context.scene, self.render or self.path == OWN
         self._kept, self._scene = KeptOutput(scene), Held(scene)
         try:
             if renders:  # before anything is made
                 self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
+                check_frames(scene, self._frames(scene), was_typed)
             camera, frames = self._path(context)
             self._kept.adopt_camera(camera, always=not renders)
             if not renders:
@@ -122,13 +144,17 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         if self.path == OWN:
             if scene.camera is None:
                 raise RleSplatError("The scene has no active camera; add one and animate it, or choose Turn.")
-            return scene.camera, range(scene.frame_start, scene.frame_end + 1)
-        frames = range(scene.frame_start, scene.frame_start + self.frames)
+            return scene.camera, self._frames(scene)
+        frames = self._frames(scene)
         camera, pivot = camera_path.turning_camera(
             context, owner, is_perspective=self.perspective, elevation=self.elevation)
         camera_path.keyframe_turn(pivot, self.azimuth, self.angle, frames)
         context.view_layer.update()
         return camera, frames
+
+    def _frames(self, scene) -> range:
+        last = scene.frame_end if self.path == OWN else scene.frame_start + self.frames - 1
+        return range(scene.frame_start, last + 1)
 
     def _include(self, context) -> None:
         """Have renders include the scene's volumes, if they include none."""

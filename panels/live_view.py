@@ -39,6 +39,8 @@ def draw_state(context, layout) -> None:
         if not draw_outdated(context, layout):
             layout.label(text="Not shown in this viewport", icon="HIDE_ON")
         return
+    for sentence in volumes.changes(context.scene):
+        paragraph(context, layout, sentence, icon="ERROR")
     problem, remark = live.problem_of(area), live.remark_of(area)
     if remark:
         paragraph(context, layout, remark, icon="INFO")

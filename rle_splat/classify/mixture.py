@@ -307,7 +307,8 @@ class Mixture:
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             row_start = voxels.row_start[first * ny : last * ny + 1]
             begin, end = row_start[[0, -1]]
-            indices = np.repeat(np.arange(first * ny, last * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
+            indices = np.repeat(np.arange(first * ny, last * ny, dtype=np.int64) * nx, np.diff(row_start))
+            indices += voxels.column[begin:end]
             mixed = np.zeros((end - begin, PROPERTIES))
             for part, table in zip(self._parts, tables):
                 if table is None:

@@ -33,6 +33,7 @@ def run(args) -> None:
     start = perf_counter()
     with ProgressLine(args.progress) as line:
         volume = line.follow(read_steps(args.volume, **volume_options(args)))
+        check_outputs([args.output], inputs=volume.data_files)
         options = line.follow(write_steps(volume, args.output))
     lost = target.lost(volume)
     report = {

@@ -153,11 +153,16 @@ def _made(args, line):
     made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
     remarks = (*reasons, *further.remarks, *made.remarks, *quality_remarks(args, quality))
     sources = Sources(
-        DataSource(str(args.volume), {**level_options(volume), **volume_options(args)}),
-        None if args.labels is None else DataSource(str(args.labels)),
-        tuple(map(DataSource, map(str, args.channel), further.channel_options)),
+        DataSource(_kept(args.volume), {**level_options(volume), **volume_options(args)}),
+        None if args.labels is None else DataSource(_kept(args.labels)),
+        tuple(map(DataSource, map(_kept, args.channel), further.channel_options)),
     )
     return made, remarks, sidecar_of(made, sources)
+
+
+def _kept(path) -> str:
+    """A path as sidecars keep it, which every system finds."""
+    return Path(path).as_posix()
 
 
 def _rendered(figure: Figure, qualities, line):

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import errno
 import gc
-import os
 import re
 import signal
 import sys
 from decimal import Decimal
 from importlib import import_module
 from importlib.util import find_spec
+
+from .streams import settle_streams
 
 DONE, FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -153,10 +154,6 @@ def main(argv=None) -> int:
         return DONE
     except SystemExit as end:  # --help leaves this way
         return DONE if end.code is None else end.code
-    except BrokenPipeError:
-        # The reader of our output has ended (``| head``): exit silently, and keep Python's final flush silent too.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
     except (Exception, KeyboardInterrupt) as problem:
         if debug:
             import traceback
@@ -189,6 +186,7 @@ def run_process() -> int:
     gc.set_threshold(50_000, 20, 20)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _stop)
+    settle_streams()
     code = main()
     gc.freeze()
     return code

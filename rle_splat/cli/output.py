@@ -37,7 +37,7 @@ def check_outputs(paths, inputs=()) -> None:
         if resolved in seen:
             raise RleSplatError(f"{path} is named twice as an output; give each output its own name.")
         seen.add(resolved)
-        if any(os.path.realpath(source) == resolved for source in inputs if source is not None):
+        if path.exists() and any(path.samefile(source) for source in inputs if source and os.path.exists(source)):
             raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
         trial = part_of(path)
         with writing(path):

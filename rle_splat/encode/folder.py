@@ -89,8 +89,8 @@ class Slab:
 class FolderWriter:
     """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
 
-    A job that the user stops leaves the slabs that are done, as one that was killed does. While one writes, another
-    one for the same folder is refused.
+    A job that the user stops leaves the slabs that are done, as one that was killed does, and as one does whose folder
+    another program holds. While one writes, another one for the same folder is refused.
 
     Parameters
     ----------
@@ -110,6 +110,7 @@ class FolderWriter:
         self._job: str | None = None
         self._sizes: Counter[str] = Counter()  # bytes of each file
         self._open = ExitStack()
+        self._is_held_up = False  # whether all is done but for the folder that is replaced
 
     def __enter__(self) -> FolderWriter:
         _check_output(self.path)
@@ -121,8 +122,9 @@ class FolderWriter:
         return self
 
     def __exit__(self, kind, _problem, _traceback):
+        goes_on = self._is_held_up or (kind is not None and issubclass(kind, STOPS))
         with self._open:
-            if kind is not None and self._job and not (issubclass(kind, STOPS) and can_go_on(self.path) and self.slabs):
+            if kind is not None and self._job and not (goes_on and can_go_on(self.path) and self.slabs):
                 shutil.rmtree(self.folder, ignore_errors=True)
 
     def begin(self, job: dict) -> None:
@@ -205,7 +207,10 @@ class FolderWriter:
 
         ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
         """
+        before = self.path.with_name(f".{self.path.name}.replaced")
         with writing(self.path):
+            shutil.rmtree(before, ignore_errors=True)
+            self._check_is_replaceable(before)
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]
@@ -217,13 +222,26 @@ class FolderWriter:
                 with open(file, "rb+") as stream:
                     os.fsync(stream.fileno())
                 size += file.stat().st_size
-            before = self.path.with_name(f".{self.path.name}.replaced")
-            shutil.rmtree(before, ignore_errors=True)
             if self.path.exists():
                 os.replace(self.path, before)
             os.replace(self.folder, self.path)
             shutil.rmtree(before, ignore_errors=True)
         return size
+
+    def _check_is_replaceable(self, aside: Path) -> None:
+        """RleSplatError that leaves the slabs, if the folder that is there cannot be renamed: Windows holds mapped
+        files."""
+        if not self.path.exists():
+            return
+        try:
+            os.replace(self.path, aside)
+        except PermissionError:
+            self._is_held_up = True
+            raise RleSplatError(
+                f"Cannot replace {self.path}, because a program shows it; close it there, and run this again, which "
+                "goes on where it ended."
+            ) from None
+        os.replace(aside, self.path)
 
     def _join(self, name: str) -> None:
         parts = sorted(self.folder.glob(f"{name}.*"))

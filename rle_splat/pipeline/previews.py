@@ -24,6 +24,7 @@ from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import candidate_pyramids
+from ..volume.mapped_files import whole_steps
 from .choose_source import Settled, choose_source, settled
 from .memory_estimate import SPARE
 from .render import render_steps
@@ -123,7 +124,7 @@ def progressive_steps(
     if planes:
         made = dict(cache.made)
         job = cache.job()
-        lit = yield from _lit_steps(source, door, job, len({plane.axis for plane in planes}))
+        lit = yield from whole_steps(_lit_steps(source, door, job, len({plane.axis for plane in planes})), scene)
         job.keep()
         fresh = any(cache.made.get(stage) != made.get(stage) for stage in source.preview_stages)
         count = 0 if lit is None else len(levels)

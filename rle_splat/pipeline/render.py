@@ -16,6 +16,7 @@ from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
 from ..runtime.steps import Clock, Progress, drain, forward, mapped, portion, timed, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..splat.splat import LOADING
+from ..volume.mapped_files import whole_steps
 from ..warp.warp import warp_steps
 from .choose_source import Settled, choose_source, settled
 from .memory_estimate import picture_bytes, refuse_too_large
@@ -63,7 +64,8 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
     as it was before.
     """
-    rendering, kernels = yield from told_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), quality)
+    steps = whole_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), scene)
+    rendering, kernels = yield from told_steps(steps, quality)
     return replace(rendering, report={**rendering.report, "kernels": kernels})
 
 

@@ -176,6 +176,6 @@ def read_metaimage_steps(path, frame=None):
         voxels = yield from voxel_steps(path, shape, dtype, parts, (frame - 1) * each, each * frames // len(parts))
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), space=space, frames=frames,
-        modality=MODALITIES.get(fields.get("modality", "")),
+        modality=MODALITIES.get(fields.get("modality", "")), data_files=tuple(part.path for part in parts),
         remarks=remarks + frame_remark(frame, frames, "time" if channels == 1 else "channel"),
     )  # fmt: skip

@@ -249,7 +249,7 @@ def read_nrrd_steps(path, frame=None):
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), remarks=remarks, space=space, frames=frames,
         frame_axis=axes.differ_in, named_labels=labels, value_unit=own.get("value_unit"),
-        modality=own.get("modality"), **meaning,
+        modality=own.get("modality"), data_files=tuple(part.path for part in parts), **meaning,
     )  # fmt: skip
 
 

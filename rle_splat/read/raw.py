@@ -27,7 +27,6 @@ from .streaming import (
     allocated,
     bytes_held,
     grid_text,
-    mapped,
     opened,
     plain_name,
     storable_steps,
@@ -85,8 +84,8 @@ def read_raw_steps(
     Returns
     -------
     Volume
-        Its affine is the spacing alone: the center of voxel (0, 0, 0) is at the origin. An unpacked file in this
-        machine's byte order is memory-mapped read-only; other files are copied.
+        Its affine is the spacing alone: the center of voxel (0, 0, 0) is at the origin. A large unpacked file
+        in this machine's byte order is memory-mapped read-only; other files are copied.
 
     Raises
     ------
@@ -116,9 +115,6 @@ def _plain_steps(path, layout: RawLayout, doing: str):
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
         raise _wrong_size(path, layout, actual)
-    in_file = mapped(path, layout.shape, layout.file_dtype, layout.header_bytes)
-    if in_file is not None:
-        return in_file
     return (yield from voxel_steps(path, layout.shape, layout.file_dtype, [Part(path, layout.header_bytes)]))
 
 

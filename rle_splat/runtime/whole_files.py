@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..scene import RleSplatError
 
+PAUSES = 0.1, 0.4  # seconds before a file that another program holds is renamed again
 PART = ".part-"  # between the process id and the name of a file that is not complete
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, None)  # None: of packages that do not say what was wrong
 NOT_ALL = "not all of it could be written"
@@ -55,7 +57,7 @@ def whole_files(paths):
     try:
         yield parts
         for part, target in zip(parts, targets):
-            os.replace(part, target)
+            _replace(part, target)
     except OSError as problem:
         of_parts = {str(part): str(target) for part, target in zip(parts, targets)}
         written = [target for part, target in of_parts.items() if os.path.exists(part)]
@@ -69,6 +71,16 @@ def whole_files(paths):
     finally:
         for part in parts:
             part.unlink(missing_ok=True)
+
+
+def _replace(part: Path, target: Path) -> None:
+    """Rename a file; tried again where Windows refuses, because a virus scanner looks at a new file for a moment."""
+    for pause in PAUSES:
+        try:
+            return os.replace(part, target)
+        except PermissionError:
+            time.sleep(pause)
+    return os.replace(part, target)
 
 
 @contextmanager

@@ -75,6 +75,8 @@ class Volume:
         other volumes.
     levels : tuple of (nx, ny, nz)
         Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
+    data_files : tuple of Path
+        The files of the voxels beside a header that names them; empty for other volumes.
 
     Raises
     ------
@@ -98,6 +100,7 @@ class Volume:
     named_labels: tuple = ()
     series: str = ""
     levels: tuple = ()
+    data_files: tuple = ()
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
     refinement: ClassVar[int] = 1  # voxels per voxel of the scan, along each side

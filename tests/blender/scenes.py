@@ -1,6 +1,7 @@
 """Small scenes for the tests: a volume of a few voxels, a camera, meshes, and what a render of them holds."""
 
 import json
+import shutil
 
 import bpy
 import numpy as np
@@ -245,6 +246,15 @@ def update():
 
 def to_frame(frame):
     bpy.context.scene.frame_set(frame)
+
+
+def stored(blend, kind, name):
+    """A datablock as it was written: one of ``bpy.data.<kind>``, linked from a copy beside the .blend."""
+    copy = blend.with_name(f"copy of {blend.name}")
+    shutil.copyfile(blend, copy)
+    with bpy.data.libraries.load(str(copy), link=True) as (_, wanted):
+        setattr(wanted, kind, [name])
+    return getattr(wanted, kind)[0]
 
 
 def save_and_reload(path):

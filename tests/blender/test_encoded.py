@@ -112,7 +112,7 @@ def test_it_is_pinned_composited_and_survives_a_reload(scan, encode, kind, tmp_p
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     scenes.save_and_reload(tmp_path / "scene.blend")
     owner = bpy.data.objects[name]
-    assert owner.rle_splat.filepath.startswith("//")
+    assert scenes.stored(tmp_path / "scene.blend", "objects", name).rle_splat.filepath.startswith("//")
     rendered = scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.message == ""
     np.testing.assert_allclose(rendered, first, atol=1e-5)
@@ -239,6 +239,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets nobody change a mapped file")
 @pytest.mark.parametrize("how", BROKEN)
 def test_a_folder_that_breaks_while_it_is_shown(encode, refused, bridge, how):
     path = encode("pre")

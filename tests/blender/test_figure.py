@@ -66,6 +66,19 @@ def test_pictures_and_linear_files(ball, core, tmp_path):
     bpy.data.images.remove(image)
 
 
+def test_a_dialog_writes_over_no_sidecar_of_another_figure(ball, bridge, core, tmp_path):
+    """The file browser marks the name of a figure that is there, and knows nothing of sidecars."""
+    figure = bridge("figure")
+    save(tmp_path / "fig.svg")
+    figure.check_files(str(tmp_path / "fig.svg"), was_typed=True)
+    figure.check_files(str(tmp_path / "fig.png"), was_typed=False)
+    with pytest.raises(core("scene").RleSplatError, match=r"fig\.figure\.json belongs to another figure"):
+        figure.check_files(str(tmp_path / "fig.png"), was_typed=True)
+    free = {name: figure.is_free(str(tmp_path / name)) for name in ("fig.svg", "fig.png", "fig 2.svg")}
+    assert free == {"fig.svg": False, "fig.png": False, "fig 2.svg": True}
+    assert bpy.ops.rle_splat.save_figure.get_rna_type().properties["check_existing"].default
+
+
 def test_presets_are_compared(ball, tmp_path):
     """A label in a color of its own, which is not solid, has the opacities of each panel's preset."""
     labels = tmp_path / "labels.raw"

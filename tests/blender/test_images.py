@@ -106,7 +106,15 @@ def test_pixels_are_kept_bit_for_bit_when_the_file_is_saved(bridge, tmp_path, ke
         beside = tmp_path / name / f"{name}_rle_splat" / "A_B_ picture.exr"
         assert beside.is_file() == (kept == "BESIDE")
         if kept == "BESIDE":
-            assert found.filepath.replace("\\", "/") == f"//{name}_rle_splat/A_B_ picture.exr"
+            assert found.filepath == str(beside)
+            written = scenes.stored(tmp_path / name / f"{name}.blend", "images", "A/B: picture").filepath
+            assert written.replace("\\", "/") == f"//{name}_rle_splat/A_B_ picture.exr"
+
+
+def test_pictures_get_file_names_that_every_system_can_have(bridge):
+    taken: set = set()
+    made = [bridge("picture_files")._file_name(name, taken) for name in ("A/B", "a/b", "..", "con", "NUL.front")]
+    assert made == ["A_B.exr", "a_b 2.exr", "picture.exr", "picture con.exr", "picture NUL.front.exr"]
 
 
 def test_a_folder_that_cannot_be_written_packs_and_says_so(volume, tmp_path):

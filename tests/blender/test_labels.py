@@ -129,6 +129,6 @@ def test_the_path_of_the_labels_follows_the_blend(owner, bridge, tmp_path):
     folder = tmp_path / "elsewhere"
     folder.mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
-    assert owner.rle_splat.label_file.startswith("//")
+    assert scenes.stored(folder / "a.blend", "objects", owner.name).rle_splat.label_file.startswith("//")
     bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
     np.testing.assert_array_equal(picture(), before)

@@ -262,7 +262,10 @@ def test_a_volume_of_this_file_keeps_its_path_beside_a_linked_one_of_the_same_vo
     owner = import_raw(tmp_path / "work" / "scan.raw")
     owner.name = "here"
     linked = bring(library, "link")
-    assert linked.rle_splat.filepath == owner.rle_splat.filepath == "//scan.raw"
+    save(bpy.data.filepath)
+    here = scenes.stored(tmp_path / "work" / "work.blend", "objects", "here")
+    assert linked.rle_splat.filepath == here.rle_splat.filepath == "//scan.raw"
+    bpy.data.libraries.remove(here.library)
     for _again in range(2):
         here, there = bpy.data.objects["here"], scan()
         assert bridge("volumes").resolved_path(here) == str(tmp_path / "work" / "scan.raw")
@@ -277,7 +280,8 @@ def test_an_override_of_an_override(library, bridge, tmp_path):
     owner.rle_splat.label_file = str(tmp_path / "middle" / "labels.raw")
     owner.rle_splat.window_center = 11.0
     save(tmp_path / "middle" / "middle.blend")
-    assert owner.rle_splat.label_file == "//./labels.raw"
+    written = scenes.stored(tmp_path / "middle" / "middle.blend", "objects", "scan")
+    assert written.rle_splat.label_file == "//./labels.raw"
     bpy.ops.wm.read_homefile(use_empty=True)
     save(tmp_path / "work" / "work.blend")
     bpy.ops.wm.link(directory=f"{tmp_path / 'middle' / 'middle.blend'}/Object/", filename="scan")

@@ -294,7 +294,7 @@ def test_a_file_is_saved_with_an_empty_grid_and_its_renders_fill_it(cube, grid, 
     assert beside.is_file() and beside.name == unsaved.name, "named after what it holds"
 
 
-def test_old_files_are_deleted(cube, grid, bridge, tmp_path):
+def test_old_files_are_deleted(cube, grid, bridge, tmp_path, monkeypatch):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     folder = tmp_path / "scene volume shadows"
     for step in range(7):
@@ -305,6 +305,18 @@ def test_old_files_are_deleted(cube, grid, bridge, tmp_path):
     for path in made:
         os.utime(path, ns=(0, path.stat().st_mtime_ns - 10**12))
     cube.rle_splat.opacity_scale = 0.2
+    unlink = Path.unlink
+
+    def refuse(path, missing_ok=False):
+        if path in made:  # another Blender on Windows shows it
+            raise PermissionError(13, "Access is denied")
+        unlink(path, missing_ok)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", refuse)
+        render()
+    assert bpy.context.scene.rle_splat.message == "" and len(list(folder.iterdir())) == 8
+    cube.rle_splat.opacity_scale = 0.1
     render()
     left = list(folder.iterdir())
     assert len(left) == bridge("mesh_shadows").KEPT + 2, "and what was shown and is shown"

@@ -68,6 +68,7 @@ def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
 
 @pytest.mark.parametrize("name, words", [
     ("", "needs a name"), ("   ", "needs a name"), ("a/b", "may not have any of"), ("..", "period"), ("x" * 81, "80"),
+    ("con", "Windows has a device of this name"), ("Nul.bone", "add a word"),
 ])  # fmt: skip
 def test_names_that_no_file_can_have_are_refused(volume_object, own, refused, name, words):
     refused(bpy.ops.rle_splat.save_own_preset, words, name=name)
@@ -114,6 +115,11 @@ def test_a_preset_for_another_unit_is_moved_to_the_values(volume_object, own, br
     low, high = bridge("transfer").read_transfer(volume_object).span
     owner = volume_object.rle_splat
     assert owner.value_low <= low < high <= owner.value_high, "Hounsfield units on values without a unit"
+
+
+def test_names_of_other_programs_are_made_usable(own):
+    names_of = {"Blue/Green": "Blue-Green", "...": "Preset", "AUX": "Preset AUX", "com1.red": "Preset com1.red"}
+    assert {name: own.usable_name(name) for name in names_of} == names_of
 
 
 def test_all_presets_of_a_file_become_own_presets(volume_object, own, mrml, refused, core):

@@ -1,7 +1,9 @@
 """What the panels' own buttons and settings do: volumes chosen, modes with their look, segments, cuts, scans edited."""
 
+import os
 from importlib import import_module
 from itertools import count
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -53,6 +55,18 @@ def state_line(is_on, monkeypatch, viewports=()):
         scene=bpy.context.scene, space_data=SimpleNamespace(show_object_viewport_volume=is_on))
     live_view.draw_state(context, layout_recorder.Recorder(log))
     return log
+
+
+def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, bridge, monkeypatch):
+    """As a render does; a viewport reads the file itself when it has changed."""
+    viewport = SimpleNamespace(is_busy=False, is_refined=True, problem="", halvings=0, pictures=[None])
+    assert not any("are not those" in str(value) for _, value in state_line(True, monkeypatch, [viewport]))
+    path = Path(owner.rle_splat.filepath)
+    path.write_bytes(bytes(path.stat().st_size))
+    os.utime(path, ns=(0, 0))
+    bridge("volumes").load_volume(owner)
+    told = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
+    assert "are not those" in told and "Up to date" in told
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):

@@ -6,6 +6,8 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender import scenes
+
 
 def the_volume():
     found = [o for o in bpy.data.objects if o.rle_splat.is_volume]
@@ -15,6 +17,11 @@ def the_volume():
 
 def save(path, **options):
     bpy.ops.wm.save_as_mainfile(filepath=str(path), **options)
+
+
+def written_in(blend):
+    """The path of the volume "phantom" in a saved .blend."""
+    return scenes.stored(blend, "objects", "phantom").rle_splat.filepath.replace("\\", "/")
 
 
 def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
@@ -27,7 +34,7 @@ def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
     owner = the_volume()
     assert transfer.read_transfer(owner) == before
-    assert owner.rle_splat.filepath == "//phantom.raw"
+    assert owner.rle_splat.filepath == str(phantom[0])
     warnings = []
     np.testing.assert_array_equal(volumes.load_volume(owner, warnings.append).voxels, phantom[1])
     assert not warnings
@@ -37,21 +44,48 @@ def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
 def test_paths_follow_the_blend(volume_object, phantom, bridge, tmp_path):
     volumes = bridge("volumes")
     (tmp_path / "a" / "b").mkdir(parents=True)
-    save(tmp_path / "first.blend")
-    assert volume_object.rle_splat.filepath == "//phantom.raw"
-    save(tmp_path / "a" / "b" / "copy.blend", copy=True)
-    assert volume_object.rle_splat.filepath == "//phantom.raw"  # the open file is still the first
-    save(tmp_path / "a" / "second.blend")
-    assert volume_object.rle_splat.filepath.replace("\\", "/") == "//../phantom.raw"
+    for name, options, written in (
+        ("first.blend", {}, "//phantom.raw"), ("a/b/copy.blend", {"copy": True}, "//../../phantom.raw"),
+        ("a/second.blend", {}, "//../phantom.raw"),
+    ):  # fmt: skip
+        save(tmp_path / name, **options)
+        assert written_in(tmp_path / name) == written
+        assert volume_object.rle_splat.filepath == str(phantom[0])
     for name in ("a/second.blend", "a/b/copy.blend"):
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / name))
         assert os.path.samefile(volumes.resolved_path(the_volume()), phantom[0])
 
 
-def test_import_into_a_saved_file_is_relative(phantom, tmp_path):
+def test_a_volume_imported_into_a_saved_file_is_stored_relative(phantom, tmp_path):
     save(tmp_path / "scene.blend")
     bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8")
-    assert the_volume().rle_splat.filepath == "//phantom.raw"
+    save(tmp_path / "scene.blend")
+    assert written_in(tmp_path / "scene.blend") == "//phantom.raw"
+
+
+def test_undo_across_save_as_leads_to_the_same_files(phantom, bridge, tmp_path):
+    """Beside the new .blend another patient's files have the same names and sizes."""
+    folders = [tmp_path / "first", tmp_path / "second"]
+    for folder, step in zip(folders, (1, 3)):
+        (folder / "scene_rle_splat").mkdir(parents=True)
+        for name in ("ct", "labels", "typed"):
+            (folder / f"{name}.raw").write_bytes((phantom[1] // 100 * step).tobytes())
+    bpy.ops.rle_splat.import_volume(filepath=str(folders[0] / "ct.raw"), shape=(7, 6, 5), dtype="uint8")
+    properties, name = the_volume().rle_splat, the_volume().name
+    properties.label_file = str(folders[0] / "labels.raw")
+    bpy.ops.mesh.primitive_cube_add()
+    save(folders[0] / "scene.blend")
+    bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
+    bpy.ops.ed.undo_push(message="opened")
+    bpy.data.objects[name].rle_splat.label_file = "//typed.raw"
+    bpy.ops.ed.undo_push(message="typed")
+    save(folders[1] / "scene.blend")
+    for step, labels in ((bpy.ops.ed.undo, "labels"), (bpy.ops.ed.redo, "typed")):
+        assert step() == {"FINISHED"}
+        owner, volumes = bpy.data.objects[name], bridge("volumes")
+        files = [volumes.resolved_path(owner, one) for one in ("filepath", "label_file")]
+        assert files == [str(folders[0] / "ct.raw"), str(folders[0] / f"{labels}.raw")]
+        np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1] // 100)
 
 
 def test_undo_and_redo(volume_object, bridge):

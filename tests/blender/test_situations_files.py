@@ -108,6 +108,25 @@ def test_B65_pictures_packed_by_the_preference(owner, packed, tmp_path):
     assert bpy.context.scene.rle_splat.image.packed_file is not None
 
 
+def test_undo_across_save_as_keeps_the_pictures(owner, bridge, tmp_path):
+    """The folder of the new .blend has another patient's picture under the name of the old one."""
+    make_pictures()
+    before = our_pictures()
+    save(tmp_path / "saved.blend")
+    bpy.ops.ed.undo_push(message="opened")
+    bpy.context.scene.camera.location.z += 1.0
+    bpy.ops.ed.undo_push(message="moved")
+    other = tmp_path / "other"
+    shutil.copytree(folder_of(tmp_path / "saved.blend"), folder_of(other / "saved.blend"))
+    for path in folder_of(other / "saved.blend").iterdir():
+        bridge("images").save_exr(np.full((4, 4, 4), 0.5, np.float32), str(path))
+    save(other / "new.blend")
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert_same(our_pictures(), before)
+    scenes.save_and_reload(other / "new.blend")
+    assert_same(our_pictures(), before)
+
+
 def test_B66_save_and_reload(owner, tmp_path):
     make_pictures()
     before = our_pictures()

@@ -2,6 +2,7 @@
 
 from importlib import import_module
 from math import radians
+from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
@@ -125,6 +126,46 @@ def test_a_movie_is_written_and_no_setting_is_lost(cube, tmp_path, refused):
     movie = tmp_path / "new" / "turn.mp4"
     assert [file.name for file in movie.parent.iterdir()] == [movie.name]
     assert bpy.data.movieclips.load(str(movie)).frame_duration == 3
+
+
+@pytest.mark.parametrize(("output", "typed", "final"), [
+    ("MP4", "turn", "turn.mp4"), ("MP4", "turn.png", "turn.mp4"), ("MP4", "turn_####.png", "turn.mp4"),
+    ("PNG", "turn", "turn_####.png"), ("PNG", "turn.mp4", "turn_####.png"), ("EXR", "a.b #", "a.b #.exr"),
+])  # fmt: skip
+def test_the_file_browser_completes_the_name(cube, output, typed, final):
+    """So that it marks the name in red where that file is there."""
+    dialog = SimpleNamespace(output=output, filepath=f"/there/{typed}")
+    check = bpy.types.RLE_SPLAT_OT_turntable.check
+    assert check(dialog, bpy.context) is True and dialog.filepath == f"/there/{final}"
+    assert check(dialog, bpy.context) is False
+    assert bpy.ops.rle_splat.turntable.get_rna_type().properties["check_existing"].default
+
+
+def test_a_dialog_writes_over_no_pictures_and_nothing_over_a_scan(cube, bridge, core, tmp_path):
+    settings, scene = bridge("output_settings"), bpy.context.scene
+    settings.write_to(scene, "PNG", str(tmp_path / "turn"))
+    for were_typed in (True, False):
+        settings.check_frames(scene, range(11, 14), were_typed)
+    (tmp_path / "turn_0013.png").write_bytes(b"of another volume")
+    settings.check_frames(scene, range(11, 14), False)
+    with pytest.raises(core("scene").RleSplatError, match=r"turn_0013\.png is there already; give another name"):
+        settings.check_frames(scene, range(11, 14), True)
+    cube.rle_splat.filepath = str(tmp_path / "turn_0013.png")
+    with pytest.raises(core("scene").RleSplatError, match="is the file that 'cube' is read from"):
+        settings.check_frames(scene, range(11, 14), False)
+
+
+def test_the_default_name_is_free(cube, bridge, tmp_path):
+    settings = bridge("output_settings")
+
+    def free():
+        return settings.free_path("turn", ".mp4", lambda path: not Path(path).exists())
+
+    assert free() == "turn.mp4"  # the file browser says where
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    for number in ("", " 2", " 3"):
+        assert free() == str(tmp_path / f"turn{number}.mp4")
+        Path(free()).touch()
 
 
 def test_the_active_cameras_own_motion_is_rendered(cube, tmp_path):

@@ -38,6 +38,21 @@ def add_balls():
     scenes.import_raw(FOLDER, voxels, name="balls")
 
 
+def confirmed(name):
+    """Open the operator's file browser with a name, and press its button."""
+    with in_the_view():
+        bpy.ops.rle_splat.save_figure("INVOKE_DEFAULT", filepath=str(FOLDER / name))
+    yield
+    yield from photograph(f"file browser {name}")
+    window, area = next(
+        (window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
+        if area.type == "FILE_BROWSER"
+    )
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.file.execute()
+    yield
+
+
 def scenario():
     open_panels("RLE_SPLAT_PT_picture")
     yield from new_file()
@@ -59,20 +74,17 @@ def scenario():
     assert abs(scene["width"] / scene["height"] - region.width / region.height) < 0.01
     passed("the view of a viewport")
 
-    with in_the_view():
-        bpy.ops.rle_splat.save_figure("INVOKE_DEFAULT", filepath=str(FOLDER / "chosen.svg"))
-    yield
-    yield from photograph("file browser")
-    chooser = next(
-        (window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
-        if area.type == "FILE_BROWSER"
-    )
-    with bpy.context.temp_override(window=chooser[0], area=chooser[1]):
-        bpy.ops.file.execute()
+    yield from confirmed("chosen.svg")
     yield from until(lambda: (FOLDER / "chosen.figure.json").is_file())
     assert (FOLDER / "chosen.svg").read_bytes().startswith(b"<?xml")
     passed("a figure in steps, from the file browser")
     yield from photograph("after")
+
+    sidecar = (FOLDER / "chosen.figure.json").read_bytes()
+    yield from confirmed("chosen.png")
+    yield from photograph("refused")
+    assert not (FOLDER / "chosen.png").exists() and (FOLDER / "chosen.figure.json").read_bytes() == sidecar
+    passed("the sidecar of another figure is not replaced")
 
 
 drive(scenario)

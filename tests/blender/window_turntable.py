@@ -80,5 +80,12 @@ def scenario():
     assert scene.camera == camera
     passed("a movie")
 
+    (FOLDER / "turn_0002.png").write_bytes(b"of another volume")
+    yield from confirmed("turn", frames=6, output="PNG")
+    yield from photograph("refused")
+    assert not rendering() and sorted(path.name for path in FOLDER.glob("turn_*")) == ["turn_0002.png"]
+    assert settings() == before
+    passed("pictures that are there are not replaced")
+
 
 drive(scenario)

@@ -364,6 +364,20 @@ def test_convert_keeps_the_voxels_and_says_what_is_lost(call, tmp_path, raw, raw
     assert call("info", packed, *options).out.count("1 x 2 x 0.3 mm") == 1
 
 
+@pytest.mark.parametrize("header, text", [
+    ("a.mhd", "NDims = 3\nDimSize = 2 2 2\nElementType = MET_SHORT\nBinaryDataByteOrderMSB = True\n"
+     "ElementDataFile = a.raw\n"),
+    ("a.nhdr", "NRRD0004\ntype: short\ndimension: 3\nsizes: 2 2 2\nendian: big\nencoding: raw\ndata file: a.raw\n"),
+])  # fmt: skip
+def test_convert_does_not_write_over_the_voxels_of_a_header(call, refused, tmp_path, header, text):
+    """The header says that they are big-endian."""
+    (tmp_path / header).write_text(text)
+    (tmp_path / "a.raw").write_bytes(bytes(range(16)))
+    assert "a.raw is read by this command" in refused("convert", tmp_path / header, tmp_path / "a.raw")
+    assert (tmp_path / "a.raw").read_bytes() == bytes(range(16))
+    assert call("convert", tmp_path / header, tmp_path / "b.raw").code == 0
+
+
 def test_convert_swaps_big_endian(call, tmp_path):
     values = (np.arange(2 * 3 * 4).reshape(2, 3, 4) * 1000).astype(">u2")
     source, target = tmp_path / "big.raw", tmp_path / "little.raw"

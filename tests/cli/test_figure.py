@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from pathlib import PureWindowsPath
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+from rle_splat.cli import figure as figure_command
 from rle_splat.cli.main import main
 from rle_splat.figure.sidecar import HELD, missing_of, read_sidecar
 from rle_splat.read.channels import level_options
@@ -44,6 +46,11 @@ def plain(made_once, raw):
     sidecar = (made_once / SIDECAR).read_text().replace(made_once.as_posix(), folder.as_posix())
     (folder / SIDECAR).write_text(sidecar)
     return folder
+
+
+def test_a_sidecar_keeps_paths_that_every_system_finds(monkeypatch):
+    monkeypatch.setattr(figure_command, "Path", PureWindowsPath)
+    assert figure_command._kept("..\\scans\\ct.nii") == "../scans/ct.nii"
 
 
 @pytest.fixture

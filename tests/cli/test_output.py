@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,8 +14,9 @@ import pytest
 from rle_splat.cli.output import check_outputs
 from rle_splat.cli.progress import ProgressLine
 from rle_splat.cli.report import plain, write_report
+from rle_splat.runtime import whole_files as whole_files_module
 from rle_splat.runtime.memory import bytes_text
-from rle_splat.runtime.whole_files import part_of, whole_files
+from rle_splat.runtime.whole_files import part_of, whole_file, whole_files
 from rle_splat.scene import RleSplatError
 
 
@@ -39,6 +41,26 @@ def test_a_stop_leaves_the_old_file_and_nothing_else(tmp_path, problem):
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_file_that_another_program_holds_is_renamed_again(tmp_path, monkeypatch, times):
+    """A virus scanner on Windows looks at a new file for a moment."""
+    replace, calls, pauses = os.replace, [], []
+
+    def refuse(part, target):
+        calls.append(target)
+        if len(calls) <= times:
+            raise PermissionError(13, "Access is denied")
+        replace(part, target)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    monkeypatch.setattr(whole_files_module, "time", SimpleNamespace(sleep=pauses.append))
+    held = pytest.raises(RleSplatError, match="Access is denied") if times == 3 else nullcontext()
+    with held, whole_file(tmp_path / "a") as part:
+        part.write_text("new")
+    assert len(calls) == 3 and 0.0 < sum(pauses) <= 0.5
+    assert [path.name for path in tmp_path.iterdir()] == ([] if times == 3 else ["a"])
+
+
 def test_impossible_outputs_are_refused(tmp_path):
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "no" / "a.png", tmp_path, tmp_path / "file" / "a.png"):
@@ -48,6 +70,10 @@ def test_impossible_outputs_are_refused(tmp_path):
         check_outputs([tmp_path / "a.png", tmp_path / "." / "a.png"])
     with pytest.raises(RleSplatError, match="read by this command"):
         check_outputs([tmp_path / "file"], inputs=[None, tmp_path / "file"])
+    os.link(tmp_path / "file", tmp_path / "FILE")  # as one file has both names on a disk that ignores case
+    with pytest.raises(RleSplatError, match="read by this command"):
+        check_outputs([tmp_path / "FILE"], inputs=[tmp_path / "file"])
+    (tmp_path / "FILE").unlink()
     check_outputs([tmp_path / "a.png"])
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 

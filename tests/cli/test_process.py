@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
 import signal
@@ -15,6 +16,7 @@ import pytest
 
 from rle_splat.classify.default import default_transfer_function
 from rle_splat.classify.presets import fit_preset
+from rle_splat.cli import streams
 from rle_splat.read.formats import read_volume
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,6 +98,44 @@ def test_a_reader_that_goes_away_is_no_error(raw, raw_options):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to one process")
+def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_work(tmp_path, raw, raw_options):
+    process = start("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy", "--progress")
+    process.stderr.close()
+    assert process.wait(timeout=300) == 0 and "Wrote" in process.stdout.read().decode()
+    process.stdout.close()
+    assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
+
+
+def test_windows_reports_a_reader_that_went_away_as_an_invalid_argument(monkeypatch):
+    def refuse(_descriptor, _data):
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    monkeypatch.setattr(os, "write", refuse)
+    assert streams._Lasting(1).write(b"dropped") == 7
+
+
+@pytest.mark.skipif(os.name == "nt", reason="its shell cannot close streams")
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
+def test_closed_streams_do_not_keep_a_picture_from_being_written(tmp_path, raw, raw_options, closed):
+    words = [*COMMAND, "render", raw, *raw_options, "--size", "16", "--progress", "-o", tmp_path / "p.npy"]
+    done = subprocess.run(
+        ["sh", "-c", f'exec "$@" {closed}', "sh", *map(str, words)], cwd=ROOT, capture_output=True, timeout=300
+    )
+    assert done.returncode == 0 and (b"Wrote" in done.stdout) == (closed == "2>&-")
+    assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
+
+
+def test_names_outside_the_encoding_of_the_output_are_escaped(tmp_path, raw, raw_options):
+    path = tmp_path / "\u65e5.npy"
+    words = ["render", raw, *raw_options, "--size", "16", "-o", path]
+    done = subprocess.run(
+        [*COMMAND, *map(str, words)], cwd=ROOT, env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "1"},
+        capture_output=True, timeout=300,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, b"") and b"\\u65e5.npy" in done.stdout
+    assert path.is_file()
+
+
 def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     """Stopped in the middle of a long picture: exit code 130, one sentence, the old file still there."""
     volume, output = tmp_path / "v.raw", tmp_path / "p.npy"

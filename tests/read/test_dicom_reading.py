@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -105,6 +106,26 @@ def test_cancel_ends_the_children(tmp_path: Path, monkeypatch):
     steps.close()
     assert all(process.poll() is not None for process in started)
     assert list((tmp_path / "temporary").iterdir()) == []
+
+
+@pytest.mark.parametrize("locked", [0, 1, 99])
+def test_decoded_pixels_do_not_stay_in_the_temporary_folder(tmp_path: Path, monkeypatch, locked):
+    """Windows locks the files of a process that has just ended, so their folder is deleted again, at the latest at the
+    end of the program."""
+    rmtree, tries, at_exit = shutil.rmtree, [], []
+
+    def refuse(folder, ignore_errors):
+        tries.append(folder)
+        if len(tries) > locked:
+            rmtree(folder)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(decoders, "shutil", SimpleNamespace(rmtree=refuse))
+    monkeypatch.setattr(decoders, "atexit", SimpleNamespace(register=lambda *call, **options: at_exit.append(call)))
+    with decoders._own_folder() as folder:
+        (folder / "0.pixels").write_bytes(b"of a patient")
+    assert folder.exists() == (locked == 99) and at_exit == ([(refuse, folder)] if locked == 99 else [])
+    assert len(tries) == min(locked + 1, len(decoders.PAUSES))
 
 
 @pytest.mark.parametrize(("module", "syntax", "package"), [

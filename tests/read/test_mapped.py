@@ -1,16 +1,21 @@
 """Large unpacked files are mapped, not read; what only looks at them reads a few planes."""
 
 import json
+import os
 
 import nibabel
 import nrrd
 import numpy as np
 import pytest
 
+from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.main import main
+from rle_splat.pipeline.previews import progressive_steps
+from rle_splat.pipeline.render import render_steps
 from rle_splat.read import streaming
 from rle_splat.read.formats import read_volume
-from rle_splat.scene import RleSplatError
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Camera, Labels, Quality, RleSplatError, Scene
 from rle_splat.volume import few_planes
 from rle_splat.volume.volume import Volume
 
@@ -80,10 +85,32 @@ def test_what_kernels_cannot_read_is_copied(tmp_path, all_large, given):
     np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), given)
 
 
-def test_a_small_file_is_copied(tmp_path):
+@pytest.mark.parametrize("suffix", [".nii", ".raw"])
+def test_a_small_file_is_copied(tmp_path, suffix):
     """It may be replaced while it is shown."""
-    write(tmp_path / "a.nii", values())
-    assert not is_mapped(read_volume(tmp_path / "a.nii"))
+    write(tmp_path / f"a{suffix}", values())
+    given = {"shape": SHAPE, "dtype": "int16"} if suffix == ".raw" else {}
+    assert not is_mapped(read_volume(tmp_path / f"a{suffix}", **given))
+
+
+@pytest.mark.parametrize("which", ["volume", "labels"])
+@pytest.mark.parametrize("picture_steps", [render_steps, progressive_steps])
+def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, picture_steps, which):
+    """A read beyond its end would end the program."""
+    np.arange(64**3, dtype=np.int32).astype(np.int16).tofile(tmp_path / "a.raw")
+    in_file = read_volume(tmp_path / "a.raw", shape=(64, 64, 64), dtype="int16")
+    copied = Volume(np.array(in_file.voxels), np.eye(4))
+    volume, labels = (in_file, copied) if which == "volume" else (copied, in_file)
+    place = np.eye(4)
+    place[:3, 3] = 32.0, 32.0, 100.0
+    camera = Camera(place, "ORTHO", ortho_scale=64.0, clip_end=200.0)
+    function = TransferFunction(opacity=((0, 0.0), (1000, 0.5)), color=((0.0, 1.0, 1.0, 1.0),))
+    scene = Scene(volume, function, camera, 8, 8, labels=Labels(labels))
+    steps = picture_steps(scene, Quality())
+    next(steps)
+    os.truncate(tmp_path / "a.raw", 4096)
+    with pytest.raises(RleSplatError, match=r"a\.raw was cut short .* 4096 of 524288 bytes are left"):
+        drain(steps)
 
 
 def test_a_large_file_that_breaks_off(tmp_path, all_large):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rle_splat.classify import mixture
 from rle_splat.classify.label_edges import edge_shares
 from rle_splat.classify.mixture import Mixture
 from rle_splat.classify.transfer_function import GradientOpacity, TransferFunction
@@ -209,8 +210,8 @@ def test_shares_are_those_of_the_definition():
 
 
 def classified(volume, tf, labels):
-    mixture = Mixture(volume, tf, labels)
-    return mixture.classified(drain(mixture.fill_steps(drain(block_steps(volume)), drain(mixture.count_steps()))), 1.0)
+    mixed = Mixture(volume, tf, labels)
+    return mixed.classified(drain(mixed.fill_steps(drain(block_steps(volume)), drain(mixed.count_steps()))), 1.0)
 
 
 def test_types_of_voxels_and_labels_make_no_difference():
@@ -226,6 +227,19 @@ def test_types_of_voxels_and_labels_make_no_difference():
     for other in found[1:]:
         np.testing.assert_array_equal(other.column, found[0].column)
         np.testing.assert_allclose(other.properties, found[0].properties, rtol=1e-6)
+
+
+def test_numbers_of_voxels_have_64_bits_where_those_of_numpy_have_32(monkeypatch):
+    """numpy 1 on Windows; a volume of 1300^3 voxels has more than 2^31."""
+    arange, kinds = np.arange, []
+
+    def narrow(*ends, **options):
+        return arange(*ends, **{"dtype": np.int32 if all(isinstance(end, int) for end in ends) else None, **options})
+
+    monkeypatch.setattr(np, "arange", narrow)
+    monkeypatch.setattr(mixture, "add_channel", lambda indices, *rest, **machine: kinds.append(indices.dtype))
+    classified(Volume(np.ones((3, 3, 3), np.uint8), np.eye(4)), OPAQUE, None)
+    assert kinds == [np.int64]
 
 
 def test_maps_without_an_edge_or_without_anything_to_see(stage):

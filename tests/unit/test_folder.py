@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -263,6 +264,27 @@ def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
     for steps in both:
         steps.close()
     assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
+
+
+def test_a_folder_that_a_program_shows_is_replaced_when_it_is_closed(tmp_path, few_planes, monkeypatch):
+    """Windows refuses to rename a folder with a mapped file; the slabs wait for the same job."""
+    scene, quality = scene_of(volume_of()), QUALITIES["pre"]
+    path, os_replace = tmp_path / "a.rle", os.replace
+    encoded(path, scene, quality)
+
+    def refuse(source, target):
+        if source == path:
+            raise PermissionError(13, "Access is denied")
+        os_replace(source, target)
+
+    other = replace(quality, record=8)
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        with pytest.raises(RleSplatError, match=r"a program shows it; close it there, and run this again"):
+            encoded(path, scene, other)
+    assert load(path).record == 16
+    assert encoded(path, scene, other)["folder"]["resumed_at_plane"] == scene.volume.shape_xyz[2]
+    assert load(path).record == 8 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 
 
 def test_what_a_folder_cannot_hold(tmp_path):

@@ -47,13 +47,6 @@ def test_every_layout_is_read_exactly(tmp_path, dtype, order, suffix, header):
     assert (volume.slope, volume.intercept, volume.value_unit) == (2.0, -1024.0, "HU")
 
 
-def test_a_plain_native_file_is_mapped_not_copied(tmp_path):
-    path = write(tmp_path / "a.raw", voxels_of("uint16").astype("<u2").tobytes())
-    volume = read_volume(path, shape=SHAPE, dtype="uint16", byte_order="little")
-    assert isinstance(volume.voxels.base, np.memmap)
-    assert not volume.voxels.flags.writeable
-
-
 def test_missing_spacing_is_remarked_and_given_spacing_is_not(tmp_path):
     path = write(tmp_path / "a.raw", voxels_of("uint8").tobytes())
     assert any("1 x 1 x 1 mm" in r for r in read_volume(path, shape=SHAPE, dtype="uint8").remarks)

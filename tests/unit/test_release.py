@@ -1,6 +1,7 @@
 """The release folder, and the licenses of what the zip brings."""
 
 import hashlib
+import subprocess
 import zipfile
 
 import pytest
@@ -46,6 +47,14 @@ def test_changes_are_those_since_the_last_tag_of_another_version(monkeypatch):
     monkeypatch.setattr(release, "version", lambda: "9.9")
     assert release.changelog() == "# RLE Splat 9.9\n\nChanges since v0.1:\n\n- second\n- first\n"
     assert asked[-1][-1] == "v0.1..HEAD"
+
+
+@pytest.mark.skipif(not (places.ROOT / ".git").exists(), reason="this is no clone")
+def test_a_clone_has_the_same_bytes_on_every_system():
+    """The hash of the sources is part of the names of compiled kernels."""
+    words = ["git", "check-attr", "eol", "--", "rle_splat/scene/scene.py", "docs/index.md"]
+    told = subprocess.run(words, cwd=places.ROOT, capture_output=True, text=True, check=True).stdout
+    assert [line.rpartition(" ")[2] for line in told.splitlines()] == ["lf", "lf"]
 
 
 def test_without_git_there_is_one_sentence(monkeypatch, tmp_path):

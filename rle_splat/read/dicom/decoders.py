@@ -6,12 +6,14 @@ be cancelled at any time.
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,6 +28,7 @@ MOST_CHILDREN = 4
 # A child that is waited for longer than this for a frame hangs; measured: 0.1 s a megapixel.
 SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0
 POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller is told that nothing came
+PAUSES = 0.0, 0.1, 0.3  # seconds before the folder of decoded pixels is deleted, once more
 # Codec -> the package that has it, and what needs it.
 PACKAGES = {
     "openjpeg": ("pylibjpeg-openjpeg", "JPEG 2000 DICOM"),
@@ -78,10 +81,10 @@ def decoded_frames(orders, limit: int):
     seconds = SECONDS + SECONDS_PER_MEGAPIXEL * limit / 1e6
     children = []
     try:
-        with tempfile.TemporaryDirectory(prefix="rle-splat-", ignore_cleanup_errors=True) as folder:
+        with _own_folder() as folder:
             try:
                 for number in range(count):
-                    children.append(_Child(Path(folder), number, limit, seconds))
+                    children.append(_Child(folder, number, limit, seconds))
                 yield from _run(children, waiting, len(orders))
             finally:
                 for child in children:
@@ -90,6 +93,22 @@ def decoded_frames(orders, limit: int):
         raise Refused(
             f"Compressed files cannot be decoded: {problem.strerror or 'no process can be started'}."
         ) from None
+
+
+@contextmanager
+def _own_folder():
+    """Context manager: a folder for decoded pixels, which is deleted; at the end of the program if not before."""
+    folder = Path(tempfile.mkdtemp(prefix="rle-splat-"))
+    try:
+        yield folder
+    finally:
+        for pause in PAUSES:  # Windows locks the files of a process that has just ended
+            time.sleep(pause)
+            shutil.rmtree(folder, ignore_errors=True)
+            if not folder.exists():
+                break
+        else:
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 
 def _run(children, waiting: list, left: int):

@@ -1,0 +1,8 @@
+"""File names that no system can have."""
+
+RESERVED = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}
+
+
+def is_reserved(name: str) -> bool:
+    """Whether Windows takes a file name for a device, whatever its suffixes."""
+    return name.split(".")[0].strip().upper() in RESERVED
