@@ -68,8 +68,9 @@ def test_a_full_disk_is_a_sentence_and_leaves_no_file(raw, raw_options, call, tm
     monkeypatch.setattr(TiffRows, "_strip", full)
     outputs = "-o", tmp_path / "a.tif", "-o", tmp_path / "b.npy"
     result = call("render", raw, *raw_options, *QUICK, "--tile", "32", *outputs)
-    said = "The system reported an error: No space left on device; make room there, or choose another place.\n"
-    assert result.code == 1 and result.err == said
+    names = f"{outputs[1]}, {outputs[3]}"
+    said = f"No space left on device ({names}); make room there, or choose another place."
+    assert result.code == 1 and result.err == f"The system reported an error: {said}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
