@@ -25,7 +25,7 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
     monkeypatch.setattr(real_blender_tests, "find_blender", none)
     stages = real_blender_tests.window_stages(tmp_path / "extension.zip")
     assert [stage.name for stage in stages] == [
-        f"real blender, {name}" for name in ("window", "panels", "import", "live", "cut", "look", "presets")
+        f"real blender, {name}" for name in ("window", "panels", "import", "dialogs", "live", "cut", "look", "presets")
     ]
     assert {(stage.verdict, *stage.remarks) for stage in stages} == {("SKIPPED", "no blender in $BLENDER")}
 
