@@ -215,14 +215,20 @@ def check_drop():
 def read(name: str):
     """Wait until a file is read, or refused where it has to be."""
     yield from until(lambda: browser() is None)
+    yield from until(lambda: volumes() or "zarr" in name)
     yield
     yield from until(lambda: not module("bridge.jobs").StepwiseOperator.is_running())
     yield
-    said = reports()
     if "zarr" in name:
-        assert NO_ZARR in said and not volumes(), said
+        assert NO_ZARR in reports() and not volumes()
     else:
-        assert len(volumes()) == 1 and not any(word in said for word in ("Error", "Traceback")), f"{name}: {said}"
+        assert_no_error(name)
+        assert len(volumes()) == 1, name
+
+
+def assert_no_error(what: str) -> None:
+    said = reports()
+    assert not any(word in said for word in ("Error", "Traceback")), f"{what}: {said}"
 
 
 def opens_dialog(cls) -> bool:
@@ -265,6 +271,7 @@ def check_others():
             press("ESC", first_row() if browser() else None)
             yield
         yield from until(lambda: browser() is None)
+    assert_no_error("the dialogs")
 
 
 def check_series():
@@ -279,7 +286,7 @@ def check_series():
     yield from photograph("choose_series")
     assert drawn["choose_series"]
     press("RET")
-    yield from until(volumes)
+    yield from read("study")
 
 
 def scenario():
