@@ -6,9 +6,10 @@ It is shown by the scene's active camera, including a camera that a timeline mar
 from __future__ import annotations
 
 from ..rle_splat.runtime.steps import drain
-from . import backdrop, following, freshness, images, messages, pictures, presence, read_ahead, render_scene
+from . import backdrop, following, freshness, images, messages, pictures, presence, render_scene
 from .camera import camera_object, image_size
 from .held import Held
+from .loop import work
 from .settings import tolerance_of
 
 HIDDEN = freshness.MadeFrom("hidden", "", False)  # the volume is hidden from renders
@@ -42,7 +43,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         if not render_scene.is_rendered(volume_object, depsgraph):
             _hide(scene, volume_object, image)
             return
-        if later and read_ahead.want(volume_object, depsgraph):
+        if later and work.want(volume_object, depsgraph):
             return  # the object is tagged when its voxels are there
         with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
         plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes, camera=camera)

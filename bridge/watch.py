@@ -11,9 +11,10 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead, volumes
+from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, volumes
 from .camera import marked_camera
 from .canvas import redraw
+from .loop import work
 
 PAUSE = 0.15  # seconds without a change before the scene is checked
 POLL = 0.5  # seconds between checks of a followed backdrop's transfer function, as a script's edits send no event
@@ -40,7 +41,7 @@ def _on_frame_change_post(scene, depsgraph=None):
     """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
         follow_scene.follow(scene, depsgraph, following.is_moving(), marked_camera(scene))
-        read_ahead.consider()
+        work.consider()
 
 
 HANDLERS = (
