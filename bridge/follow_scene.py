@@ -74,24 +74,23 @@ def remove_deleted(scene) -> None:
     scene : bpy.types.Scene
         The scene that owns the backdrops.
     """
-    settings = scene.rle_splat
-    gone = {
-        row.volume for row in settings.pictures
-        if row.kind == "backdrop" and row.volume is not None and presence.is_deleted(row.volume)
-    }
-    if settings.backdrop_object is not None and presence.is_deleted(settings.backdrop_object):
-        gone.add(settings.backdrop_object)
+    settings, gone = scene.rle_splat, set()
     for row in settings.pictures:
-        if row.kind == "backdrop" and row.volume in gone and row.camera is not None:
-            entry = backdrop.find(scene, row.camera)
+        if row.volume is not None and not presence.is_deleted(row.volume):
+            if row.name != row.volume.name:  # an assignment would count as another edit
+                row.name = row.volume.name
+        elif row.kind == "backdrop":
+            gone.add(row.name if row.volume is None else row.volume.name)
+            entry = None if row.camera is None else backdrop.find(scene, row.camera)
             if entry is not None and entry.image == row.image:
                 backdrop.hide(scene, row.camera)
-    if settings.backdrop_object in gone:
-        following.stop()
+    followed = settings.backdrop_object
+    if followed is not None and presence.is_deleted(followed):
+        gone.add(followed.name)
         settings.backdrop_object = None
     if gone:
-        names = " and ".join(sorted(repr(one.name) for one in gone))
-        messages.complain(settings, f"The volume {names} was deleted, so its backdrop was removed.")
+        following.stop()
+        messages.complain(settings, f"{messages.the_volume(*gone)} was deleted, so its backdrop was removed.")
 
 
 def _refinement(steps, scene: Held, image: Held, made_from) -> following.Refinement:

@@ -44,7 +44,18 @@ def _on_frame_change_post(scene, depsgraph=None):
         work.consider()
 
 
+@persistent
+def _on_save_pre(*_arguments):
+    """Handler: save a followed backdrop as the scene is now.
+
+    Blender sends no event for a point of a curve that a script moves, which in a window a timer notices.
+    """
+    if bpy.app.background and _concerns_us():
+        attend(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+
+
 HANDLERS = (
+    ("save_pre", _on_save_pre),
     ("depsgraph_update_post", _on_change),
     ("undo_post", _on_change),
     ("redo_post", _on_change),
@@ -84,12 +95,14 @@ def attend(scene, depsgraph) -> None:
 def _hand_over_renders(scene) -> None:
     """Let another volume of the scene stand for renders once theirs was deleted, so that a purge can remove that one.
 
-    The deleted volume's name is kept for messages.
+    The volume's name is kept for messages once it is deleted.
     """
     settings = scene.rle_splat
     owner = settings.composite_object
+    if owner is not None and settings.deleted_volume != owner.name:
+        settings.deleted_volume = owner.name
     if owner is not None and presence.is_deleted(owner):
-        settings.deleted_volume, settings.composite_object = owner.name, None
+        settings.composite_object = None
     if settings.use_composite and settings.composite_object is None:
         others = volumes.volume_objects(scene)
         if others:  # an assignment of None would count as another edit

@@ -22,6 +22,7 @@ WINDOW = "window.py"
 PANELS = "window_panels.py"
 IMPORT = "window_import.py"
 LIVE = "window_live.py"
+SEVERAL = "window_several.py"
 CUT = "window_cut.py"
 LOOK = "window_look.py"
 PRESETS = "window_presets.py"
@@ -33,7 +34,7 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 # Longer means that it hangs; the whole suite takes some minutes on two cores.
 SECONDS = {
-    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, CUT: 400, LOOK: 400, PRESETS: 900,
+    SHORT: 300, WINDOW: 300, PANELS: 600, IMPORT: 300, LIVE: 600, SEVERAL: 300, CUT: 400, LOOK: 400, PRESETS: 900,
     WHOLE: 1200,
 }  # fmt: skip
 SCENARIO_SECONDS = 600  # of one that is given
@@ -101,6 +102,7 @@ def window_stages(zip_path: Path, backend: str | None = None) -> list[Stage]:
         (PANELS, "panels", TALL_SCREEN),
         (IMPORT, "import", USUAL_SCREEN),
         (LIVE, "live", USUAL_SCREEN),
+        (SEVERAL, "several", USUAL_SCREEN),
         (CUT, "cut", USUAL_SCREEN),
         (LOOK, "look", USUAL_SCREEN),
         (PRESETS, "presets", HIGH_SCREEN),
