@@ -50,8 +50,8 @@ def _on_save_pre(*_arguments):
 
     Blender sends no event for a point of a curve that a script moves, which in a window a timer notices.
     """
-    if bpy.app.background and _concerns_us():
-        attend(bpy.context.scene, bpy.context.evaluated_depsgraph_get())
+    if bpy.app.background:
+        follow_scene.follow(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), later=False)
 
 
 HANDLERS = (
