@@ -102,8 +102,8 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
 
 
 def withdraw_unused(owner, depsgraph) -> None:
-    """Let a volume object no longer want labels and channels that its picture does not show."""
-    purposes = {volumes.PURPOSE, *(one.session_uid for one in channels.sources_of(owner, depsgraph))}
+    """Let a volume object no longer want labels and channels that it has no more; hidden channels stay."""
+    purposes = {volumes.PURPOSE, *(row.source.session_uid for row in owner.rle_splat.channels if row.source)}
     store.withdraw_others(owner, depsgraph, purposes | ({labels.PURPOSE} if labels.are_used(owner) else set()))
 
 

@@ -70,12 +70,12 @@ def steps(wish: Wish, key: tuple, make_steps):
 def put(wish: Wish, key: tuple, value) -> None:
     """Store a value that is now wanted in place of another one."""
     is_new = key not in _entries
-    _entries[key] = value
     _wanted.pop(wish, None)  # to the end
-    _wanted[wish] = key
+    _wanted[wish] = key  # before the entry, which a render's thread might drop
+    _entries[key] = value
     _drop_unwanted()
     if is_new:
-        _keep_within(MOST_BYTES)
+        _keep_within(MOST_BYTES, wish.owner)
 
 
 def withdraw(wishes) -> None:
@@ -88,16 +88,15 @@ def withdraw(wishes) -> None:
 def withdraw_others(owner, depsgraph, purposes) -> None:
     """Drop what an object wanted in a scene for other purposes than these."""
     mine = wish_of(owner, depsgraph, None)[:2]
-    withdraw([wish for wish in _wanted if wish[:2] == mine and wish.purpose not in purposes])
+    withdraw([wish for wish in list(_wanted) if wish[:2] == mine and wish.purpose not in purposes])
 
 
 def forget_deleted() -> None:
     """Drop what only deleted objects and scenes wanted."""
-    objects = {one.session_uid for one in bpy.data.objects if not presence.is_deleted(one)}
-    scenes = {one.session_uid for one in bpy.data.scenes}
-    withdraw([
-        wish for wish in _wanted if wish != AHEAD and not (wish.owner in objects and wish.scene in scenes)
-    ])
+    wishes = [wish for wish in _wanted if wish != AHEAD]
+    owners, scenes = {wish.owner for wish in wishes}, {one.session_uid for one in bpy.data.scenes}
+    held = {one.session_uid for one in bpy.data.objects if one.session_uid in owners and not presence.is_deleted(one)}
+    withdraw([wish for wish in wishes if not (wish.owner in held and wish.scene in scenes)])
 
 
 def forget_all() -> None:
@@ -119,17 +118,17 @@ def _bytes_of(value) -> int:
 
 
 def _drop_unwanted() -> None:
-    wanted = set(_wanted.values())
-    for key in [key for key in _entries if key not in wanted]:
-        del _entries[key]
+    wanted = set(_wanted.copy().values())
+    for key in [key for key in list(_entries) if key not in wanted]:
+        _entries.pop(key, None)
 
 
-def _keep_within(most: int) -> None:
-    """Drop what only objects that no window shows want, while there are more bytes; the last entry stays."""
+def _keep_within(most: int, reader: int) -> None:
+    """Drop what only objects that no window shows want, while there are more bytes; not of the one that just read."""
     if nbytes() <= most or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
-    shown = _shown_objects()
-    for wish in list(_wanted)[:-1]:
+    shown = {*_shown_objects(), reader}
+    for wish in list(_wanted):
         if nbytes() <= most:
             break
         if wish.owner not in shown:
@@ -137,15 +136,16 @@ def _keep_within(most: int) -> None:
 
 
 def _shown_objects() -> set:
-    """Session ids of the objects in all windows, of those that they are children of, and of their channels."""
-    found = set()
+    """Session ids of the objects in all windows, of what slices and backdrops there show, and of their channels."""
+    shown = set()
     for window in bpy.context.window_manager.windows:
+        shown.add(window.scene.rle_splat.backdrop_object)
         depsgraph = window.view_layer.depsgraph
         for instance in () if depsgraph is None else depsgraph.object_instances:
-            one = instance.object.original
-            sources = (row.source for row in one.rle_splat.channels)
-            found |= {other.session_uid for other in (one, one.parent, *sources) if other is not None}
-    return found
+            shown |= {instance.object.original, instance.object.original.parent}
+    shown.discard(None)
+    sources = {row.source for one in shown for row in one.rle_splat.channels if row.source is not None}
+    return {one.session_uid for one in shown | sources}
 
 
 @persistent

@@ -132,6 +132,24 @@ def check_the_picture_follows():
     yield from at_rest("another_label_file", {"read_label_steps": 1})
 
 
+def check_limit():
+    """With room for one volume, both that the window shows stay; a hidden one leaves when the other is read anew."""
+    store, most = module("loop.store"), module("loop.store").MOST_BYTES
+    store.MOST_BYTES = 1
+    reads.clear()
+    module("volumes").forget_all()
+    yield from at_rest("limit", {"file_steps": 2, "read_label_steps": 2})
+    bpy.data.objects["far"].hide_set(True)
+    near = bpy.data.objects["near"]
+    near.rle_splat.label_file = write_labels("near", NEAR, 0.75)
+    near.update_tag()
+    yield from at_rest("hidden", {"file_steps": 2, "read_label_steps": 3})
+    assert [module("volumes").is_at_hand(bpy.data.objects[name]) for name in ("near", "far")] == [True, False]
+    bpy.data.objects["far"].hide_set(False)
+    yield from at_rest("shown_again", {"file_steps": 3, "read_label_steps": 4})
+    store.MOST_BYTES = most
+
+
 def check_deleted():
     """A volume deleted from Python leaves the memory, and the other one is shown on."""
     reads.clear()
@@ -149,7 +167,7 @@ def check_deleted():
 
 def scenario():
     yield from set_up()
-    for check in (check_label_files, check_unread, check_the_picture_follows, check_deleted):
+    for check in (check_label_files, check_unread, check_the_picture_follows, check_limit, check_deleted):
         yield from check()
         passed(check.__name__)
 
