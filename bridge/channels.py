@@ -7,7 +7,7 @@ how they lie in the patient, its values are brought onto the grid of the volume;
 from __future__ import annotations
 
 import uuid
-from weakref import WeakKeyDictionary
+from functools import partial
 
 import bpy
 
@@ -16,9 +16,8 @@ from ..rle_splat.scene import Channel, RleSplatError
 from ..rle_splat.volume.regrid import on_grid_steps
 from . import encoded, linked, presence, transfer, volumes
 from .labels import remove_row
+from .loop import store
 from .overridable import BoolProperty, PointerProperty
-
-_placed = WeakKeyDictionary()  # Volume of a channel -> (grid of the volume, the channel on it)
 
 
 def _evaluate_anew(row, _context):
@@ -39,16 +38,17 @@ def can_be_added(owner, other) -> bool:
     return other.rle_splat.is_volume and other != owner and not encoded.is_of(other)
 
 
-def _grid_of(volume) -> tuple:
-    return volume.shape_xyz, volume.affine.tobytes(), volume.space
+def _key_of(channel, volume) -> tuple:
+    """Key of the Volume of a channel on the grid of a volume."""
+    return "channel", channel.key, channel.space, volume.shape_xyz, volume.affine.tobytes(), volume.space
 
 
 def is_placed(channel, volume) -> bool:
     """Whether ``placed_steps`` takes no time for the Volume of a channel."""
-    return channel in _placed and _placed[channel][0] == _grid_of(volume)
+    return store.find(_key_of(channel, volume)) is not None
 
 
-def placed_steps(channel, volume):
+def placed_steps(wish: store.Wish, channel, volume):
     """Generator of Progress: a channel on the grid of a volume; both are Volumes.
 
     Raises
@@ -58,10 +58,13 @@ def placed_steps(channel, volume):
     """
     if not channel.holds_values:
         raise RleSplatError(f"A channel {encoded.NO_VALUES}.")
-    if not is_placed(channel, volume):
-        found = yield from on_grid_steps(channel, volume, values=True)
-        _placed[channel] = _grid_of(volume), None if found is channel else found
-    return _placed[channel][1] or channel
+    make_steps = partial(on_grid_steps, channel, volume, values=True)
+    return (yield from store.steps(wish, _key_of(channel, volume), make_steps))
+
+
+def wish_of(owner, source, depsgraph=None) -> store.Wish:
+    """The wish of a volume object for one of its channels."""
+    return store.wish_of(owner, depsgraph, source.session_uid)
 
 
 def sources_of(owner, depsgraph=None) -> list:
@@ -96,7 +99,7 @@ def add_channels(owner, others) -> tuple[str, ...]:
         if any(row.source == other for row in owner.rle_splat.channels):
             raise RleSplatError(f"{other.name!r} is already a channel of {owner.name!r}; choose another volume.")
         channel = volumes.load_volume(other)
-        placed = drain(placed_steps(channel, volume))
+        placed = drain(placed_steps(wish_of(owner, other), channel, volume))
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, placed))
         if mine != its:
             raise RleSplatError(
@@ -156,6 +159,7 @@ def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
     """
     return tuple(
         Channel(
-            drain(placed_steps(volumes.load_volume(one, depsgraph=depsgraph), volume)),
+            drain(placed_steps(
+                wish_of(owner, one, depsgraph), volumes.load_volume(one, depsgraph=depsgraph), volume)),
             transfer.read_transfer(one, depsgraph))
         for one in sources_of(owner, depsgraph))

@@ -6,9 +6,10 @@ It is shown by the scene's active camera, including a camera that a timeline mar
 from __future__ import annotations
 
 from ..rle_splat.runtime.steps import drain
-from . import backdrop, following, freshness, images, messages, pictures, presence, read_ahead, render_scene
+from . import backdrop, following, freshness, images, messages, pictures, presence, render_scene
 from .camera import camera_object, image_size
 from .held import Held
+from .loop import work
 from .settings import tolerance_of
 
 HIDDEN = freshness.MadeFrom("hidden", "", False)  # the volume is hidden from renders
@@ -42,7 +43,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         if not render_scene.is_rendered(volume_object, depsgraph):
             _hide(scene, volume_object, image)
             return
-        if later and read_ahead.want(volume_object, depsgraph):
+        if later and work.want(volume_object, depsgraph):
             return  # the object is tagged when its voxels are there
         with_meshes = settings.meshes_occlude and settings.backdrop_depth == "FRONT"
         plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes, camera=camera)
@@ -73,24 +74,23 @@ def remove_deleted(scene) -> None:
     scene : bpy.types.Scene
         The scene that owns the backdrops.
     """
-    settings = scene.rle_splat
-    gone = {
-        row.volume for row in settings.pictures
-        if row.kind == "backdrop" and row.volume is not None and presence.is_deleted(row.volume)
-    }
-    if settings.backdrop_object is not None and presence.is_deleted(settings.backdrop_object):
-        gone.add(settings.backdrop_object)
+    settings, gone = scene.rle_splat, set()
     for row in settings.pictures:
-        if row.kind == "backdrop" and row.volume in gone and row.camera is not None:
-            entry = backdrop.find(scene, row.camera)
+        if row.volume is not None and not presence.is_deleted(row.volume):
+            if row.name != row.volume.name:  # an assignment would count as another edit
+                row.name = row.volume.name
+        elif row.kind == "backdrop":
+            gone.add(row.name if row.volume is None else row.volume.name)
+            entry = None if row.camera is None else backdrop.find(scene, row.camera)
             if entry is not None and entry.image == row.image:
                 backdrop.hide(scene, row.camera)
-    if settings.backdrop_object in gone:
-        following.stop()
+    followed = settings.backdrop_object
+    if followed is not None and presence.is_deleted(followed):
+        gone.add(followed.name)
         settings.backdrop_object = None
     if gone:
-        names = " and ".join(sorted(repr(one.name) for one in gone))
-        messages.complain(settings, f"The volume {names} was deleted, so its backdrop was removed.")
+        following.stop()
+        messages.complain(settings, f"{messages.the_volume(*gone)} was deleted, so its backdrop was removed.")
 
 
 def _refinement(steps, scene: Held, image: Held, made_from) -> following.Refinement:

@@ -16,8 +16,9 @@ from bpy.app.handlers import persistent
 
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.volume.slices import slice_size
-from . import jobs, messages, read_ahead, slices
+from . import jobs, messages, slices
 from .held import Held
+from .loop import work
 from .placeholder import placeholder
 
 SIZE = 64  # pixels along a side of a placeholder
@@ -121,7 +122,7 @@ def update(scene, depsgraph, may_wait: bool) -> None:
             owner = slices.volume_of(one)
             if one.rle_splat.slice_image is None or hidden:
                 continue
-            if may_wait and owner is not None and read_ahead.want(owner, depsgraph):
+            if may_wait and owner is not None and work.want(owner, depsgraph):
                 continue
             _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
             if not is_render:

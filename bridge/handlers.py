@@ -15,7 +15,6 @@ from . import (
     migration,
     over_render,
     picture_files,
-    read_ahead,
     render_scene,
     series,
     thumbnails,
@@ -24,6 +23,7 @@ from . import (
     world_nodes,
     world_render,
 )
+from .loop import store, work
 
 
 @persistent
@@ -34,7 +34,7 @@ def _on_load_pre(*_arguments):
     following.stop()
     series.forget()
     watch.stop()
-    read_ahead.stop()
+    work.stop()
     freshness.forget()
     render_scene.forget_stages()
     volumes.forget_all()
@@ -57,6 +57,7 @@ HANDLERS = (
     *follow_slices.HANDLERS,
     *picture_files.HANDLERS,
     *live.HANDLERS,
+    *store.HANDLERS,
     ("load_pre", _on_load_pre),
 )
 
@@ -73,7 +74,8 @@ def unregister():
     following.stop()
     series.forget()
     watch.stop()
-    read_ahead.stop()
+    work.stop()
     freshness.forget()
     render_scene.forget_stages()
+    volumes.forget_all()
     _forget_worlds()

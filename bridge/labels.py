@@ -17,8 +17,10 @@ from ..rle_splat.runtime.steps import drain, part, portion
 from ..rle_splat.scene import Labels, RleSplatError
 from ..rle_splat.volume.counts import counts_values, stored_values
 from ..rle_splat.volume.measure import measured_steps
+from ..rle_splat.volume.volume import Volume
 from . import file_state, volumes
 from .decimals import typed
+from .loop import store
 from .overridable import (
     BoolProperty,
     EnumProperty,
@@ -39,8 +41,7 @@ FUNCTION_ITEMS = [
 ]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
 MOST_LABELS = 512  # a file with more different values is a scan, not a label map
-
-_kept: dict = {}  # (path, its state, shape, affine, space) of the last label file -> its Volume and values
+PURPOSE = "labels"  # see ``store.Wish``
 
 
 def _evaluate_anew(row, _context):
@@ -91,6 +92,13 @@ class LabelProperties(bpy.types.PropertyGroup):
         )
 
 
+class LabelMap(NamedTuple):
+    """Content of a label file: its Volume, and its different values, ascending; see ``_value_steps``."""
+
+    volume: Volume
+    values: np.ndarray
+
+
 class LabelFile(NamedTuple):
     """The label file of a volume object, whose name is in errors."""
 
@@ -105,7 +113,7 @@ class LabelFile(NamedTuple):
             raise RleSplatError(
                 f"The label file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
             ) from None
-        return self.path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
+        return PURPOSE, self.path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
 
 
 def file_of(owner) -> LabelFile:
@@ -119,18 +127,19 @@ def are_used(owner) -> bool:
 
 
 def are_at_hand(owner, volume) -> bool:
-    """Whether the labels of a volume object are in memory, or their file is missing, which ``load_labels`` says."""
+    """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:
-        return file_of(owner).key(volume) in _kept
+        return store.find(file_of(owner).key(volume)) is not None
     except RleSplatError:
         return True
 
 
-def load_steps(file: LabelFile, volume):
-    """Generator of Progress: load a label map; return it on the grid of a volume.
+def load_steps(wish: store.Wish, file: LabelFile, volume):
+    """Generator of Progress: the LabelMap of a file on the grid of a volume, from memory or from the file.
 
     Parameters
     ----------
+    wish : store.Wish
     file : LabelFile
     volume : Volume
         A raw label file is read with its shape.
@@ -140,9 +149,11 @@ def load_steps(file: LabelFile, volume):
     RleSplatError
         If the file is missing, cannot be read, or a raw file has another size.
     """
-    key = file.key(volume)
-    if key in _kept:
-        return _kept[key][0]
+    return store.steps(wish, file.key(volume), lambda: _read_steps(file, volume))
+
+
+def _read_steps(file: LabelFile, volume):
+    """Generator of Progress: read a LabelMap."""
     try:
         volumes.expose_modules()
         found = yield from part(read_label_steps(file.path, volume), 0.0, READING)
@@ -155,14 +166,7 @@ def load_steps(file: LabelFile, volume):
         ) from problem
     yield from part(measured_steps(found), READING, COUNTING)
     values = yield from portion(_value_steps(found), COUNTING, 1.0, "reading labels")
-    _kept.clear()
-    _kept[key] = found, values
-    return found
-
-
-def load_labels(owner, volume):
-    """The label map of a volume object, from memory or from its file; as ``load_steps`` without the steps."""
-    return drain(load_steps(file_of(owner), volume))
+    return LabelMap(found, values)
 
 
 def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
@@ -188,7 +192,8 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     if not are_used(owner):
         return None
     styles = [row.plain() for row in properties.labels]
-    return labels_of(load_labels(owner, volume), styles, volume, transfer_function, properties.smooth_labels)
+    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner), volume))
+    return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
 
 
 def list_labels(owner, volume) -> tuple[int, int, tuple]:
@@ -215,12 +220,11 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     RleSplatError
         If the file is no label map on the volume's grid.
     """
-    found = load_labels(owner, volume)
+    found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file_of(owner), volume))
     Labels(found)  # checks for whole numbers
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
-    numbers = next(values for known, values in _kept.values() if known is found)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "

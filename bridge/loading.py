@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..rle_splat.runtime.steps import part
 from ..rle_splat.scene import RleSplatError
 from . import channels, labels, volumes
+from .loop import store
 from .playback import shown_frame
 
 VOXELS = 0.7  # share of a channel's time until its voxels are read; the rest is for bringing it onto the volume's grid
@@ -95,21 +96,28 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
     file = labels.file_of(owner) if with_labels else None
     sources = [*channels.sources_of(owner, depsgraph), *further]
     return _one_after_another(
-        volumes.load_steps(owner, depsgraph), file, [volumes.load_steps(one, depsgraph) for one in sources]
+        volumes.load_steps(owner, depsgraph), file, store.wish_of(owner, depsgraph, labels.PURPOSE),
+        [(volumes.load_steps(one, depsgraph), channels.wish_of(owner, one, depsgraph)) for one in sources],
     )
 
 
-def _one_after_another(steps, file, channel_steps):
-    """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None."""
+def withdraw_unused(owner, depsgraph) -> None:
+    """Let a volume object no longer want labels and channels that it has no more; hidden channels stay."""
+    purposes = {volumes.PURPOSE, *(row.source.session_uid for row in owner.rle_splat.channels if row.source)}
+    store.withdraw_others(owner, depsgraph, purposes | ({labels.PURPOSE} if labels.are_used(owner) else set()))
+
+
+def _one_after_another(steps, file, labels_wish, channel_steps):
+    """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None; ``channel_steps``: (steps, Wish)."""
     each = 1.0 / (1 + (file is not None) + len(channel_steps))
     volume = yield from part(steps, 0.0, each)
     done = each
     if file is not None:
-        yield from part(labels.load_steps(file, volume), done, done + each)
+        yield from part(labels.load_steps(labels_wish, file, volume), done, done + each)
         done += each
-    for one in channel_steps:
+    for one, wish in channel_steps:
         channel = yield from part(one, done, done + VOXELS * each)
-        yield from part(channels.placed_steps(channel, volume), done + VOXELS * each, done + each)
+        yield from part(channels.placed_steps(wish, channel, volume), done + VOXELS * each, done + each)
         done += each
     return volume
 

@@ -11,6 +11,11 @@ def sentence_of(problem: Exception) -> str:
     return str(problem) if known else f"The volume could not be rendered because of an internal error: {problem!r}."
 
 
+def the_volume(*names: str) -> str:
+    """Deleted volumes as the subject of a sentence, also where a name is unknown ("")."""
+    return " ".join(["The volume", " and ".join(repr(name) for name in sorted(names) if name)]).strip()
+
+
 def complain(settings, sentence: str) -> None:
     """Show a sentence in the panel and print it.
 

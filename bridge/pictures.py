@@ -28,7 +28,7 @@ NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of col
 
 
 class PictureProperties(bpy.types.PropertyGroup):
-    """One picture of a scene."""
+    """One picture of a scene.  ``name`` is that of the volume, for messages once it is gone."""
 
     kind: StringProperty(name="Kind", description="What the picture shows")
     volume: PointerProperty(name="Volume", type=bpy.types.Object, description="The volume in the picture")
@@ -103,6 +103,7 @@ def add_row(scene, kind: str, volume_object, camera, image) -> None:
     """Add the row of a picture whose image already names the scene as its owner."""
     row = scene.rle_splat.pictures.add()
     row.kind, row.volume, row.camera, row.image = kind, volume_object, camera, image
+    row.name = volume_object.name
 
 
 def keep(scene, volume_object, rgba, depth, *, kind: str = "color", camera=None):
@@ -200,7 +201,7 @@ def _copied_for(scene, row) -> bool:
 
 
 def release_deleted(scene, is_deleted) -> None:
-    """Drop the rows of deleted volumes and cameras.
+    """Drop the rows of deleted volumes and cameras; Blender empties pointers to objects that a script removes.
 
     Parameters
     ----------
@@ -209,7 +210,8 @@ def release_deleted(scene, is_deleted) -> None:
     is_deleted : callable
         ``is_deleted(object)`` returns whether an object was deleted.
     """
-    _forget_rows(scene, lambda row: any(one is not None and is_deleted(one) for one in (row.volume, row.camera)))
+    _forget_rows(scene, lambda row: (
+        row.volume is None or is_deleted(row.volume) or (row.camera is not None and is_deleted(row.camera))))
 
 
 def _forget_rows(scene, unwanted) -> None:

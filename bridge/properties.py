@@ -369,7 +369,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     composite_object: PointerProperty(
         name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include")
     deleted_volume: StringProperty(
-        name="Deleted Volume", description="Name of the volume in renders that was deleted", options={"HIDDEN"})
+        name="Deleted Volume", options={"HIDDEN"},
+        description="Name of the volume in renders, for messages once it is deleted")
     composite_image: PointerProperty(
         name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
     use_previews: BoolProperty(

@@ -13,7 +13,7 @@ from ..rle_splat.pipeline.previews import progressive_steps
 from ..rle_splat.pipeline.render import render_steps
 from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.scene import RleSplatError, Scene
-from . import encoded, settings, transfer, volumes
+from . import encoded, loading, settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .channels import read_channels
 from .clip_objects import clip_objects, read_clips
@@ -178,6 +178,7 @@ def seen_by(
     """
     scene = depsgraph.scene_eval
     camera, width, height = view
+    loading.withdraw_unused(volume_object, depsgraph)
     volume = volumes.load_volume(volume_object, warn, depsgraph)
     if volume.holds_values:
         transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)

@@ -1,9 +1,8 @@
 """Volume objects and their voxels.
 
-Voxels stay outside the .blend.  They are read when first needed and cached in memory.  The key of the cache is the
-file, its size, its modification time (of a series, those of its folder's files) and the options, the frame among them.
-Of the frames of a volume object, the last one that was asked for is cached, and one that was read ahead.  No reference
-to a Blender datablock is stored.
+Voxels stay outside the .blend.  They are read when first needed and stay in ``loop.store``.  Their key is the file, its
+size, its modification time (of a series, those of its folder's files) and the options, the frame among them.  Of the
+frames of a volume object, the last one that was asked for in each scene stays, and one that was read ahead.
 """
 
 from dataclasses import dataclass
@@ -17,16 +16,14 @@ from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.measure import measured_steps
 from . import encoded, file_state
+from .loop import store
 from .playback import shown_frame
 from .source_options import read_options
 from .source_paths import resolved_path
 from .translations import filled
 
 READING = 0.9  # share of the time until a file is read; the rest is for measuring its values
-
-_kept: dict = {}  # source key -> Volume
-_in_use: dict = {}  # session id of a volume object -> the source key that it asked for last
-_ahead: list = []  # the source key that was read ahead, if any
+PURPOSE = "voxels"  # see ``store.Wish``
 
 
 @dataclass(frozen=True)
@@ -165,7 +162,7 @@ def load_steps(owner, depsgraph=None):
     The object is read before the first step, so it may be deleted meanwhile.
     """
     source = source_of(owner, shown_frame(owner, depsgraph))
-    return _cached_steps(source, owner.session_uid)
+    return _cached_steps(source, store.wish_of(owner, depsgraph, PURPOSE))
 
 
 def load_ahead_steps(owner):
@@ -173,31 +170,17 @@ def load_ahead_steps(owner):
 
     Of all objects, one frame that was read ahead is cached.
     """
-    return _cached_steps(source_of(owner, shown_frame(owner, ahead=1)), None)
+    return _cached_steps(source_of(owner, shown_frame(owner, ahead=1)), store.AHEAD)
 
 
-def _cached_steps(source: Source, uid: int | None):
-    """Generator of Progress: the voxels of a source, from the cache or its file.
-
-    ``uid``: session id of the object that asks for them; None reads ahead.
-    """
-    if source.key not in _kept:
-        _ahead.clear()
-        forget_unused()
-        try:
-            volume = yield from file_steps(source.path, source.options)
-        except SeveralSeries as several:
-            raise RleSplatError(
-                f"{several.problem} at {source.path}; press Relocate in the RLE Splat tab to choose one."
-            ) from None
-        _kept[source.key] = volume
-    volume = _kept[source.key]
-    if uid is None:
-        _ahead[:] = [source.key]
-    else:
-        _in_use[uid] = source.key
-    forget_unused()
-    return volume
+def _cached_steps(source: Source, wish: store.Wish):
+    """Generator of Progress: the voxels of a source, from memory or its file."""
+    try:
+        return (yield from store.steps(wish, source.key, lambda: file_steps(source.path, source.options)))
+    except SeveralSeries as several:
+        raise RleSplatError(
+            f"{several.problem} at {source.path}; press Relocate in the RLE Splat tab to choose one."
+        ) from None
 
 
 def load_volume(owner, warn=None, depsgraph=None):
@@ -272,7 +255,7 @@ def at_hand(owner, depsgraph=None, ahead: int = 0):
         None if they are not, or the file is missing.
     """
     try:
-        return _kept.get(source_of(owner, shown_frame(owner, depsgraph, ahead)).key)
+        return store.find(source_of(owner, shown_frame(owner, depsgraph, ahead)).key)
     except RleSplatError:
         return None
 
@@ -284,28 +267,16 @@ def is_at_hand(owner, depsgraph=None, ahead: int = 0) -> bool:
 
 def shows_another(owner, depsgraph=None) -> bool:
     """Whether a volume object shows a frame that is not in memory, while another one is that it showed before."""
-    return owner.rle_splat.frame_count > 1 and owner.session_uid in _in_use and not is_at_hand(owner, depsgraph)
+    has_one = store.has_any(store.wish_of(owner, depsgraph, PURPOSE))
+    return owner.rle_splat.frame_count > 1 and has_one and not is_at_hand(owner, depsgraph)
 
 
 def keep_volume(owner, volume) -> None:
-    """Cache a volume that was read for an object as its frame ``data_frame``."""
-    key = source_of(owner, owner.rle_splat.data_frame).key
-    _kept[key], _in_use[owner.session_uid] = volume, key
+    """Keep a volume that was read for an object as its frame ``data_frame``."""
+    store.put(store.wish_of(owner, None, PURPOSE), source_of(owner, owner.rle_splat.data_frame).key, volume)
 
 
 def forget_all() -> None:
-    """Clear the cache."""
-    _kept.clear()
-    _in_use.clear()
+    """Forget all voxels and labels, and what is known of their files."""
+    store.forget_all()
     file_state.forget()
-    _ahead.clear()
-
-
-def forget_unused() -> None:
-    """Remove the voxels that no object asked for last and that were not read ahead."""
-    existing = {one.session_uid for one in bpy.data.objects if one.rle_splat.is_volume}
-    for uid in set(_in_use) - existing:
-        del _in_use[uid]
-    used = {*_in_use.values(), *_ahead}
-    for key in [key for key in _kept if key not in used]:
-        del _kept[key]

@@ -11,9 +11,10 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead, volumes
+from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, volumes
 from .camera import marked_camera
 from .canvas import redraw
+from .loop import work
 
 PAUSE = 0.15  # seconds without a change before the scene is checked
 POLL = 0.5  # seconds between checks of a followed backdrop's transfer function, as a script's edits send no event
@@ -40,10 +41,21 @@ def _on_frame_change_post(scene, depsgraph=None):
     """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
         follow_scene.follow(scene, depsgraph, following.is_moving(), marked_camera(scene))
-        read_ahead.consider()
+        work.consider()
+
+
+@persistent
+def _on_save_pre(*_arguments):
+    """Handler: save a followed backdrop as the scene is now.
+
+    Blender sends no event for a point of a curve that a script moves, which in a window a timer notices.
+    """
+    if bpy.app.background:
+        follow_scene.follow(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), later=False)
 
 
 HANDLERS = (
+    ("save_pre", _on_save_pre),
     ("depsgraph_update_post", _on_change),
     ("undo_post", _on_change),
     ("redo_post", _on_change),
@@ -83,12 +95,14 @@ def attend(scene, depsgraph) -> None:
 def _hand_over_renders(scene) -> None:
     """Let another volume of the scene stand for renders once theirs was deleted, so that a purge can remove that one.
 
-    The deleted volume's name is kept for messages.
+    The volume's name is kept for messages once it is deleted.
     """
     settings = scene.rle_splat
     owner = settings.composite_object
+    if owner is not None and settings.deleted_volume != owner.name:
+        settings.deleted_volume = owner.name
     if owner is not None and presence.is_deleted(owner):
-        settings.deleted_volume, settings.composite_object = owner.name, None
+        settings.composite_object = None
     if settings.use_composite and settings.composite_object is None:
         others = volumes.volume_objects(scene)
         if others:  # an assignment of None would count as another edit

@@ -34,6 +34,7 @@ WINDOW_SCRIPTS = {
     "window_import.py": USUAL_SCREEN,
     "window_dialogs.py": USUAL_SCREEN,
     "window_live.py": USUAL_SCREEN,
+    "window_several.py": USUAL_SCREEN,
     "window_cut.py": USUAL_SCREEN,
     "window_look.py": USUAL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets

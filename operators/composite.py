@@ -51,7 +51,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         settings.use_composite = True
         if not settings.is_property_set("on_failed_frame"):
             settings.on_failed_frame = preferences.failed_frame()
-        settings.message = settings.render_problem = settings.failed_frames = settings.deleted_volume = ""
+        settings.message = settings.render_problem = settings.failed_frames = ""
+        settings.deleted_volume = volume_object.name
         mesh_shadows.settle(scene)
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:

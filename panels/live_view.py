@@ -50,7 +50,9 @@ def draw_state(context, layout) -> None:
     elif not preferences.shows_live():
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
     elif (viewports := live.viewports_of(area)) and not kernel_preparation.is_due():  # the tab says that it waits
-        if any(one.is_busy for one in viewports):
+        if any(one.waits for one in viewports):
+            layout.label(text="Reading files", icon="SORTTIME")
+        elif any(one.is_busy for one in viewports):
             if halvings := max(one.halvings for one in viewports):
                 told = filled("Refining, until then in voxels {times} times as large", times=2**halvings)
                 paragraph(context, layout, told, icon="SORTTIME")

@@ -2,8 +2,9 @@
 
 import bpy
 
-from ..bridge import kernel_preparation, read_ahead, volumes
+from ..bridge import kernel_preparation, volumes
 from ..bridge.jobs import StepwiseOperator
+from ..bridge.loop import work
 from ..bridge.translations import OURS, told
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
@@ -63,7 +64,7 @@ def _draw_views(layout, properties) -> None:
 
 def _draw_progress(layout) -> None:
     """Say how far a file is read, or another long job is."""
-    progress = StepwiseOperator.progress() or read_ahead.progress()
+    progress = StepwiseOperator.progress() or work.progress()
     if progress is not None:
         layout.progress(factor=progress.fraction, type="BAR", text=told(progress.message))
 

@@ -101,10 +101,12 @@ def _after() -> None:
     viewport = live.viewport
     if not kernel_preparation.is_due():
         request = surface.request_of(context, live.keys)
-        had = viewport.problem
+        had, waited = viewport.problem, viewport.waits
         viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
         _draw(live, framebuffer)
         _tell_of(viewport, had)
+        if viewport.waits != waited:
+            _redraw_panels(context.area)
     if viewport.is_busy:
         _start_timer()
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from ...rle_splat.scene import Camera
 from ...rle_splat.view.box_order import box_of
-from .. import encoded, freshness, loading, preferences, read_ahead, render_scene, settings
+from .. import encoded, freshness, preferences, render_scene, settings
 from ..decimals import typed
+from ..loop import work
 from . import shown
 from .floor import without_floor
 from .frames import Contents
@@ -111,20 +112,19 @@ class BlenderSurface:
         """See ``Surface.hides``."""
         return self._scene.rle_splat.meshes_occlude
 
-    def contents(self, request: Request, with_triangles: bool) -> list[Contents] | None:
+    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | None]:
         """See ``Surface.contents``."""
-        found = [(shown.find(key), shown.matrix_of(key)) for key in request.volumes]
-        found = [(owner, matrix) for owner, matrix in found if owner is not None]
         if self._depsgraph is None:
-            return None
-        if not all(loading.is_at_hand(owner, self._depsgraph) for owner, _ in found):
-            waiting = [read_ahead.want(owner, self._depsgraph) for owner, _ in found]
-            if any(waiting):
-                return None
+            return dict.fromkeys(request.volumes)
+        owners = {key: owner for key in request.volumes if (owner := shown.find(key)) is not None}
+        read = {key: owner for key, owner in owners.items() if not work.want(owner, self._depsgraph)}
         triangles = None
-        if self.hides() and (with_triangles or self._casts_shadows()):
+        if read and self.hides() and (with_triangles or self._casts_shadows()):
             triangles = render_scene.read_occluders(self._depsgraph)
-        return [self._contents_of(owner, matrix, triangles) for owner, matrix in found]
+        return {
+            key: self._contents_of(owner, shown.matrix_of(key), triangles) if key in read else None
+            for key, owner in owners.items()
+        }
 
     def _casts_shadows(self) -> bool:
         """Whether meshes count beside the depth at which they end rays."""

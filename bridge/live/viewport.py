@@ -20,6 +20,7 @@ from .view import Matrices, View, differ
 
 BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
+MOST_LAG = 0.5  # seconds for which pictures of another view are shown while the next ones are made
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
@@ -69,8 +70,8 @@ class Request:
 class Surface(Protocol):
     """What a viewport looks up while it is redrawn."""
 
-    def contents(self, request: Request, with_triangles: bool) -> list[Contents] | None:
-        """The visible volumes; None while voxels are being read.  ``with_triangles``: meshes end rays by them."""
+    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | None]:
+        """Contents by key; None where files are being read.  ``with_triangles``: meshes end rays by them."""
 
     def hides(self) -> bool:
         """Whether meshes hide the volume."""
@@ -96,6 +97,8 @@ class Viewport:
         Grows with every new list of pictures.
     is_refined : bool
         Whether they are no drafts.
+    waits : bool
+        Whether files of volumes are being read; these volumes are shown as they were, or not yet.
     problem : str
         Why nothing is shown; "" without a problem.
     counts : Counter
@@ -105,14 +108,16 @@ class Viewport:
     def __init__(self, cache, now=time.perf_counter):
         self.pictures: list[Picture] = []
         self.version, self.problem, self.counts, self.is_refined = 0, "", Counter(), False
+        self.waits = False
         self._cache, self._now = cache, now
         self._request: Request | None = None
         self._stamp = None
-        self._contents: list[Contents] = []
+        self._contents: dict[str, Contents] = {}  # of Request.volumes
         self._has_triangles = False
         self._shot: Shot | None = None
         self._ends: np.ndarray | None = None
         self._checked, self._changed, self._due = -np.inf, -np.inf, None
+        self._left = np.inf  # when the view became another one than that of the pictures
         self._work: Generator | None = None
         self._work_on: tuple = ()  # (shot, coarseness) of the work
         self._spent, self._was_slow, self._coarseness = 0.0, False, 0
@@ -144,7 +149,9 @@ class Viewport:
             return
         try:
             if self._look(request, stamp, surface, moved, now):
+                self._left = min(self._left, now) if moved else self._left
                 self._begin(now)
+                self._drop_outdated()
         except Exception as problem:  # one sentence instead of a traceback for every redraw
             self._fail(problem)
 
@@ -154,31 +161,34 @@ class Viewport:
         other = last is None or (request.volumes, request.drawn) != (last.volumes, last.drawn)
         changed = moved
         if other or stamp != self._stamp or now - self._checked >= RECHECK:
-            found = self._read(request, surface, self._has_triangles and not other)
-            if found is None:
+            changed |= self._read(request, surface, self._has_triangles and not other)
+            if self.waits and not self._contents:
+                self.stop()
+                self.waits = True
                 return False  # the next redraw asks again
-            changed |= [one.digest for one in found] != [one.digest for one in self._contents]
-            self._contents, self._stamp, self._checked = found, stamp, now
-        shot = shot_of(request.matrices, self._contents)
+            self._stamp, self._checked = (None, -np.inf) if self.waits else (stamp, now)
+        shot = shot_of(request.matrices, [*self._contents.values()])
         ends = None
         if surface.hides() and shot.part is not None and not self._has_triangles:
             self.counts["depths"] += 1
             ends = surface.ends(shot.view, shot.part)
             if ends is None:
-                self._has_triangles = True
-                found = self._read(request, surface, True)
-                if found is None:
-                    return False
-                self._contents, shot, changed = found, shot_of(request.matrices, found), True
+                self._read(request, surface, True)
+                shot, changed = shot_of(request.matrices, [*self._contents.values()]), True
         changed = changed or _ends_differ(ends, self._ends, shot.part)
         if changed:
             self._request, self._shot, self._ends = request, shot, ends
         return changed
 
-    def _read(self, request: Request, surface: Surface, with_triangles: bool) -> list[Contents] | None:
+    def _read(self, request: Request, surface: Surface, with_triangles: bool) -> bool:
+        """Look up the contents; return whether they differ.  A volume that waits for its files keeps its own."""
         self.counts["reads"] += 1
         self._has_triangles = with_triangles
-        return surface.contents(request, with_triangles)
+        before, found = self._contents, surface.contents(request, with_triangles)
+        self.waits = None in found.values()
+        now = {key: one or before.get(key) for key, one in found.items()}
+        self._contents = {key: one for key, one in now.items() if one is not None}
+        return [one.digest for one in self._contents.values()] != [one.digest for one in before.values()]
 
     def _begin(self, now: float) -> None:
         """Begin a draft of what was looked at; one that is under way ends first, or a slow one would never be seen."""
@@ -198,6 +208,7 @@ class Viewport:
                 self._due = None
                 self._start(None)
             self._advance(self._now() + BITE)
+            self._drop_outdated()
         except Exception as problem:
             self._fail(problem)
         return version != self.version or bool(self.problem)
@@ -214,8 +225,8 @@ class Viewport:
     def stop(self) -> None:
         """Drop everything; the next redraw begins anew."""
         self._stop_work()
-        self._request, self._shot, self._ends, self._contents, self._due = None, None, None, [], None
-        self._stamp, self._checked = None, -np.inf
+        self._request, self._shot, self._ends, self._contents, self._due = None, None, None, {}, None
+        self._stamp, self._checked, self._left, self.waits = None, -np.inf, np.inf, False
         self._show([])
 
     def try_again(self) -> None:
@@ -261,6 +272,7 @@ class Viewport:
 
     def _finish(self, pictures: list[Picture]) -> None:
         shot, coarseness = self._work_on
+        self._left = np.inf if shot.matrices == self._request.matrices else self._now()
         self._work, self.is_refined = None, coarseness is None
         self._show(pictures)
         self.counts["refinements" if coarseness is None else "drafts"] += 1
@@ -281,6 +293,11 @@ class Viewport:
             self._coarseness, self._was_slow = min(coarseness + 1, MOST_COARSENESS), False
         elif self._spent < QUICK * (OF_FEWER_VOXELS if coarseness > 1 else 1.0):
             self._coarseness = max(coarseness - 1, 0)
+
+    def _drop_outdated(self) -> None:
+        """Show nothing instead of pictures that have been of another view for too long."""
+        if self.pictures and self._now() - self._left > MOST_LAG:
+            self._show([])
 
     def _show(self, pictures: list[Picture]) -> None:
         self.pictures = pictures

@@ -1,6 +1,7 @@
 """Pictures as image datablocks: exact float values, the right color space, the right way up, through save and load."""
 
 import json
+from functools import partial
 
 import bpy
 import numpy as np
@@ -192,3 +193,19 @@ def test_the_picture_is_the_renderers_own(volume, bridge, core):
     settings = bpy.context.scene.rle_splat
     np.testing.assert_array_equal(scenes.image_pixels(settings.image), rendering.rgba)
     np.testing.assert_array_equal(scenes.image_pixels(settings.depth_image)[..., 0], rendering.depth)
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="Blender 4.5 has one working color space")
+def test_once_the_file_is_saved_the_working_color_space_can_change(volume, tmp_path):
+    """Blender refuses while an image has unsaved pixels, because it could not convert them."""
+    change = partial(bpy.ops.wm.set_working_color_space, working_space="ACEScg")
+    for make in ("render_image", "composite"):
+        assert getattr(bpy.ops.rle_splat, make)() == {"FINISHED"}
+    scenes.rendered(tmp_path / "out.exr")
+    before = scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    assert change() == {"CANCELLED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert change() == {"FINISHED"}
+    after = scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    np.testing.assert_allclose(after[..., 3], before[..., 3], atol=1e-6)
+    assert np.abs(after[..., :3] - before[..., :3]).max() > 0.01, "its colors were not converted"

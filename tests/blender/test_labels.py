@@ -72,27 +72,31 @@ def test_labels_are_listed_hidden_and_colored(owner):
 
 def test_label_maps_are_read_in_steps(owner, bridge, core):
     """What a window reads first, in slices of work, and what Esc leaves: nothing."""
-    loading, labels, volumes = (bridge(name) for name in ("loading", "labels", "volumes"))
+    loading, store, volumes = (bridge(name) for name in ("loading", "loop.store", "volumes"))
+
+    def forget_labels():
+        store.withdraw([wish for wish in store._wanted if wish.purpose == "labels"])
+
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     owner.rle_splat.labels[1].show = False
     assert loading.missing_steps(owner) is None and loading.is_at_hand(owner)
-    for forget in (labels._kept.clear, volumes.forget_all):
+    for forget in (forget_labels, volumes.forget_all):
         forget()
         assert not loading.is_at_hand(owner)
         steps = loading.missing_steps(owner)
-        kept = dict(labels._kept)
+        kept = dict(store._entries)
         messages = [next(steps).message]
         steps.close()
-        assert labels._kept == kept and not loading.is_at_hand(owner)
+        assert store._entries == kept and not loading.is_at_hand(owner)
         messages += [step.message for step in loading.missing_steps(owner)]
         assert any("labels" in message for message in messages) or forget == volumes.forget_all
         assert loading.is_at_hand(owner) and loading.missing_steps(owner) is None
-    labels._kept.clear()
-    read_ahead = bridge("read_ahead")
-    assert read_ahead.want(owner)  # as a backdrop that follows the scene does
-    while read_ahead._tick() is not None:
+    forget_labels()
+    work = bridge("loop.work")
+    assert work.want(owner)  # as a backdrop that follows the scene does
+    while work._tick() is not None:
         pass
-    assert loading.is_at_hand(owner) and not read_ahead.want(owner)
+    assert loading.is_at_hand(owner) and not work.want(owner)
 
 
 def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, refused, tmp_path):

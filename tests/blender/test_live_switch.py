@@ -186,17 +186,17 @@ def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
     depsgraph = bpy.context.evaluated_depsgraph_get()
     looked = surface.BlenderSurface(bpy.context, None, None, [])
     request = bridge("live.viewport").Request(None, ((volume_object.name, None),))
-    (found,) = looked.contents(request, True)
+    (found,) = looked.contents(request, True).values()
     plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=True)
     assert found.quality == quality
     for name in ("volume", "transfer_function", "lights", "headlight", "clips", "mode", "mist", "world", "triangles"):
         assert getattr(found.plain, name) is getattr(plain, name) or getattr(found.plain, name) == getattr(plain, name)
     assert (found.plain.index_to_world == plain.index_to_world).all()
-    again = looked.contents(request, True)
-    assert again[0].digest == found.digest
+    (again,) = looked.contents(request, True).values()
+    assert again.digest == found.digest
     volume_object.rle_splat.opacity_scale = 0.5
     update()
-    assert looked.contents(request, True)[0].digest != found.digest
+    assert looked.contents(request, True)[request.volumes[0]].digest != found.digest
 
 
 def test_depth_is_not_expected_where_engines_leave_none(bridge):

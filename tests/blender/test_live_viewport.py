@@ -29,9 +29,9 @@ class Surface:
     def hides(self):
         return self.hiding
 
-    def contents(self, _request, with_triangles):
+    def contents(self, request, with_triangles):
         self.with_triangles.append(with_triangles)
-        return self.held
+        return dict(zip(request.volumes, self.held, strict=True))
 
     def ends(self, view, _part):
         return None if self.depth is None else np.full((view.height, view.width), self.depth, np.float32)
@@ -298,12 +298,49 @@ def test_volumes_that_overlap_are_one_picture_and_let_through_the_product(live, 
 
 def test_voxels_that_are_being_read_are_waited_for(live, made):
     viewport, _clock, surface = made
-    surface.held, held = None, surface.held
+    surface.held, held = [None], surface.held
     viewport.redraw(request_of(live), 1, surface)
-    assert viewport.pictures == [] and not viewport.is_busy and not viewport.problem
+    assert viewport.pictures == [] and not viewport.is_busy and not viewport.problem and viewport.waits
     surface.held = held
     viewport.redraw(request_of(live), 1, surface)
-    assert viewport.counts["drafts"] == 1
+    assert viewport.counts["drafts"] == 1 and not viewport.waits
+
+
+def test_a_volume_that_waits_for_its_files_is_drawn_as_it_was_in_every_view(live, made):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    surface.held, held = [None], surface.held
+    viewport.redraw(request_of(live), 2, surface)
+    drafts, place = viewport.counts["drafts"], viewport.pictures[0].place
+    viewport.redraw(request_of(live, 20.0), 2, surface)
+    assert viewport.waits and viewport.counts["drafts"] == drafts + 1
+    assert viewport.pictures[0].place[0] < place[0], "the picture does not follow the view"
+    viewport.redraw(request_of(live, 20.0, ("another",)), 3, surface)
+    assert viewport.waits and viewport.pictures == [], "another volume's picture is shown for it"
+    surface.held = held
+    viewport.redraw(request_of(live, 20.0), 3, surface)
+    finish(viewport, clock)
+    assert not viewport.waits and viewport.is_refined
+
+
+@pytest.mark.parametrize("redraws", [True, False])
+def test_pictures_of_another_view_are_not_shown_for_long(live, made, monkeypatch, redraws):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+
+    def endless(*_arguments):
+        while True:
+            clock.now += live.viewport.BITE
+            yield
+
+    monkeypatch.setattr(live.viewport, "picture_steps", endless)
+    viewport.redraw(request_of(live, 29.0), 1, surface)
+    assert viewport.pictures, "it flickers"
+    for step in range(int(live.viewport.MOST_LAG / live.viewport.BITE) + 1):
+        viewport.redraw(request_of(live, 28.0 - step), 1, surface) if redraws else viewport.work()
+    assert viewport.pictures == [] and viewport.is_busy
 
 
 def test_the_first_failure_switches_the_viewport_off_until_it_is_tried_again(live, made, core):

@@ -375,9 +375,10 @@ def delete_as_a_user(one):
         bpy.ops.object.delete()
 
 
-def test_B22_a_volume_deleted_by_the_user(volume, tmp_path):
+@pytest.mark.parametrize("remove", [delete_as_a_user, lambda one: bpy.data.objects.remove(one)])
+def test_B22_a_volume_deleted_by_the_user_or_from_python(volume, tmp_path, remove):
     settings = composite()
-    delete_as_a_user(volume)
+    remove(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
     assert settings.message == (
         "The volume 'cube' was deleted and renders show no other one; import one, or press Remove from Renders.")

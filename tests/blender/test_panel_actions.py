@@ -70,11 +70,13 @@ def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, 
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
-    for is_busy, is_refined, text in (
-        (True, False, "Refining"), (False, True, "Up to date"), (False, False, "Draft, up to date"),
+    for is_busy, is_refined, waits, text in (
+        (False, True, True, "Reading files"), (True, False, False, "Refining"), (False, True, False, "Up to date"),
+        (False, False, False, "Draft, up to date"),
     ):
-        viewport = SimpleNamespace(is_busy=is_busy, is_refined=is_refined, problem="", halvings=0, pictures=[None])
-        assert ("label", text) in state_line(True, monkeypatch, [viewport])
+        viewport = SimpleNamespace(
+            is_busy=is_busy, is_refined=is_refined, waits=waits, problem="", halvings=0, pictures=[None])
+        assert [("label", text)] == [one for one in state_line(True, monkeypatch, [viewport]) if one[0] == "label"]
     with monkeypatch.context() as preparing:
         preparing.setattr(import_module(f"{MODULE}.bridge.kernel_preparation"), "is_due", lambda: True)
         assert state_line(True, preparing, [viewport]) == [], "nothing is drawn yet"

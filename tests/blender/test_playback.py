@@ -97,37 +97,42 @@ def test_a_missing_frame_gets_the_placeholder_and_a_sentence(owner, sequence, tm
     assert scene.rle_splat.failed_frames == "3" and "Frame 3 is missing" in scene.rle_splat.render_problem
 
 
-def run_timer(read_ahead) -> int:
+def entries(bridge) -> int:
+    """How many frames are in memory."""
+    return len(bridge("loop.store")._entries)
+
+
+def run_timer(work) -> int:
     """Let the timer function run until it stops, as in a window; returns how often it ran."""
     count = 0
-    while read_ahead._tick() is not None:
+    while work._tick() is not None:
         count += 1
     return count
 
 
 def test_the_timer_reads_the_next_frame_once_for_each_frame(owner, bridge):
-    volumes, read_ahead = bridge("volumes"), bridge("read_ahead")
+    volumes, work = bridge("volumes"), bridge("loop.work")
     shown_at(bridge, owner, (1, 2))
-    assert len(volumes._kept) == 1 and not volumes.is_at_hand(owner, ahead=1)
-    read_ahead._is_due[0] = True
-    run_timer(read_ahead)
-    assert volumes.is_at_hand(owner, ahead=1) and len(volumes._kept) == 2 and read_ahead.progress() is None
-    assert not read_ahead._work and read_ahead._tick() is None  # nothing more until the frame changes
+    assert entries(bridge) == 1 and not volumes.is_at_hand(owner, ahead=1)
+    work._is_due[0] = True
+    run_timer(work)
+    assert volumes.is_at_hand(owner, ahead=1) and entries(bridge) == 2 and work.progress() is None
+    assert not work._queue and work._tick() is None  # nothing more until the frame changes
 
 
 def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, sequence):
-    volumes, read_ahead = bridge("volumes"), bridge("read_ahead")
-    assert not read_ahead.want(owner)  # it is in memory
+    volumes, work = bridge("volumes"), bridge("loop.work")
+    assert not work.want(owner)  # it is in memory
     volumes.forget_all()
-    assert read_ahead.want(owner) and read_ahead.want(owner) and len(read_ahead._work) == 1
-    run_timer(read_ahead)
-    assert volumes.is_at_hand(owner) and not read_ahead.want(owner)
+    assert work.want(owner) and work.want(owner) and len(work._queue) == 1
+    run_timer(work)
+    assert volumes.is_at_hand(owner) and not work.want(owner)
     volumes.forget_all()
     sequence.write_bytes(b"cut")
-    assert read_ahead.want(owner)
-    run_timer(read_ahead)
-    assert not read_ahead.want(owner)  # so that whoever asks reads it at once, and says what is wrong
-    read_ahead.stop()
+    assert work.want(owner)
+    run_timer(work)
+    assert not work.want(owner)  # so that whoever asks reads it at once, and says what is wrong
+    work.stop()
 
 
 def test_the_next_frame_is_read_ahead(owner, bridge, core):
@@ -135,10 +140,10 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
     shown_at(bridge, owner, (2,))
     assert not volumes.is_at_hand(owner, ahead=1)
     core("runtime.steps").drain(volumes.load_ahead_steps(owner))
-    assert volumes.is_at_hand(owner, ahead=1) and len(volumes._kept) == 2
-    assert shown_at(bridge, owner, (3,)) == [3] and len(volumes._kept) == 1
+    assert volumes.is_at_hand(owner, ahead=1) and entries(bridge) == 2
+    assert shown_at(bridge, owner, (3,)) == [3] and entries(bridge) == 1
     core("runtime.steps").drain(volumes.load_ahead_steps(owner))
-    assert shown_at(bridge, owner, (1,)) == [1] and len(volumes._kept) == 1  # after a jump nothing old stays
+    assert shown_at(bridge, owner, (1,)) == [1] and entries(bridge) == 1  # after a jump nothing old stays
 
 
 @pytest.mark.parametrize("playback, name, keys", [
@@ -146,22 +151,22 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
     ("HOLD", "frame_step", ((1, 1), (2, 3))),
 ])  # fmt: skip
 def test_the_next_keyframed_frame_is_read_ahead(owner, bridge, playback, name, keys):
-    read_ahead, volumes = bridge("read_ahead"), bridge("volumes")
+    work, volumes = bridge("loop.work"), bridge("volumes")
     owner.rle_splat.playback = playback
     for time, value in keys:
         setattr(owner.rle_splat, name, value)
         owner.keyframe_insert(f"rle_splat.{name}", frame=time)
     assert shown_at(bridge, owner, (1,)) == [1]
-    read_ahead._is_due[0] = True
-    run_timer(read_ahead)
-    assert len(volumes._kept) == 2
+    work._is_due[0] = True
+    run_timer(work)
+    assert entries(bridge) == 2
     bpy.context.scene.frame_set(2)
     assert volumes.is_at_hand(owner) and value_now(bridge, owner) == 4
 
 
 def test_the_one_frame_that_is_shown_is_not_read_again(owner, bridge):
     owner.rle_splat.playback = "FIXED"
-    assert value_now(bridge, owner) == 1 and bridge("read_ahead")._next_frame() == []
+    assert value_now(bridge, owner) == 1 and bridge("loop.work")._next_frame() == {}
 
 
 def test_another_frame_that_was_written_again_is_told(owner, bridge, sequence):

@@ -38,17 +38,17 @@ HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
     "blend_import_post": ["source_paths"],
-    "depsgraph_update_post": ["image_state", "world_render", "watch", "follow_slices", "shown", "live"],
+    "depsgraph_update_post": ["image_state", "world_render", "watch", "follow_slices", "shown", "live", "store"],
     "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
     "load_post": ["source_paths", "migration", "watch", "follow_slices", "picture_files", "shown"],
-    "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown"], "render_cancel": ["over_render"],
-    "render_complete": ["over_render"], "render_init": ["world_render", "over_render"],
-    "render_post": ["over_render"],
+    "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown", "store"],
+    "render_cancel": ["over_render"], "render_complete": ["over_render"],
+    "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"],
     "save_post": ["source_paths", "mesh_shadows", "picture_files"],
     "save_post_fail": ["source_paths", "mesh_shadows", "picture_files"],
-    "save_pre": ["source_paths", "over_render", "mesh_shadows", "picture_files"],
-    "undo_post": ["watch", "follow_slices", "shown"],
+    "save_pre": ["source_paths", "over_render", "mesh_shadows", "watch", "picture_files"],
+    "undo_post": ["watch", "follow_slices", "shown", "store"],
 }  # fmt: skip
 
 

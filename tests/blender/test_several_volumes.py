@@ -3,11 +3,15 @@
 Cubes of N voxels a side at unit spacing; with its ramps each is N units deep, from z = -1/2 to N - 1/2.
 """
 
+from collections import Counter
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
 
 from tests.blender import scenes
+from tests.blender.conftest import MODULE
 
 pytestmark = pytest.mark.usefixtures("classified_first")
 
@@ -143,3 +147,120 @@ def test_the_volume_left_is_rendered_after_the_other_was_deleted(cubes, tmp_path
         bpy.ops.object.delete()
     agree(scenes.rendered(tmp_path / "out.exr"), over([(depth("blue", N), BLUE)]))
     assert settings.render_problem == "" and settings.composite_object == cubes["blue"]
+
+
+@pytest.fixture
+def reads(bridge, monkeypatch):
+    """How often a file was read, or a channel brought onto a grid."""
+    count = Counter()
+    for module, name in (("volumes", "file_steps"), ("labels", "read_label_steps"), ("channels", "on_grid_steps")):
+        steps = getattr(bridge(module), name)
+
+        def counted(*given, name=name, steps=steps, **more):
+            count[name] += 1
+            return steps(*given, **more)
+
+        monkeypatch.setattr(bridge(module), name, counted)
+    return count
+
+
+def redraws(bridge, owners, most=6) -> int:
+    """How often a viewport that shows volumes is redrawn until no file is being read, each time after the timer."""
+    request = bridge("live.viewport").Request(None, tuple((owner.name, None) for owner in owners))
+    surface = bridge("live.surface").BlenderSurface(bpy.context, request, None, [])
+    for count in range(most):
+        if None not in surface.contents(request, False).values():
+            return count
+        while bridge("loop.work")._tick() is not None:
+            pass
+    raise AssertionError("it never settles")
+
+
+def give_labels(owner, folder):
+    """A label file of its own for a cube, one of whose labels is hidden."""
+    path = folder / f"{owner.name} labels.raw"
+    np.tri(N, N * N, dtype=np.uint8).tofile(path)
+    owner.rle_splat.label_file = str(path)
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    owner.rle_splat.labels[1].show = False
+
+
+@pytest.mark.parametrize("case", ["unread", "labels", "a channel on two grids"])
+def test_files_of_several_volumes_are_read_once(case, bridge, tmp_path, reads):
+    voxels = np.full((N, N, N), 100, np.uint8)
+    pair = [scenes.import_raw(tmp_path, voxels, (side,) * 3, f"cube {side}") for side in (1.0, 2.0)]
+    expected = {"file_steps": 2}
+    if case == "labels":
+        for owner in pair:
+            give_labels(owner, tmp_path)
+        expected["read_label_steps"] = 2
+    elif case != "unread":
+        channel = scenes.import_raw(tmp_path, voxels, name="channel")
+        for owner in pair:
+            scenes.activate(owner, channel)
+            assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
+        expected = {"file_steps": 3, "on_grid_steps": 2}
+    bridge("volumes").forget_all()
+    reads.clear()
+    assert redraws(bridge, pair) == 1 and reads == expected
+    assert redraws(bridge, pair) == 0 and reads == expected
+
+
+def test_a_volume_in_two_scenes_at_two_times_keeps_both_frames(bridge, tmp_path, reads):
+    for frame in (1, 2):
+        np.full((N, N, N), frame, np.uint8).tofile(tmp_path / f"beat_{frame}.raw")
+    bpy.ops.rle_splat.import_volume(
+        filepath=str(tmp_path / "beat_1.raw"), shape=(N, N, N), dtype="uint8", use_sequence=True)
+    owner, first, second = bpy.context.view_layer.objects.active, bpy.context.scene, bpy.data.scenes.new("second")
+    second.collection.objects.link(owner)
+    first.frame_set(1)
+    second.frame_set(2)
+    for _ in range(3):
+        for scene in (first, second):
+            with scenes.in_scene(scene):
+                depsgraph = bpy.context.evaluated_depsgraph_get()
+                assert bridge("volumes").load_volume(owner, depsgraph=depsgraph).voxels.max() == scene.frame_current
+    assert reads["file_steps"] == 2
+    bpy.data.scenes.remove(second)
+    bpy.context.view_layer.update()
+    assert len(bridge("loop.store")._entries) == 1
+
+
+def test_what_nothing_shows_leaves_the_memory(bridge, tmp_path):
+    """After a deletion, a change of labels, a new file, and disabling; one that is hidden stays."""
+    store = bridge("loop.store")
+    pair = [scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name) for name in ("one", "two")]
+    for owner in pair:
+        give_labels(owner, tmp_path)
+    assert redraws(bridge, pair) == 0 and store.nbytes() == 4 * N**3
+    pair[0].rle_splat.label_file = ""
+    pair[1].hide_set(True)
+    redraws(bridge, pair)
+    assert store.nbytes() == 3 * N**3
+    bpy.data.objects.remove(pair[1])
+    bpy.context.view_layer.update()
+    assert store.nbytes() == N**3
+    scenes.activate(pair[0])
+    bpy.ops.object.delete()
+    bpy.context.view_layer.update()
+    assert store.nbytes() == 0
+    scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert store.nbytes() == 0
+    scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
+    assert store.nbytes() > 0
+    bpy.ops.preferences.addon_disable(module=MODULE)
+    assert store.nbytes() == 0
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_beyond_the_limit_what_no_window_shows_leaves_first(shown, bridge, tmp_path, monkeypatch):
+    store, voxels = bridge("loop.store"), np.full((N, N, N), 100, np.uint8)
+    monkeypatch.setattr(store, "bpy", SimpleNamespace(app=SimpleNamespace(
+        background=False, is_job_running=lambda _name: False), context=bpy.context, data=bpy.data))
+    monkeypatch.setattr(store, "MOST_BYTES", 2 * N**3)
+    first = scenes.import_raw(tmp_path, voxels, name="first")
+    monkeypatch.setattr(store, "_shown_objects", lambda: {first.session_uid} if shown else set())
+    owners = [first] + [scenes.import_raw(tmp_path, voxels, name=name) for name in ("second", "third")]
+    assert [bridge("volumes").is_at_hand(owner) for owner in owners] == [shown, not shown, True]

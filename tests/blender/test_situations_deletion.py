@@ -26,13 +26,26 @@ def followed(addon, tmp_path):
     return owner, bpy.context.scene.camera
 
 
-def test_B17_the_backdrop_of_a_deleted_volume(followed):
+REMOVALS = {
+    "by the user": delete,
+    "from Python": lambda owner: bpy.data.objects.remove(owner),
+    "in a batch": lambda owner: bpy.data.batch_remove([owner]),
+}
+
+
+@pytest.mark.parametrize("follows", [True, False])
+@pytest.mark.parametrize("remove", REMOVALS.values(), ids=REMOVALS)
+def test_B17_the_backdrop_of_a_deleted_volume(followed, remove, follows):
     owner, camera = followed
-    delete(owner)
+    bpy.context.scene.rle_splat.backdrop_follows = follows
+    owner.name = "head"
+    scenes.update()
+    remove(owner)
+    scenes.update()
     scenes.to_frame(2)
     assert not scenes.backdrops(camera)
     message = bpy.context.scene.rle_splat.message
-    assert "cube" in message and "was deleted" in message and message.endswith("."), message
+    assert message == "The volume 'head' was deleted, so its backdrop was removed."
     bpy.context.scene.rle_splat.message = ""
     scenes.to_frame(3)
     assert bpy.context.scene.rle_splat.message == ""  # said once

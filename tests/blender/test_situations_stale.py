@@ -88,6 +88,15 @@ def test_B45_an_edit_from_python_that_blender_does_not_tell(owner, camera):
     assert scenes.backdrop_of(camera)[..., 3].max() == 0.0
 
 
+def test_B45_an_edit_from_python_is_in_the_saved_file(owner, camera, tmp_path):
+    """Background mode has no timer that would notice an edit without an event."""
+    scenes.lower_curve(owner)
+    assert scenes.backdrop_of(camera)[..., 3].max() > 0.1
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "edited.blend"))
+    (path,) = (tmp_path / "edited_rle_splat").glob("*Backdrop.exr")
+    assert scenes.load_pixels(path)[..., 3].max() == 0.0
+
+
 def test_B46_a_followed_camera(owner, camera):
     before = scenes.shown_at(scenes.backdrop_of(camera))
     follows(camera, lambda: setattr(camera.location, "x", 5.0))

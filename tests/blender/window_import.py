@@ -201,7 +201,7 @@ def check_playback():
         bpy.context.scene.frame_set(frame)
         ours.load_volume(owner)
         yield from until(lambda: ours.is_at_hand(owner, ahead=1))
-        assert len(ours._kept) == 2
+        assert len(import_module(f"{MODULE}.bridge.loop.store")._entries) == 2
     yield from check_followed(ours, owner)
 
 
@@ -217,7 +217,7 @@ def check_followed(ours, owner):
         assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
     image = scene.camera.data.background_images[0].image
     before = np.array(image.pixels[:])
-    ahead = import_module(f"{MODULE}.bridge.read_ahead")
+    ahead = import_module(f"{MODULE}.bridge.loop.work")
     asked = []
     want = ahead.want
     ahead.want = lambda *given: asked.append(want(*given)) or asked[-1]

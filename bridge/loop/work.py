@@ -1,0 +1,157 @@
+"""A queue that reads files from a timer, a slice of work at a time, so that a window never waits for them.
+
+Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
+the queue until it is read, or until the object shows something else.  When nothing is asked for, the next frame of one
+volume in time is read ahead.  Scripts and background mode do not wait for timers: they read at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, field
+
+import bpy
+
+from ...rle_splat.runtime.steps import Progress
+from ...rle_splat.scene import RleSplatError
+from .. import jobs, loading, volumes
+from ..canvas import redraw_sidebars
+from ..held import Held
+from . import store
+
+PURPOSE = "picture"  # of a wish, see ``store.Wish``
+PAUSE, BUSY = 0.01, 0.2  # seconds between slices, and between checks whether other work is done
+LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: the user may drag on
+
+
+@dataclass(eq=False)
+class Work:
+    """Files that are being read.
+
+    Attributes
+    ----------
+    steps : generator of Progress
+    waiting : dict
+        ``store.Wish`` -> Held volume object that waits; empty when reading ahead.
+    progress : Progress or None
+        The last one.
+    """
+
+    steps: Generator
+    waiting: dict = field(default_factory=dict)
+    progress: Progress | None = None
+
+
+_queue: dict = {}  # key of the files, see ``loading.key_of`` -> Work; the first one is worked on
+_failed: set = set()  # keys of sources that could not be read; asking for them again tells why
+_is_due = [False]  # whether the next frame may be read ahead; once for each frame, however many volumes there are
+
+
+def want(owner, depsgraph=None) -> bool:
+    """Ask for the voxels that a volume object shows now, and for its labels.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+
+    Returns
+    -------
+    bool
+        Whether they are being read; the object is then tagged for an update when they are there. False if they are in
+        memory or could not be read, so that ``load_volume`` returns or says why at once.
+    """
+    try:
+        key = loading.key_of(owner, depsgraph)
+    except RleSplatError:
+        return False
+    wish = store.wish_of(owner, depsgraph, PURPOSE)
+    waits = not loading.is_at_hand(owner, depsgraph) and key not in _failed
+    for other in [other for other in _queue if other != key]:
+        showed = _queue[other].waiting.pop(wish, None)  # and shows something else now
+        if not _queue[other].waiting and (showed or waits):
+            _drop(other)
+    if waits:
+        if key not in _queue:
+            _queue[key] = Work(loading.load_steps(owner, depsgraph))
+            _start(PAUSE)
+        _queue[key].waiting[wish] = Held(owner)
+    return waits
+
+
+def consider() -> None:
+    """Read the next frame ahead, if a volume in time follows the timeline or keyframes."""
+    if not bpy.app.background:
+        _is_due[0] = True
+        _start(LOOK_AROUND)
+
+
+def progress() -> Progress | None:
+    """How far the reading is that an object waits for; None if there is none."""
+    return next((work.progress for work in _queue.values() if work.waiting), None)
+
+
+def stop() -> None:
+    """Drop all work, and what is known of files."""
+    for key in list(_queue):
+        _drop(key)
+    _failed.clear()
+    _is_due[0] = False
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def _drop(key: tuple) -> Work:
+    work = _queue.pop(key)
+    work.steps.close()
+    return work
+
+
+def _start(interval: float) -> None:
+    if not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=interval)
+
+
+def _tick():
+    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
+        return BUSY
+    if not _queue and _is_due[0]:
+        _is_due[0] = False
+        _queue.update(_next_frame())
+    until = time.perf_counter() + jobs.READ_BUDGET
+    while _queue and time.perf_counter() < until:
+        _advance(next(iter(_queue)))
+    if progress() is not None:
+        redraw_sidebars(bpy.context)
+    return PAUSE if _queue or _is_due[0] else None
+
+
+def _advance(key: tuple) -> None:
+    """Do one step of a Work; objects that waited for it are tagged when it is done."""
+    try:
+        _queue[key].progress = next(_queue[key].steps)
+        return
+    except StopIteration:
+        pass
+    except Exception:  # whoever needs the voxels reads them at once then, and reports what is wrong
+        _failed.add(key)
+    for owner in _drop(key).waiting.values():
+        if (found := owner.find()) is not None:
+            found.update_tag()
+
+
+def _next_frame() -> dict:
+    """Key and Work of the next frame of the first volume that needs one; empty if none does."""
+    for window in bpy.context.window_manager.windows:
+        for owner in volumes.volume_objects(window.scene):
+            if owner.rle_splat.frame_count > 1 and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
+                try:
+                    key = loading.key_of(owner, ahead=1)
+                    return {} if key in _failed else {key: Work(volumes.load_ahead_steps(owner))}
+                except RleSplatError:
+                    return {}  # the frame is missing; it is said when it is shown
+    return {}
