@@ -12,7 +12,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until
-from tests.blender.window_steps import PATIENCE, drag, live, middle, settled, viewport
+from tests.blender.window_steps import drag, live, middle, settled, viewport
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_several_"))
 NEAR, FAR = 64, 48  # voxels along a side of the two cubes, whose sides are one unit long
@@ -70,7 +70,7 @@ def add_cube(name, side, place):
 def at_rest(name, expected):
     """Nothing is read or drawn any more, and no file was read twice."""
     yield from settled()
-    yield from until(lambda: not viewport().waits, PATIENCE)
+    yield from until(lambda: not viewport().waits)
     yield from settled()
     yield from photograph(name)
     yield from settled()
