@@ -42,6 +42,8 @@ def _on_render_init(scene, *_arguments):
         _logs[scene.session_uid] = RenderLog(scene)
     if not scene.rle_splat.use_composite:
         mesh_shadows.show(scene)
+    elif not bpy.app.is_job_running("RENDER"):  # on the main thread: a script's links send no event
+        compositor.settle(scene)
 
 
 @persistent

@@ -11,7 +11,18 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, read_ahead, volumes
+from . import (
+    compositor,
+    follow_scene,
+    following,
+    freshness,
+    jobs,
+    mesh_shadows,
+    pictures,
+    presence,
+    read_ahead,
+    volumes,
+)
 from .camera import marked_camera
 from .canvas import redraw
 
@@ -53,7 +64,8 @@ HANDLERS = (
 
 
 def attend(scene, depsgraph) -> None:
-    """Check a scene: copies of scenes, deleted objects, the followed backdrop, outdated pictures, grids for shadows.
+    """Check a scene: copies of scenes, deleted objects, links of the compositor, the followed backdrop, outdated
+    pictures, grids for shadows.
 
     Parameters
     ----------
@@ -69,6 +81,8 @@ def attend(scene, depsgraph) -> None:
             if one.library is None:
                 follow_scene.remove_deleted(one)
                 _hand_over_renders(one)
+                if one.rle_splat.use_composite:
+                    compositor.settle(one)
                 pictures.release_deleted(one, presence.is_deleted)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.update_status(scene, depsgraph):
