@@ -1,9 +1,9 @@
 """Insert our pictures into the user's compositor, an Image and an Alpha Over node each, and remove them again.
 
-A picture is inserted directly after the Image of a Render Layers node, so that all outputs that show the render show the
-volume.  Each view layer has its own picture, because the volume may be hidden in one layer and behind other meshes in
-another.  A node that combines the Image with other passes of its view layer, such as Denoise, comes before the picture:
-those passes do not know of the volume.  An output that is made without the Image has a picture directly before it.
+A picture is inserted directly after the Image of a Render Layers node, so that all outputs that show the render show
+the volume.  Each view layer has its own picture, because the volume may be hidden in one layer and behind other meshes
+in another.  A node that combines the Image with other passes of its view layer, such as Denoise, comes before the
+picture: those passes do not know of the volume.  An output that is made without the Image has one directly before it.
 
 Our nodes are marked with a custom property and no other node is changed, so the user may move, mute, group or rewire
 them.  Links that are drawn past them later are led through them by ``settle``.  A picture is found as the image of a
@@ -178,7 +178,7 @@ def remove(scene) -> bool:
     if before.get("compositing") is not None:
         scene.render.use_compositing = bool(before["compositing"])
     if before.get("lock") is not None:
-        scene.render.use_lock_interface = bool(before["lock"])
+        scene.render.use_lock_interface = bool(before["lock"]) or any(one.rle_splat.is_slice for one in scene.objects)
     if before.get("tree") == "off":
         versions.switch_off_compositor(scene, discard=False)
     elif before.get("tree") == "none" and all(node.get(MARK) == _DEFAULT for node in tree.nodes):
