@@ -148,8 +148,9 @@ def settle(scene) -> None:
         known.update(dict.fromkeys(_layers_of(tree, node, scene), node.image))
     for over in _marked(tree, _OVER):
         before = {key: over[key] for key in over.keys() if key.startswith("was_")}
-    for layers in _layer_nodes(tree, scene) if before else ():
-        for picture, over in _put_behind(tree, layers) if layers.layer in known else ():
+    ready = [node for node in _layer_nodes(tree, scene) if node.layer in known and node.id_data.is_editable]
+    for layers in ready if before else ():
+        for picture, over in _put_behind(tree, layers):
             picture.image = known[layers.layer]
             for key, value in before.items():
                 over[key] = value
@@ -291,7 +292,7 @@ def problem(scene) -> str | None:
             return (f"The factor of the compositor's node {_title(over)} is 0, so the volume is not in the render; "
                     "raise it, or press Remove from Renders.")
     for socket in _results(tree):
-        if _bare_layers([socket], scene):
+        if _layers_behind([socket], scene, end=_is_over):
             return f"The compositor's node {_title(socket.node)} shows the render without the volume; {_AGAIN}."
     return None
 
@@ -361,9 +362,9 @@ def _is_over(node) -> bool:
     return node.get(MARK) == _OVER
 
 
-def _bare_layers(sockets, scene, links=None) -> list:
-    """The Render Layers nodes whose Image reaches input sockets past our nodes; ``links`` gets those of the ways."""
-    return [node for node, output, _holders in feeding(sockets, end=_is_over, links=links)
+def _layers_behind(sockets, scene, end=None, links=None) -> list:
+    """The Render Layers nodes whose Image is part of what input sockets show; ``end``, ``links``: see ``feeding``."""
+    return [node for node, output, _holders in feeding(sockets, end=end, links=links)
             if _is_layer(node, scene) and output.identifier == "Image"]
 
 
@@ -386,15 +387,14 @@ def _is_layer(node, scene) -> bool:
 
 def _layer_nodes(tree, scene) -> list:
     """The Render Layers nodes whose Image is part of what is shown, sorted by name."""
-    found = {node for node, output, _holders in feeding(_ends(tree))
-             if _is_layer(node, scene) and output.identifier == "Image"}
-    return sorted(found, key=lambda node: node.name)
+    return sorted(set(_layers_behind(_ends(tree), scene)), key=lambda node: node.name)
 
 
 def _is_laid_out(tree, scene, names: set[str]) -> bool:
     """Whether our nodes are complete: each view layer has its picture, and all outputs show them."""
     nodes, overs, ends = _marked(tree, _PICTURE), _marked(tree, _OVER), _ends(tree)
-    if not nodes or len(nodes) != len(overs) or set(nodes) != _reaching(ends) or _bare_layers(ends, scene):
+    is_torn = len(nodes) != len(overs) or set(nodes) != _reaching(ends)
+    if not nodes or is_torn or _layers_behind(ends, scene, end=_is_over):
         return False
     if len(names) < 2:
         return True
@@ -407,8 +407,7 @@ def _add_pair(tree, x: float, y: float):
     over = tree.nodes.new("CompositorNodeAlphaOver")
     picture = tree.nodes.new("CompositorNodeImage")
     over[MARK], picture[MARK] = _OVER, _PICTURE
-    over.label = "RLE Splat over Render"
-    picture.label = "RLE Splat"
+    over.label, picture.label = "RLE Splat over Render", "RLE Splat"
     over.location, over["moved_output"] = (x, y), False
     picture.location = (x - 220.0, y - 220.0)
     foreground = _colors(over)[1]
@@ -423,11 +422,10 @@ def _put_before(target) -> None:
     _picture, over = _add_pair(tree, output.location.x - 20.0, output.location.y)
     output.location.x += 200.0
     over["moved_output"] = True
-    background = _colors(over)[0]
     if target.is_linked:
-        tree.links.new(target.links[0].from_socket, background)
+        tree.links.new(target.links[0].from_socket, _colors(over)[0])
     else:
-        background.default_value = target.default_value
+        _colors(over)[0].default_value = target.default_value
     tree.links.new(over.outputs[0], target)
 
 
@@ -437,7 +435,7 @@ def _put_behind(tree, layers) -> list[tuple]:
     Returns the new pairs (Image node, Alpha Over).
     """
     bare, covered, places, made = set(), set(), [], []
-    _bare_layers(_ends(tree), layers.scene, bare)
+    _layers_behind(_ends(tree), layers.scene, _is_over, bare)
     list(feeding([_colors(over)[0] for over in _marked(tree, _OVER)], links=covered))
     todo = [layers.outputs["Image"]]
     for source in todo:

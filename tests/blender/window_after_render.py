@@ -127,6 +127,18 @@ def check(animation: bool, lock: bool):
     passed(name)
 
 
+def check_later_links():
+    """A link that is drawn from the Render Layers to another output is led through our Alpha Over by itself."""
+    tree = import_module(f"{MODULE}.bridge.versions").compositor_tree(bpy.context.scene)
+    layers = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers")
+    viewer = tree.nodes.new("CompositorNodeViewer")
+    area_of("IMAGE_EDITOR").ui_type = "CompositorNodeTree"
+    tree.links.new(layers.outputs["Image"], viewer.inputs[0])
+    yield from until(lambda: viewer.inputs[0].links[0].from_node.bl_idname == "CompositorNodeAlphaOver", seconds=5.0)
+    yield from photograph("later links")
+    passed("later links")
+
+
 def scenario():
     yield from set_up()
     yield from at_rest()
@@ -134,6 +146,7 @@ def scenario():
     for animation in (False, True):
         for lock in (False, True):
             yield from check(animation, lock)
+    yield from check_later_links()
 
 
 drive(scenario)
