@@ -1,11 +1,13 @@
 """Insert our pictures into the user's compositor, an Image and an Alpha Over node each, and remove them again.
 
-With one view layer, a picture is inserted directly before the output.  If the output combines several view layers of
-the scene, each gets its own picture directly after its Render Layers node, because the volume may be hidden in one
-layer and behind other meshes in another.
+A picture is inserted directly after the Image of a Render Layers node, so that all outputs that show the render show
+the volume.  Each view layer has its own picture, because the volume may be hidden in one layer and behind other meshes
+in another.  A node that combines the Image with other passes of its view layer, such as Denoise, comes before the
+picture: those passes do not know of the volume.  An output that is made without the Image has one directly before it.
 
 Our nodes are marked with a custom property and no other node is changed, so the user may move, mute, group or rewire
-them.  A picture is found as the image of a marked node, never by name.
+them.  Links that are drawn past them later are led through them by ``settle``.  A picture is found as the image of a
+marked node, never by name.
 """
 
 from __future__ import annotations
@@ -93,15 +95,18 @@ def insert(scene, make_image) -> list[str]:
         remarks.append("The compositor was shared with other scenes; this scene now has its own copy.")
 
     earlier = images_of(scene)
-    layers = _layer_nodes(tree, scene)
-    names = {node.layer for node in layers}
+    names = {node.layer for node in _layer_nodes(tree, scene)}
     if not _is_laid_out(tree, scene, names):
         # Our nodes are unlinked or muted, or the view layers have changed: rebuild them, keeping what ``remove`` needs.
         for over in _marked(tree, _OVER):
             before = {key: over.get(f"was_{key}", value) for key, value in before.items()}
         _take_out(tree)
-        for target in layers if len(names) > 1 else [None]:
-            over = _put_behind(target) if target is not None else _put_before_output(tree, scene)
+        target = _result_socket(tree, scene)
+        for layers in _layer_nodes(tree, scene):
+            _put_behind(tree, layers)
+        if not any(node.get(MARK) == _OVER for node, _output, _holders in feeding([target])):
+            _put_before(target)
+        for over in _marked(tree, _OVER):
             for key, value in before.items():
                 over[f"was_{key}"] = value
 
@@ -127,6 +132,30 @@ def insert(scene, make_image) -> list[str]:
     return remarks
 
 
+def settle(scene) -> None:
+    """Lead links that were drawn past our nodes through them; where that needs another picture, ``problem`` says so.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    """
+    tree = versions.compositor_tree(scene)
+    if tree is None or not tree.is_editable:
+        return
+    before, known = {}, {}
+    for node in _marked(tree, _PICTURE):
+        known.update(dict.fromkeys(_layers_of(tree, node, scene), node.image))
+    for over in _marked(tree, _OVER):
+        before = {key: over[key] for key in over.keys() if key.startswith("was_")}
+    ready = [node for node in _layer_nodes(tree, scene) if node.layer in known and node.id_data.is_editable]
+    for layers in ready if before else ():
+        for picture, over in _put_behind(tree, layers):
+            picture.image = known[layers.layer]
+            for key, value in before.items():
+                over[key] = value
+
+
 def remove(scene) -> bool:
     """Remove our nodes, reconnect the links across them, and restore the settings that ``insert`` changed.
 
@@ -150,7 +179,7 @@ def remove(scene) -> bool:
     if before.get("compositing") is not None:
         scene.render.use_compositing = bool(before["compositing"])
     if before.get("lock") is not None:
-        scene.render.use_lock_interface = bool(before["lock"])
+        scene.render.use_lock_interface = bool(before["lock"]) or any(one.rle_splat.is_slice for one in scene.objects)
     if before.get("tree") == "off":
         versions.switch_off_compositor(scene, discard=False)
     elif before.get("tree") == "none" and all(node.get(MARK) == _DEFAULT for node in tree.nodes):
@@ -216,7 +245,7 @@ def pictures(scene) -> list[Picture]:
     if tree is None or not scene.render.use_compositing:
         return []
     found = {}
-    for node in _reaching(tree):
+    for node in _reaching(_results(tree)):
         if _is_ours(node.image, scene):
             found.setdefault(node.image, set()).update(_layers_of(tree, node, scene))
     return [Picture(image, frozenset(layers)) for image, layers in found.items()]
@@ -241,7 +270,7 @@ def problem(scene) -> str | None:
                 "on, or press Remove from Renders.")
     if tree is None:
         return f"The scene's compositor is switched off, so the volume is not in the render; {_AGAIN}."
-    nodes, overs, reaching = _marked(tree, _PICTURE), _marked(tree, _OVER), _reaching(tree)
+    nodes, overs, reaching = _marked(tree, _PICTURE), _marked(tree, _OVER), _reaching(_results(tree))
     if not nodes or not (overs or reaching):
         return f"The volume's nodes were removed from the compositor; {_AGAIN}."
     for node in nodes:
@@ -262,6 +291,9 @@ def problem(scene) -> str | None:
         if not factor.is_linked and factor.default_value == 0.0:
             return (f"The factor of the compositor's node {_title(over)} is 0, so the volume is not in the render; "
                     "raise it, or press Remove from Renders.")
+    for socket in _results(tree):
+        if _layers_behind([socket], scene, end=_is_over):
+            return f"The compositor's node {_title(socket.node)} shows the render without the volume; {_AGAIN}."
     return None
 
 
@@ -315,9 +347,25 @@ def _results(tree) -> list:
     return [socket for socket in found if socket is not None] + [socket for one in files for socket in one.inputs]
 
 
-def _reaching(tree) -> set:
-    """Our Image nodes that are part of a result of the compositor."""
-    return {node for node, _output, _holders in feeding(_results(tree)) if node.get(MARK) == _PICTURE}
+def _ends(tree) -> list:
+    """The input sockets of all that shows something: the compositor's results and its viewers."""
+    return _results(tree) + [
+        one.inputs[0] for one in tree.nodes if one.bl_idname == "CompositorNodeViewer" and not one.mute]
+
+
+def _reaching(sockets) -> set:
+    """Our Image nodes that are part of what some input sockets show."""
+    return {node for node, _output, _holders in feeding(sockets) if node.get(MARK) == _PICTURE}
+
+
+def _is_over(node) -> bool:
+    return node.get(MARK) == _OVER
+
+
+def _layers_behind(sockets, scene, end=None, links=None) -> list:
+    """The Render Layers nodes whose Image is part of what input sockets show; ``end``, ``links``: see ``feeding``."""
+    return [node for node, output, _holders in feeding(sockets, end=end, links=links)
+            if _is_layer(node, scene) and output.identifier == "Image"]
 
 
 def _layers_of(tree, picture, scene) -> set[str]:
@@ -338,64 +386,81 @@ def _is_layer(node, scene) -> bool:
 
 
 def _layer_nodes(tree, scene) -> list:
-    """The Render Layers nodes whose Image is part of the result, sorted by name."""
-    found = {node for node, output, _holders in feeding(_results(tree))
-             if _is_layer(node, scene) and output.identifier == "Image"}
-    return sorted(found, key=lambda node: node.name)
+    """The Render Layers nodes whose Image is part of what is shown, sorted by name."""
+    return sorted(set(_layers_behind(_ends(tree), scene)), key=lambda node: node.name)
 
 
 def _is_laid_out(tree, scene, names: set[str]) -> bool:
-    """Whether our nodes are complete: one picture, or one for each view layer, and all reach the result."""
-    nodes, overs = _marked(tree, _PICTURE), _marked(tree, _OVER)
-    if not nodes or len(nodes) != len(overs) or set(nodes) != _reaching(tree):
+    """Whether our nodes are complete: each view layer has its picture, and all outputs show them."""
+    nodes, overs, ends = _marked(tree, _PICTURE), _marked(tree, _OVER), _ends(tree)
+    is_torn = len(nodes) != len(overs) or set(nodes) != _reaching(ends)
+    if not nodes or is_torn or _layers_behind(ends, scene, end=_is_over):
         return False
     if len(names) < 2:
-        return len(nodes) == 1
+        return True
     layers = [_layers_of(tree, node, scene) for node in nodes]
     return all(len(own) == 1 for own in layers) and set().union(*layers) == names
 
 
 def _add_pair(tree, x: float, y: float):
-    """Add an Alpha Over with its Image node at (x, y), not linked to other nodes."""
+    """Add an Alpha Over at (x, y) with its Image node, not linked to other nodes; returns (Image node, Alpha Over)."""
     over = tree.nodes.new("CompositorNodeAlphaOver")
     picture = tree.nodes.new("CompositorNodeImage")
     over[MARK], picture[MARK] = _OVER, _PICTURE
-    over.label = "RLE Splat over Render"
-    picture.label = "RLE Splat"
-    over.location = (x, y)
+    over.label, picture.label = "RLE Splat over Render", "RLE Splat"
+    over.location, over["moved_output"] = (x, y), False
     picture.location = (x - 220.0, y - 220.0)
     foreground = _colors(over)[1]
     foreground.default_value = (0.0, 0.0, 0.0, 0.0)  # the default is white, which shows if the picture is unlinked
     tree.links.new(picture.outputs[0], foreground)
-    return over
+    return picture, over
 
 
-def _put_before_output(tree, scene):
-    """Insert an Alpha Over and its picture before the output."""
-    target = _result_socket(tree, scene)
-    output = target.node
-    over = _add_pair(tree, output.location.x - 20.0, output.location.y)
+def _put_before(target) -> None:
+    """Insert an Alpha Over and its picture before the input of an output."""
+    tree, output = target.id_data, target.node
+    _picture, over = _add_pair(tree, output.location.x - 20.0, output.location.y)
     output.location.x += 200.0
     over["moved_output"] = True
-    background = _colors(over)[0]
     if target.is_linked:
-        tree.links.new(target.links[0].from_socket, background)
+        tree.links.new(target.links[0].from_socket, _colors(over)[0])
     else:
-        background.default_value = target.default_value
+        _colors(over)[0].default_value = target.default_value
     tree.links.new(over.outputs[0], target)
-    return over
 
 
-def _put_behind(layers):
-    """Insert an Alpha Over and its picture after the Image output of a Render Layers node."""
-    tree, source = layers.id_data, layers.outputs["Image"]
-    targets = [link.to_socket for link in source.links]
-    over = _add_pair(tree, layers.location.x + layers.width + 40.0, layers.location.y)
-    over["moved_output"] = False
-    tree.links.new(source, _colors(over)[0])
-    for target in targets:
-        tree.links.new(over.outputs[0], target)
-    return over
+def _put_behind(tree, layers) -> list[tuple]:
+    """Lead what shows the Image of a Render Layers node without the volume through Alpha Overs with pictures.
+
+    Returns the new pairs (Image node, Alpha Over).
+    """
+    bare, covered, places, made = set(), set(), [], []
+    _layers_behind(_ends(tree), layers.scene, _is_over, bare)
+    list(feeding([_colors(over)[0] for over in _marked(tree, _OVER)], links=covered))
+    todo = [layers.outputs["Image"]]
+    for source in todo:
+        after = [link.to_node for link in source.links if _is_over(link.to_node)]
+        links = [link for link in source.links if link in bare - covered and link.to_node not in after]
+        mixing = [link.to_node for link in links if _reads_passes(link.to_node, layers)]
+        todo.extend(output for node in mixing for output in node.outputs if output.type == "RGBA")
+        targets = [link.to_socket for link in links if link.to_node not in mixing]
+        if targets and all(over.outputs[0].is_linked for over in after):  # one that leads nowhere was unplugged
+            places.append((source, targets, after))
+    for source, targets, after in places:  # a new link may take the address of one in the sets
+        if not after:
+            node = source.node
+            made.append(_add_pair(layers.id_data, node.location.x + node.width + 40.0, node.location.y))
+            after = made[-1][1:]
+            layers.id_data.links.new(source, _colors(after[0])[0])
+        for target in targets:
+            layers.id_data.links.new(after[0].outputs[0], target)
+    return made
+
+
+def _reads_passes(node, layers) -> bool:
+    """Whether a node reads other passes of a Render Layers node than its Image."""
+    return any(link.from_node == layers and link.from_socket.identifier != "Image"
+               for entry in node.inputs for link in entry.links)
 
 
 def _result_socket(tree, scene):

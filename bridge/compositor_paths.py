@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def feeding(sockets, holders=()):
+def feeding(sockets, holders=(), end=None, links=None):
     """Find every output whose value reaches one of some input sockets.
 
     Parameters
@@ -12,6 +12,10 @@ def feeding(sockets, holders=()):
         Input sockets.
     holders : tuple of bpy.types.Node
         The group nodes that contain the sockets, outermost first.
+    end : callable, optional
+        ``end(node)`` returns whether nothing behind a node counts.
+    links : set, optional
+        Gets the links that are followed.
 
     Yields
     ------
@@ -19,24 +23,26 @@ def feeding(sockets, holders=()):
         The node, its output socket, and the group nodes that contain it.  An output in a node group is yielded once
         for each use of the group.
     """
-    todo, seen = [(socket, holders) for socket in sockets], set()
+    todo, seen, links = [(socket, holders) for socket in sockets], set(), set() if links is None else links
     while todo:
         socket, within = todo.pop()
-        for output, place in _sources(socket, within):
+        for output, place in _sources(socket, within, links):
             if (output, place) not in seen:
                 seen.add((output, place))
                 yield output.node, output, place
-                todo.extend((entry, place) for entry in output.node.inputs)
+                if end is None or not end(output.node):
+                    todo.extend((entry, place) for entry in output.node.inputs)
 
 
-def _sources(socket, holders):
+def _sources(socket, holders, links):
     """The outputs that an input socket takes its value from."""
     for link in socket.links:
         if not link.is_muted:
-            yield from _behind(link.from_socket, holders)
+            links.add(link)
+            yield from _behind(link.from_socket, holders, links)
 
 
-def _behind(output, holders):
+def _behind(output, holders, links):
     """The outputs behind an output socket: itself, or the sources of a muted node or of a node group."""
     node = output.node
     if node.mute:
@@ -52,7 +58,7 @@ def _behind(output, holders):
         yield output, holders
         return
     for entry in passed:
-        yield from _sources(entry, holders)
+        yield from _sources(entry, holders, links)
 
 
 def _same(sockets, other) -> list:

@@ -49,7 +49,7 @@ def _forget_worlds() -> None:
 
 HANDLERS = (
     *image_state.HANDLERS,
-    *world_render.HANDLERS,  # before over_render.HANDLERS, because it renders
+    *world_render.HANDLERS,  # before over_render.HANDLERS, which read the world's light
     *over_render.HANDLERS,
     *mesh_shadows.HANDLERS,
     *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load

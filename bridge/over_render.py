@@ -4,7 +4,7 @@ Blender calls ``frame_change_post`` for each view layer of every rendered frame,
 scene of that layer and before the compositor reads any image.  This handler renders the volume into the pictures of
 that view layer.  In a window it runs on the render thread.  So it only writes pixels of images that the Composite
 operator has created, it creates and removes no datablock, and ``use_lock_interface``, set by that operator, keeps the
-interface from drawing the images meanwhile.
+interface from drawing the images meanwhile.  A render without it says so.
 
 Problems are recorded for the whole render or animation, see ``render_log.py``.
 """
@@ -19,13 +19,26 @@ from ..rle_splat.pipeline.report import EMPTY_REMARKS
 from ..rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
-from . import compositor, following, images, mesh_shadows, messages, pictures, placements, presence, render_scene
+from . import (
+    compositor,
+    following,
+    images,
+    mesh_shadows,
+    messages,
+    pictures,
+    placements,
+    presence,
+    render_scene,
+    slices,
+)
 from .camera import frame_crop, image_size
 from .placeholder import placeholder
 from .render_log import RenderLog
 from .settings import tolerance_of
 
 LAST_FRAME = 1048574  # Blender's largest frame number
+UNLOCKED = ("Lock Interface is off, so Blender may draw a picture of the volume while a render writes it, and crash; "
+            "switch it on in the Render menu.")
 
 # The scenes that are being rendered, by session id.  The first is the one whose render was started, the others are in
 # its scene strips.  It is empty when nothing is rendered: exporters change frames with a render depsgraph too.
@@ -42,6 +55,15 @@ def _on_render_init(scene, *_arguments):
         _logs[scene.session_uid] = RenderLog(scene)
     if not scene.rle_splat.use_composite:
         mesh_shadows.show(scene)
+        if _is_unlocked(scene) and slices.slice_objects(scene):
+            messages.complain(scene.rle_splat, UNLOCKED)
+    elif not bpy.app.is_job_running("RENDER"):  # on the main thread: a script's links send no event
+        compositor.settle(scene)
+
+
+def _is_unlocked(scene) -> bool:
+    """Whether a window may draw images while a render of this scene, on a thread of its own, writes them."""
+    return bpy.app.is_job_running("RENDER") and not scene.render.use_lock_interface
 
 
 @persistent
@@ -147,6 +169,8 @@ def splat_over_render(scene, depsgraph) -> None:
     mine = [one for one in found if one.is_of(layer)]
     if log.is_first_layer:
         log.pictures = found
+        if _is_unlocked(scene):
+            log.note(scene, UNLOCKED)
         problem = compositor.problem(scene)
         if problem is not None:
             log.fail(scene, problem)

@@ -114,11 +114,6 @@ def material_tree(material):
     return material.node_tree
 
 
-def panorama_settings(camera):
-    """What holds the settings of a panoramic camera: from 5.0 on the camera, before its settings of Cycles."""
-    return camera if hasattr(camera, "panorama_type") else camera.cycles
-
-
 def world_is_nodes(world) -> bool:
     """Whether a world uses its nodes (from 5.0 on always) instead of its plain color."""
     return world.node_tree is not None and (bpy.app.version >= (5, 0) or world.use_nodes)

@@ -11,7 +11,7 @@ import time
 import bpy
 from bpy.app.handlers import persistent
 
-from . import follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, volumes
+from . import compositor, follow_scene, following, freshness, jobs, mesh_shadows, pictures, presence, volumes
 from .camera import marked_camera
 from .canvas import redraw
 from .loop import work
@@ -65,7 +65,8 @@ HANDLERS = (
 
 
 def attend(scene, depsgraph) -> None:
-    """Check a scene: copies of scenes, deleted objects, the followed backdrop, outdated pictures, grids for shadows.
+    """Check a scene: copies of scenes, deleted objects, links of the compositor, the followed backdrop, outdated
+    pictures, grids for shadows.
 
     Parameters
     ----------
@@ -81,6 +82,8 @@ def attend(scene, depsgraph) -> None:
             if one.library is None:
                 follow_scene.remove_deleted(one)
                 _hand_over_renders(one)
+                if one.rle_splat.use_composite:
+                    compositor.settle(one)
                 pictures.release_deleted(one, presence.is_deleted)
         follow_scene.follow(scene, depsgraph, later=not bpy.app.background)
         if freshness.update_status(scene, depsgraph):

@@ -1,24 +1,24 @@
 """The light of any world, rendered: what Cycles says a white sphere receives from all directions.
 
-A camera for panoramas stands in a small white sphere that only the camera sees.  So each pixel holds the light on a
-surface that faces away from it, whatever nodes the world has, with a small sun sampled as Cycles samples it.  It is
-fitted by spherical harmonics of order 2.
+A white sphere alone in the world gets the light of each of its vertices as a color, by Cycles' baking.  So each color
+is the light on a surface that faces as the vertex does, whatever nodes the world has, with a small sun sampled as
+Cycles samples it.  It is fitted by spherical harmonics of order 2.
 
-Blender does not render inside a draw handler or while it renders.  So a world is rendered before it is needed: from a
-timer in a window, once its nodes were still for a moment; by operators that make pictures; and when a render begins.
-In a window a render begins on a thread of its own, which waits there until the timer has rendered the light.  The light
-is kept by a hash of the world's nodes, the last one in the file too.
+Baking, unlike a render, writes into no render slot and calls no handler of renders or frames, and a scene of its own
+keeps it apart from the user's.  It is done before the light is needed: from a timer in a window, once the world's nodes
+were still for a moment; by operators that make pictures; and when a render begins.  In a window a render begins on a
+thread of its own, where no datablock may be made.  So it waits there until the timer has baked the light.  The light is
+kept by a hash of the world's nodes, the last one in the file too.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 import time
 from contextlib import suppress
-from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
@@ -28,7 +28,7 @@ from ..rle_splat.shade.environment import sphere_moments
 from . import image_state, versions, world_nodes
 from .messages import sentence_of
 
-WIDTH, HEIGHT, SAMPLES = 32, 16, 64
+FINENESS, SAMPLES = 4, 16  # of the sphere, which has 642 vertices then, and for each of them
 EVEN = 0.005  # of the mean: a light that changes by less with direction is one of all directions alike
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
 STILL, BUSY = 0.5, 0.2  # seconds without a change before a world is rendered, and between checks for other work
@@ -48,7 +48,6 @@ class _Now:
     failed: dict = {}  # digest -> why it could not be rendered
     wanted: int | None = None  # session id of the scene
     since = 0.0
-    is_rendering = False
     is_awaited = False  # by a render, which does not begin before
 
 
@@ -157,7 +156,7 @@ def _on_update(scene=None, depsgraph=None):
 @persistent
 def _on_render_init(scene, *_arguments):
     """A world is rendered before the render that needs it begins."""
-    if _Now.is_rendering or not scene.rle_splat.use_composite:
+    if not scene.rle_splat.use_composite:
         return
     image_state.look_again()
     if is_needed(scene):
@@ -172,7 +171,7 @@ def _on_render_init(scene, *_arguments):
 def _await(scene, key: str) -> None:
     """Wait on the render's own thread until the timer, which runs on the main thread, has rendered a world.
 
-    Blender calls ``render_init`` before it evaluates the scene and counts as rendering, so that another render may run.
+    Blender calls ``render_init`` before it evaluates the scene.
     """
     if not bpy.app.timers.is_registered(_tick):
         return  # no edit was seen; timers are registered on the main thread alone
@@ -201,15 +200,13 @@ def render_light(scene, key: str) -> tuple | None:
     (tuple of float, Environment or None) or None
         Mean radiance and environment; None after a failure, which is noted.
     """
-    made, _Now.is_rendering = [], True
+    made: list = []
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            light = _fitted(_pixels(scene, made, Path(folder) / "light.exr"))
+        light = _fitted(*_baked(scene, made))
     except Exception as problem:  # of Blender's own operators, such as a build without Cycles
         _Now.failed[key] = f"The world's light could not be rendered: {sentence_of(problem)}"
         return None
     finally:
-        _Now.is_rendering = False
         bpy.data.batch_remove(made)
     while len(_Now.known) >= MOST_KEPT:
         _Now.known.pop(next(iter(_Now.known)))
@@ -219,70 +216,40 @@ def render_light(scene, key: str) -> tuple | None:
     return light
 
 
-def _pixels(scene, made: list, path: Path) -> np.ndarray:
-    """(HEIGHT, WIDTH, 3) float32: the radiance of white surfaces, by the direction against their normal.
-
-    ``made``: gets the datablocks to remove afterwards.
-    """
+def _baked(scene, made: list) -> tuple[np.ndarray, np.ndarray]:
+    """Normals and radiances of a white sphere's vertices, (n, 3) float64 each; ``made`` gets datablocks to remove."""
     own = bpy.data.scenes.new("RLE Splat World Light")
     made.append(own)
     own.world = scene.world.copy()  # to change what it is sampled by
     made.append(own.world)
     own.world.cycles.sampling_method, own.world.cycles.sample_map_resolution = "MANUAL", MAP
-    own.frame_set(scene.frame_current, subframe=scene.frame_subframe)
-    _choose_settings(own, path)
-    camera_data = bpy.data.cameras.new(own.name)
-    camera_data.type = "PANO"
-    versions.panorama_settings(camera_data).panorama_type = "EQUIRECTANGULAR"
+    own.frame_current, own.frame_subframe = scene.frame_current, scene.frame_subframe
+    own.render.engine = "CYCLES"
+    own.cycles.device, own.cycles.samples = "CPU", SAMPLES  # settings of its own, whatever the user's scene has
+    own.cycles.use_adaptive_sampling = own.cycles.use_denoising = False
+    own.cycles.sample_clamp_direct = 0.0
     mesh = _sphere(own.name)
-    for data in (camera_data, mesh):
-        one = bpy.data.objects.new(own.name, data)
-        made.extend((one, data))
-        own.collection.objects.link(one)
-        if data == mesh:
-            made.append(mesh.materials[0])
-            for ray in ("diffuse", "glossy", "transmission", "volume_scatter", "shadow"):
-                setattr(one, f"visible_{ray}", False)
-        else:
-            own.camera = one
-    bpy.ops.render.render(write_still=True, scene=own.name)
-    image = bpy.data.images.load(str(path))
-    made.append(image)
-    pixels = np.empty(WIDTH * HEIGHT * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(HEIGHT, WIDTH, -1)[::-1, :, :3]
-
-
-def _choose_settings(own, path: Path) -> None:
-    """Cycles on the CPU with settings of its own, whatever the user's scene has."""
-    render, cycles = own.render, own.cycles
-    render.engine = "CYCLES"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = WIDTH, HEIGHT, 100
-    render.use_compositing = render.use_sequencer = False
-    render.filepath, render.use_file_extension = str(path), False
-    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
-    render.image_settings.color_mode = "RGBA"
-    cycles.device, cycles.samples = "CPU", SAMPLES
-    cycles.use_adaptive_sampling = cycles.use_denoising = False
-    cycles.max_bounces = cycles.diffuse_bounces = 1
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    ball = bpy.data.objects.new(own.name, mesh)
+    made.extend((ball, mesh, mesh.materials[0]))
+    own.collection.objects.link(ball)
+    with bpy.context.temp_override(
+            scene=own, view_layer=own.view_layers[0], object=ball, active_object=ball, selected_objects=[ball]):
+        bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, target="VERTEX_COLORS")
+    normals, colors = np.empty(3 * len(mesh.vertices)), np.empty(4 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", normals)
+    mesh.color_attributes[0].data.foreach_get("color", colors)
+    return normals.reshape(-1, 3), colors.reshape(-1, 4)[:, :3].astype(np.float64)
 
 
 def _sphere(name: str):
-    """A white sphere of radius 1 about the origin, smooth, whose normals point inwards."""
-    rows, columns = 2 * HEIGHT, 2 * WIDTH
-    latitude = np.pi * (np.arange(rows + 1) / rows - 0.5)
-    longitude = 2.0 * np.pi * np.arange(columns) / columns
-    flat = np.cos(latitude)[:, None]
-    around = flat * np.cos(longitude), flat * np.sin(longitude), np.sin(latitude)[:, None] * np.ones(columns)
-    corners = np.stack(around, axis=-1).reshape(-1, 3)
-    first = np.arange(rows * columns).reshape(rows, columns)
-    right = np.roll(first, -1, axis=1)
-    faces = np.stack((first, first + columns, right + columns, right), axis=-1).reshape(-1, 4)
+    """A white sphere of radius 1 about the origin, smooth, with a color of floats at each vertex."""
     mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners.tolist(), [], faces.tolist())
+    ball = bmesh.new()
+    bmesh.ops.create_icosphere(ball, subdivisions=FINENESS, radius=1.0)
+    ball.to_mesh(mesh)
+    ball.free()
     mesh.shade_smooth()
+    mesh.color_attributes.active_color = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
     material = bpy.data.materials.new(name)
     tree = versions.material_tree(material)
     tree.nodes.clear()
@@ -293,17 +260,9 @@ def _sphere(name: str):
     return mesh
 
 
-def _fitted(pixels: np.ndarray) -> tuple:
-    """Mean radiance and environment behind the pixels; None for the environment of a light that is alike all around."""
-    latitude = (0.5 - (np.arange(HEIGHT) + 0.5) / HEIGHT) * np.pi
-    # An unturned camera looks along -Z with +Y up, and the middle of a panorama is where it looks.
-    longitude = 2.0 * np.pi * ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5)
-    flat = np.cos(latitude)[:, None]
-    seen = np.stack(
-        (flat * np.sin(longitude), np.sin(latitude)[:, None] * np.ones(WIDTH), -flat * np.cos(longitude)), axis=-1
-    )
-    weights = (flat * np.ones(WIDTH)).ravel()
-    mean, environment = sphere_moments(-seen.reshape(-1, 3), pixels.reshape(-1, 3).astype(np.float64), weights)
+def _fitted(normals: np.ndarray, radiances: np.ndarray) -> tuple:
+    """Mean radiance and environment behind the light of a sphere; None for the latter where it is alike all around."""
+    mean, environment = sphere_moments(normals, radiances, np.ones(len(normals)))
     most = max(np.abs(environment.first).max(), np.abs(environment.second).max())
     return mean, None if most <= EVEN * max(mean) else environment
 

@@ -73,13 +73,10 @@ def _draw_composite(context, layout) -> None:
     if target is not None:
         names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render]
         if len(names) > 1:
-            sentence = filled(
-                "{volumes} are included in every render. Lock Interface is on while rendering.",
-                volumes=", ".join(names))
+            sentence = filled("{volumes} are included in every render.", volumes=", ".join(names))
             paragraph(context, layout, sentence, icon="CHECKMARK")
         elif names:
-            sentence = filled(
-                "{volume} is included in every render. Lock Interface is on while rendering.", volume=names[0])
+            sentence = filled("{volume} is included in every render.", volume=names[0])
             paragraph(context, layout, sentence, icon="CHECKMARK")
         else:
             paragraph(context, layout, "All volumes are disabled in renders, so renders show none.", icon="INFO")
@@ -88,6 +85,9 @@ def _draw_composite(context, layout) -> None:
             "{volume} was deleted and is missing in renders. Include another volume, or press Remove from Renders.",
             volume=settings.deleted_volume or pgettext_iface("The volume"))
         paragraph(context, layout, sentence, icon="ERROR")
+    if not context.scene.render.use_lock_interface:
+        paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")
+        layout.prop(context.scene.render, "use_lock_interface")
     layout.prop(settings, "on_failed_frame", text="On Error")  # the full name would be cut off
 
 

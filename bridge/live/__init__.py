@@ -37,6 +37,7 @@ class Live:
 
 
 _lives: dict[int, Live] = {}  # by address of the region
+_missed: set[int] = set()  # addresses of regions that were drawn without their volumes during a render
 
 
 @persistent
@@ -70,7 +71,10 @@ def _before() -> None:
     context = bpy.context
     keys = _volumes_of(context)
     if not keys:
-        if _lives and is_allowed():
+        if bpy.app.is_job_running("RENDER") and preferences.shows_live() and shown.has_volumes(context.scene):
+            _missed.add(context.region.as_pointer())
+            _start_timer()
+        elif _lives and is_allowed():
             _lives.pop(context.region.as_pointer(), None)  # with its textures
         return
     address = context.region.as_pointer()
@@ -138,12 +142,18 @@ def _start_timer() -> None:
 def _tick():
     """Timer function: work on one viewport for a bite; Blender calls it again after the returned seconds."""
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
-    if not busy:
+    if not busy and not _missed:
         return None
     if not is_allowed() or jobs.StepwiseOperator.is_running():
         for live in busy.values():
             live.viewport.put_off()
         return BUSY
+    while _missed:
+        region, _area = surface.region_of(_missed.pop())
+        if region is not None:
+            region.tag_redraw()
+    if not busy:
+        return None
     address, live = min(busy.items(), key=lambda item: item[1].viewport.wait())
     wait = live.viewport.wait()
     if wait > 0.0:
@@ -215,6 +225,7 @@ def stop() -> None:
     for live in _lives.values():
         live.viewport.stop()
     _lives.clear()
+    _missed.clear()
     shown.forget()
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)

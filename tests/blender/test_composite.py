@@ -170,12 +170,109 @@ def test_the_users_nodes_stay(volume, bridge, tmp_path):
     bpy.ops.rle_splat.composite()
     assert links_of(tree) == once and len(tree.nodes) == len(names) + 2
     picture = scenes.rendered(tmp_path / "out.exr")
-    np.testing.assert_allclose(picture[32, 32], over(N, (0.4, 0.4, 0.4), 1.0), atol=TOLERANCE)
+    expected = np.array((2.0, 2.0, 2.0, 1.0)) * over(N, (0.2, 0.2, 0.2), 1.0)
+    np.testing.assert_allclose(picture[32, 32], expected, atol=2.0 * TOLERANCE)
 
     assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
     assert links_of(tree) == before and sorted(node.name for node in tree.nodes) == names
     assert bridge("versions").compositor_tree(bpy.context.scene) == tree
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], (0.4, 0.4, 0.4, 1.0), atol=1e-5)
+
+
+def add_file_output(tree, folder):
+    """A File Output node with one color, written to ``folder`` as 32-bit EXR; returns its input."""
+    node = tree.nodes.new("CompositorNodeOutputFile")
+    if bpy.app.version >= (5, 0):
+        node.directory, node.file_name = str(folder), "file"
+        node.file_output_items.new("RGBA", "Image")
+        node.format.media_type = "IMAGE"
+    else:
+        node.base_path = str(folder)
+    node.format.file_format, node.format.color_mode, node.format.color_depth = "OPEN_EXR", "RGBA", "32"
+    return color_inputs(node)[0]
+
+
+@pytest.mark.parametrize("wired", ("before", "after", "after, by a script", "after, with a muted link"))
+@pytest.mark.parametrize("way", ("directly", "through Invert", "from another node"))
+def test_all_outputs_that_show_the_render_show_the_volume(volume, bridge, tmp_path, wired, way):
+    """Outputs that are wired to the Render Layers before and after the volume is included; removing restores them."""
+    versions, scene = bridge("versions"), bpy.context.scene
+    tree, links = make_user_tree(versions)
+    layers = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers")
+    invert, viewer = tree.nodes.new("CompositorNodeInvert"), tree.nodes.new("CompositorNodeViewer")
+    target = add_file_output(tree, tmp_path)
+
+    def wire():
+        earlier, source = links_of(tree), layers.outputs["Image"]
+        if way == "from another node":
+            another = tree.nodes.new("CompositorNodeRLayers")
+            another.scene = scene
+            source = another.outputs["Image"]
+        if way == "through Invert":
+            tree.links.new(source, color_inputs(invert)[0])
+            source = invert.outputs[0]
+        first = tree.links.new(source, target)
+        first.is_muted = wired.endswith("muted link")
+        tree.links.new(source, viewer.inputs[0])
+        links.extend(one for one in links_of(tree) if one not in earlier)
+        if first.is_muted:
+            bpy.context.view_layer.update()  # a link that carries nothing stays
+            first.is_muted = False
+
+    if wired == "before":
+        wire()
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    if wired != "before":
+        wire()
+    if wired != "after, by a script":
+        bpy.context.view_layer.update()
+        shown = bridge("compositor_paths").feeding([viewer.inputs[0]])
+        assert [node for node, _output, _holders in shown if node.bl_idname == "CompositorNodeImage"]
+    for _ in range(2):
+        scenes.rendered(tmp_path / "out.exr")
+        (found,) = [path for path in tmp_path.glob("*.exr") if path.name != "out.exr"]
+        np.testing.assert_allclose(scenes.load_pixels(found)[32, 32, 3], over(N)[3], atol=TOLERANCE)
+        assert scene.rle_splat.render_problem == ""
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert links_of(tree) == sorted(links)
+
+
+def test_the_picture_comes_after_nodes_that_mix_passes(volume, bridge, tmp_path):
+    """Set Alpha takes the alpha of the Render Layers, which knows nothing of the volume."""
+    tree, _ = make_user_tree(bridge("versions"))
+    layers, exposure = (next(node for node in tree.nodes if node.bl_idname == f"CompositorNode{kind}")
+                        for kind in ("RLayers", "Exposure"))
+    mixed = tree.nodes.new("CompositorNodeSetAlpha")
+    tree.links.new(layers.outputs["Image"], mixed.inputs["Image"])
+    tree.links.new(layers.outputs["Alpha"], mixed.inputs["Alpha"])
+    tree.links.new(mixed.outputs[0], exposure.inputs[0])
+    before = links_of(tree)
+    bpy.ops.rle_splat.composite()
+    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32, 3], over(N)[3], atol=TOLERANCE)
+    bpy.ops.rle_splat.remove_composite()
+    assert links_of(tree) == before
+
+
+def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
+    """A node before ours that the user put there, and that feeds a file, too."""
+    tree, _ = make_user_tree(bridge("versions"))
+    bpy.ops.rle_splat.composite()
+    exposure, over_node = (next(node for node in tree.nodes if node.bl_idname == f"CompositorNode{kind}")
+                           for kind in ("Exposure", "AlphaOver"))
+    target, source = exposure.outputs[0].links[0].to_socket, color_inputs(over_node)[0].links[0].from_socket
+    tree.links.new(exposure.outputs[0], color_inputs(over_node)[0])
+    tree.links.new(over_node.outputs[0], target)
+    tree.links.new(source, exposure.inputs[0])
+    tree.links.new(exposure.outputs[0], add_file_output(tree, tmp_path))
+    scenes.rendered(tmp_path / "out.exr")
+    assert bpy.context.scene.rle_splat.render_problem == (
+        "The compositor's node 'File Output' shows the render without the volume; press Include in Renders again.")
+    bpy.ops.rle_splat.composite()
+    scenes.rendered(tmp_path / "out.exr")
+    (found,) = [path for path in tmp_path.glob("*.exr") if path.name != "out.exr"]
+    assert bpy.context.scene.rle_splat.render_problem == ""
+    np.testing.assert_allclose(scenes.load_pixels(found)[32, 32, 3], over(N)[3], atol=TOLERANCE)
 
 
 def test_torn_nodes_are_mended(volume, bridge, tmp_path):
@@ -186,7 +283,8 @@ def test_torn_nodes_are_mended(volume, bridge, tmp_path):
     tree.nodes.remove(picture_node)
     bpy.ops.rle_splat.composite()
     assert len(links_of(tree)) == len(whole)
-    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], over(N), atol=TOLERANCE)
+    expected = np.array((2.0, 2.0, 2.0, 1.0)) * over(N)
+    np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], expected, atol=2.0 * TOLERANCE)
     bpy.ops.rle_splat.remove_composite()
     assert links_of(tree) == before
 

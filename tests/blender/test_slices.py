@@ -71,6 +71,18 @@ def test_a_new_slice_shows_the_voxels_of_the_middle_layer(owner, voxels, kind):
     assert bpy.context.scene.render.use_lock_interface
 
 
+def test_the_interface_stays_locked_for_slices_when_renders_include_no_volume(owner):
+    render = bpy.context.scene.render
+    scenes.add_camera((0.0, 0.0, 30.0))
+    for has_slice in (False, True):
+        render.use_lock_interface = False
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"} and render.use_lock_interface
+        if has_slice:
+            add(owner, "axial")
+        assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+        assert render.use_lock_interface == has_slice
+
+
 def test_a_moved_slice_shows_another_layer_and_between_layers_their_mean(owner, voxels):
     one = add(owner)
     one.location.z = 2.0

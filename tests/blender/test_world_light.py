@@ -161,6 +161,33 @@ def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
     assert again[..., 0].max() < 0.7 * first[..., 0].max()
 
 
+def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, bridge, tmp_path):
+    """Both slots of the Render Result keep their pixels, and no handler of a render or a frame is called."""
+    scene, path = scenes.use_cycles((8, 8), transparent=False), tmp_path / "slot.exr"
+    scenes.write_exr(path)
+    bpy.ops.render.render()
+    result, found = bpy.data.images["Render Result"], []
+    for gray in (0.25, 0.75):
+        scenes.gray_world(gray)
+        result.render_slots.active_index = len(found)
+        found.append(scenes.rendered(path))
+    result.render_slots.active_index = 0
+    called = []
+    names = ["frame_change_pre", "frame_change_post", *(
+        f"render_{event}" for event in ("init", "pre", "post", "write", "complete", "cancel"))]
+    for name in names:
+        getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
+    sky_world()
+    assert bridge("world_render").render_light(scene, "key") is not None
+    for name in names:
+        getattr(bpy.app.handlers, name).pop()
+    assert called == []
+    for slot, pixels in enumerate(found):
+        result.render_slots.active_index = slot
+        result.save_render(str(path), scene=scene)
+        np.testing.assert_array_equal(scenes.load_pixels(path), pixels)
+
+
 def test_in_background_a_render_begins_with_the_worlds_light(ball, bridge):
     scenes.use_cycles((8, 8))
     bpy.context.scene.render.use_compositing = False

@@ -50,7 +50,7 @@ IMPORTERS = {
 
 # Packages that are not Python's own, by package or module; every other package of rle_splat has numpy alone.
 BLENDER_PACKAGES = ("", "bridge", "operators", "panels")
-BLENDERS_OWN = {"bpy", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
+BLENDERS_OWN = {"bpy", "bmesh", "bpy_extras", "bl_ui", "bl_operators", "mathutils", "gpu", "gpu_extras", "blf", "numpy"}
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
