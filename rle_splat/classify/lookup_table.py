@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..scene import RleSplatError
 from .classification import optical_depth
 from .points import LARGEST, pieces, positive_intervals
 
@@ -22,6 +23,8 @@ AT_ONCE = 1 << 16  # values of large types that are looked up at once
 BEYOND = 2.0  # a table extends this many times the span of a function's points beyond them
 ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
 LARGEST_SUM = 256.0  # of the values that are rounded at a function's points, relative to the largest point
+
+LARGEST_RATE = 1e37  # within float32, and so is the number of an entry before it is limited to the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,11 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     Returns
     -------
     LookupTable
+
+    Raises
+    ------
+    RleSplatError
+        Where the values shown are too close to each other to be told apart in float32.
     """
     with np.errstate(over="ignore"):
         shown = (np.clip(positive_intervals(pieces(tf.opacity)), -LARGEST, LARGEST) - volume.intercept) / volume.slope
@@ -105,6 +113,11 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
         rate = float(math.ceil(wanted / max(span, 1))) if wanted >= span else 1.0 / (int(span / wanted) | 1)
     else:
         rate = wanted / (last - first) if last > first else 1.0
+    if rate > LARGEST_RATE:
+        raise RleSplatError(
+            f"The stored values that the transfer function shows lie within {last - first:.3g} of each other, too close "
+            "for the classification post; scale the values, or choose the classification pre."
+        )
     count = math.ceil((last - first) * rate) + 1
     values = volume.physical(first + np.arange(count) / rate)
     alpha = np.asarray(tf.alpha_at(values), np.float64)

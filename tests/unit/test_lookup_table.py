@@ -6,6 +6,7 @@ import pytest
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color
 from rle_splat.classify.lookup_table import MOST, lookup_table
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import Volume
 
 DISTANCE = 2.5
@@ -126,6 +127,11 @@ def test_any_slope_gives_the_same_entries(slope):
         for by in (1.0, slope)
     )
     np.testing.assert_allclose(looked_up(scaled, np.arange(256)), looked_up(plain, np.arange(256)), rtol=1e-6)
+
+
+def test_values_that_are_too_close_for_a_table_are_refused():
+    with pytest.raises(RleSplatError, match=r"lie within 1e-40 of each other.*classification pre\.$"):
+        lookup_table(volume(np.float32), function((0, 0.0), (1e-40, 0.5)), (0.0, 1e-40), DISTANCE)
 
 
 @pytest.mark.parametrize("dtype", (np.float32, np.uint16))
