@@ -115,8 +115,8 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
         rate = wanted / (last - first) if last > first else 1.0
     if rate > LARGEST_RATE:
         raise RleSplatError(
-            f"The stored values that the transfer function shows lie within {last - first:.3g} of each other, too close "
-            "for the classification post; scale the values, or choose the classification pre."
+            f"The stored values that the transfer function shows lie within {last - first:.3g} of each other, too "
+            "close for the classification post; scale the values, or choose the classification pre."
         )
     count = math.ceil((last - first) * rate) + 1
     values = volume.physical(first + np.arange(count) / rate)
