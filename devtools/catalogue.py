@@ -29,6 +29,8 @@ Numbers at the edge are treated alike under every classification:
 - NaN voxels are transparent, and counted in the report. Where values are interpolated before they are classified, a
   cell is transparent when any of its corners is NaN.
 - Infinite voxels take the transfer function's value at its nearest end. So do finite ones beyond the ends.
+- Post-classified sheets hold float64, int32 and uint32 values as float32: whole numbers beyond 2^24 lose their last
+  digits. Where the largest value is less than twice the smallest, the middle is subtracted first and less is lost.
 - A step of a transfer function is taken from the right. A range of a single value is a step.
 - An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
 - Colors, and lit colors, may be up to 1e9 times white. More is refused in one sentence.

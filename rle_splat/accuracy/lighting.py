@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import RleSplatError, Scene
-from ..volume.gradient import unit_normals
+from .normals import normals_at
 from .rays import rigid
 from .transfer import extinction_and_color
 
@@ -104,9 +104,7 @@ class VoxelLight:
     def _shine(self, z, y, x):
         """(N, 3) light and highlight of voxels in the order of the volume."""
         scene, shade = self._scene, self._scene.transfer_function.shade
-        nz, ny, _ = scene.volume.voxels.shape
-        row_start = np.searchsorted(z * ny + y, np.arange(nz * ny + 1))
-        normal = unit_normals(scene.volume, row_start, x, self._matrix, backend="numpy").astype(np.float64)
+        normal = normals_at(scene.volume, (z, y, x), self._matrix)
         # No products of matrices here, for the reason given in ``integrate``.
         at = np.einsum("in,ji->nj", (x, y, z), self._matrix[:3, :3]) + self._matrix[:3, 3]
         to_eye = self._towards_camera if self._eye is None else _unit(self._eye - at)

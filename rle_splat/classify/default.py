@@ -169,6 +169,8 @@ def _from_histogram(volume: Volume, spread: Histogram) -> tuple[TransferFunction
     filled = np.flatnonzero(spread.counts)
     low, high = float(spread.centers[filled[0]]), float(spread.centers[filled[-1]])
     if filled.size == 1:
+        least, most = volume.value_range
+        low = least if least == most else low  # the middle of the only bin is a little beside it
         function = _ramp(low - max(1.0, abs(low)), low)
         return function, f"All values are about {low:g}, so everything is shown."
     threshold = otsu_threshold(spread)

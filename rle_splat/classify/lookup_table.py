@@ -13,14 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..scene import RleSplatError
 from .classification import optical_depth
-from .points import pieces, positive_intervals
+from .points import LARGEST, pieces, positive_intervals
 
 FEWEST, MOST = 1 << 10, 1 << 14  # entries; the part of a large table that is in use fits into the L2 cache
 FINEST = 1.0 / 512.0  # wanted difference of opacity between neighboring entries on the steepest ramp
 AT_ONCE = 1 << 16  # values of large types that are looked up at once
 BEYOND = 2.0  # a table extends this many times the span of a function's points beyond them
 ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
+LARGEST_SUM = 256.0  # of the values that are rounded at a function's points, relative to the largest point
+
+LARGEST_RATE = 1e37  # within float32, and so is the number of an entry before it is limited to the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +89,22 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     Returns
     -------
     LookupTable
+
+    Raises
+    ------
+    RleSplatError
+        Where the values shown are too close to each other to be told apart in float32.
     """
-    shown = (np.clip(positive_intervals(pieces(tf.opacity)), -1e300, 1e300) - volume.intercept) / volume.slope
+    with np.errstate(over="ignore"):
+        shown = (np.clip(positive_intervals(pieces(tf.opacity)), -LARGEST, LARGEST) - volume.intercept) / volume.slope
     least, most = (float(end) for end in value_range)
     first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
-    slack = ROUNDING * max(abs(least), abs(most))
+    points = _stored_points(volume, tf)
+    slack = ROUNDING * min(max(abs(least), abs(most)), LARGEST_SUM * max(map(abs, points)))
     if not first <= last:  # no stored value is visible
         nothing = np.zeros((2, 4), np.float32)
         return LookupTable(nothing, nothing, least, 0.0, least, math.inf, -math.inf, -math.inf, math.inf, 0.0)
-    first, last, nearest, furthest = _within_reach(volume, tf, first, last)
+    first, last, nearest, furthest = _within_reach(points, first, last)
     wanted = entries or _entries_for(tf, abs(volume.slope) * (last - first))
     if volume.voxels.dtype.kind in "iu":
         # Integers are at the center of an entry, never at the border of two, where rounding would choose.
@@ -102,6 +113,11 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
         rate = float(math.ceil(wanted / max(span, 1))) if wanted >= span else 1.0 / (int(span / wanted) | 1)
     else:
         rate = wanted / (last - first) if last > first else 1.0
+    if rate > LARGEST_RATE:
+        raise RleSplatError(
+            f"The stored values that the transfer function shows lie within {last - first:.3g} of each other, too "
+            "close for the classification post; scale the values, or choose the classification pre."
+        )
     count = math.ceil((last - first) * rate) + 1
     values = volume.physical(first + np.arange(count) / rate)
     alpha = np.asarray(tf.alpha_at(values), np.float64)
@@ -114,7 +130,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     low, high = min(low, furthest), max(high, nearest)  # include the values to which others are clamped
     sums = np.zeros((count + 1, 4))
     np.cumsum(made[:count], axis=0, dtype=np.float64, out=sums[1:])
-    sums, below = sums.astype(np.float32), least - slack - 1e-6
+    sums, below = sums.astype(np.float32), least - ROUNDING * max(abs(least), abs(most)) - 1e-6
     return LookupTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
 
 
@@ -156,12 +172,16 @@ def _looked_up(table: LookupTable, values) -> np.ndarray:
     return table.entries[entry.astype(np.int64), 3]
 
 
-def _within_reach(volume, tf, first: float, last: float):
-    """Limit the ends of a table to the neighborhood of the points of ``tf``, so that entries between them suffice.
+def _stored_points(volume, tf) -> list[float]:
+    """Stored values of all points of a function."""
+    return [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
+
+
+def _within_reach(points, first: float, last: float):
+    """Limit the ends of a table to the neighborhood of a function's points, so that entries between them suffice.
 
     Returns the two ends, and the values to which values beyond are clamped (infinite where the ends are not limited).
     """
-    points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
     reach = BEYOND * (max(points) - min(points)) or math.inf
     nearest, furthest = min(points) - reach, max(points) + reach
     ends = nearest if nearest > first else -math.inf, furthest if furthest < last else math.inf

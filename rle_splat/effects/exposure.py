@@ -66,21 +66,22 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
     Returns
     -------
     Rendering
-        Depth and report are those of the first picture, which is the one nearest the middle of the lens and of the
-        time; the report's times are those of all.
+        Depth and report are those of the scene without blur, as it stands, which takes one picture more; the report's
+        times are those of all.
     """
     if len(scenes) == 1:
         return (yield from sharp_steps(scenes[0]))
-    rgba, first, reports = None, None, []
-    for number, sharp in enumerate(scenes):
-        one = yield from part(sharp_steps(sharp), number / len(scenes), (number + 1) / len(scenes))
-        reports.append(one.report)
-        if first is None:
-            rgba, first = one.rgba.astype(np.float64), one
+    still = changed(scene, motion=(), camera=changed(scene.camera, aperture_radius=0.0))
+    made, count = [], len(scenes) + 1
+    rgba = np.zeros((), np.float64)
+    for number, sharp in enumerate((still, *scenes)):
+        one = yield from part(sharp_steps(sharp), number / count, (number + 1) / count)
+        made.append(one.report)
+        if sharp is still:
+            depth = one.depth
         else:
-            rgba += one.rgba
-    report = {**first.report, **_times(scene, reports)}
-    return Rendering((rgba / len(scenes)).astype(np.float32), first.depth, report)
+            rgba = rgba + one.rgba
+    return Rendering((rgba / len(scenes)).astype(np.float32), depth, {**made[0], **_times(scene, made)})
 
 
 def _times(scene: Scene, reports: list[dict]) -> dict:

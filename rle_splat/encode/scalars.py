@@ -101,6 +101,24 @@ class ScalarVolume:
         return sum(self.table_bytes.values())
 
 
+def center_of(kind, ends) -> float:
+    """What is subtracted from stored values before they become float32, so that none is less exact than as float32.
+
+    The middle of the values if the largest is less than twice the smallest in size, else 0: one value far from the
+    others must not cost these their digits.
+
+    Parameters
+    ----------
+    kind : dtype
+        Type of the stored values.
+    ends : (low, high)
+        Smallest and largest of them.
+    """
+    low, high = ends
+    near = low <= high < 2.0 * low or 2.0 * high < low <= high
+    return 0.5 * (low + high) if near and np.dtype(kind).name not in OWN_TYPES else 0.0
+
+
 def scalars_of(voxels: VisibleVoxels, kind, infinite, center: float) -> np.ndarray:
     """Scalars of voxels.
 

@@ -33,7 +33,7 @@ from ..encode.folder import (
     words_of_entry,
 )
 from ..encode.records import decoding_of, words_of
-from ..encode.scalars import OWN_TYPES, in_scanlines, scalars_of
+from ..encode.scalars import center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
@@ -375,7 +375,7 @@ class _ScalarSlabs(_Slabs):
         self.blocks = yield from block_steps(volume, **self.machine)
         self.reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
         self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
-        self.center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (self.ends[0] + self.ends[1])
+        self.center = center_of(volume.voxels.dtype, self.ends)
         lit = self.falling is not None and follows_view(scene, self.falling) and scene.world is None
         self.by_normal = normal_light(self.falling, volume.shape_xyz) if lit else None
         if self.by_normal is not None:

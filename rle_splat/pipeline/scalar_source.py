@@ -36,7 +36,7 @@ from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, shown_values, value_map
 from ..effects.shadows import Occluders
-from ..encode.scalars import OWN_TYPES, ScalarVolume, in_scanlines, is_shared, scalar_tables, scalars_of
+from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
 from ..raycast.scalar_rays import RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
@@ -244,7 +244,7 @@ class ScalarSource(Source):
         if factor is not None:
             light_key = (light_key, hidden_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
-        center = 0.0 if volume.voxels.dtype.name in OWN_TYPES else 0.5 * (ends[0] + ends[1])
+        center = center_of(volume.voxels.dtype, ends)
         thinned = factor is not None
         return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, *made, thinned, needed)
 

@@ -98,7 +98,9 @@ def view_of(source: Source, refuse_empty: bool) -> View:
         fades = [replace(fade, share=fade.share / shown) for fade in fades if fade.planes] or [Fade([])]
     else:
         fades = [Fade(planes_of(*candidate_pyramids(view)))]
-    if not fades[0].planes and refuse_empty:
+    # Nothing is between the voxels of a volume that is one voxel thick: the report says so, from wherever it is seen.
+    is_thick = min(shape_xyz) > 1 or not source.sheets.scalar_sheets
+    if not fades[0].planes and refuse_empty and is_thick:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )

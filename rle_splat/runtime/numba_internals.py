@@ -7,10 +7,13 @@ numba's public interface alone.  The internals are:
   ``no_cpython_wrapper`` and ``no_cfunc_wrapper``.
 - ``kernel_cache``: the files of numba's on-disk cache.
 - ``parallel.share_out``: the entry of numba's thread pool.
+- ``OwnCopy``: what a code library does with the libraries that are linked into it.
 - ``fingerprint``: the function by which numba finds the version of a kernel for arguments.
 """
 
 from __future__ import annotations
+
+import hashlib
 
 import numba
 
@@ -26,7 +29,9 @@ from numba.core.registry import CPUDispatcher  # noqa: E402
 from .called_kernels import note_call  # noqa: E402
 from .kernel_cache import cache_of, keep_in  # noqa: E402
 
-__all__ = ["compile_with", "fingerprint", "keep_in"]
+__all__ = ["OwnCopy", "compile_with", "fingerprint", "keep_in"]
+
+MANGLED = "_ZN"  # names of functions that numba compiled begin so
 
 
 class Kernel(CPUDispatcher):
@@ -59,9 +64,8 @@ def compile_with(function, options: dict, *, inner: bool, counted: bool):
     CPUDispatcher
         A ``Kernel`` unless ``inner``.
     """
-    # A part that is not inlined is compiled by itself and within each kernel, and of what is loaded the first counts:
-    # its rounding can depend on whether a kernel came from disk.  Parts that make arrays are not inlined all the same:
-    # with them inlined, a process that ran out of memory crashed in one run of two.
+    # A part that is not inlined is compiled by itself and within each kernel; ``OwnCopy`` keeps the two apart.  Parts
+    # that make arrays are not inlined: with them inlined, a process that ran out of memory crashed in one run of two.
     forceinline = inner and not counted
     options = {**options, "forceinline": forceinline, "no_cfunc_wrapper": True, "_nrt": counted}
     if inner:
@@ -69,3 +73,38 @@ def compile_with(function, options: dict, *, inner: bool, counted: bool):
     dispatcher = numba.njit(**options)(function)
     dispatcher.__class__ = Kernel
     return dispatcher
+
+
+class OwnCopy:
+    """The functions of a compiled part, to be linked into one kernel under names of its own.
+
+    Of two functions of the same name, the one that is loaded first counts.  A part is loaded when it is compiled,
+    before the kernel whose copy of it was optimized once more and may round otherwise.  A kernel from disk comes with
+    its own copy alone.
+
+    Parameters
+    ----------
+    library : numba.core.codegen.CPUCodeLibrary
+        Of the part.
+    kernel : str
+        Name of the function that calls the part.
+    """
+
+    def __init__(self, library, kernel: str):
+        self._library = library
+        self._prefix = f"k{hashlib.blake2b(kernel.encode(), digest_size=8).hexdigest()}."
+        self._reload_init = library._reload_init
+
+    def name_of(self, name: str) -> str:
+        """The name in the copy of a function of the part."""
+        return self._prefix + name
+
+    def _ensure_finalized(self) -> None:
+        self._library._ensure_finalized()
+
+    def _get_module_for_linking(self):
+        module = self._library._get_module_for_linking().clone()
+        for function in module.functions:
+            if not function.is_declaration and function.name.startswith(MANGLED):
+                function.name = self.name_of(function.name)
+        return module

@@ -10,6 +10,8 @@ With plain numba (see ``jit``) the task runs once, for the whole loop.
 
 from __future__ import annotations
 
+from copy import copy
+
 from .jit import internals, numba
 from .llvm import cgutils, intrinsic, ir, types
 
@@ -65,7 +67,10 @@ if internals is not None:
             intp = context.get_value_type(types.intp)
             job_type = ir.LiteralStructType((intp, intp, intp, intp, held.type))
             overload = task.dispatcher.overloads[tuple(called.args)]
-            context.add_linking_libs((overload.library,))
+            part_of = internals.OwnCopy(overload.library, builder.function.name)
+            context.add_linking_libs((part_of,))
+            described = copy(overload.fndesc)
+            described.mangled_name = part_of.name_of(described.mangled_name)
 
             def field(block, job, number):
                 return block.gep(job, [ir.IntType(32)(0), ir.IntType(32)(number)])
@@ -88,7 +93,7 @@ if internals is not None:
             end = block.add(begin, piece)
             end = block.select(block.icmp_signed("<", end, last), end, last)
             unpacked = [block.extract_value(packed, number) for number in range(len(arguments.types))]
-            status, _ = context.call_internal_no_propagate(block, overload.fndesc, called, [begin, end, *unpacked])
+            status, _ = context.call_internal_no_propagate(block, described, called, [begin, end, *unpacked])
             block.cbranch(status.is_error, fail, take)
             block.position_at_end(fail)
             block.store(intp(1), field(block, job, _FAILED))

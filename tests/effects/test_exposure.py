@@ -14,7 +14,7 @@ from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import Camera, Pose, Quality, RleSplatError, Scene
+from rle_splat.scene import NO_DEPTH, Camera, Pose, Quality, RleSplatError, Scene
 from rle_splat.view.eye import index_view
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.volume.volume import Volume
@@ -245,6 +245,14 @@ def test_the_picture_is_the_mean_of_still_ones():
     assert np.abs(render(scene).rgba - np.mean(stills, axis=0)).max() < 1e-6
 
 
+@pytest.mark.parametrize("blurred", [speck(3.0), moving(0.3)], ids=["depth of field", "motion blur"])
+def test_depth_is_that_of_the_scene_as_it_stands(blurred):
+    dense = replace(blurred.transfer_function, opacity=((0, 0), (255, 1.0)))
+    blurred = replace(blurred, transfer_function=dense)
+    still = render(pinhole(replace(blurred, motion=())))
+    assert np.array_equal(render(blurred).depth, still.depth) and (still.depth < NO_DEPTH).any()
+
+
 def test_times_are_spread_evenly_over_the_shutter():
     positions = sorted(one.volume_matrix[0, 3] for one in exposures(moving(0.5)))
     steps = np.diff(positions)
@@ -297,7 +305,7 @@ def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classi
     assert set(made.values()) == {1}, made
     given = StageCache(0)
     again = render(blurred, quality, cache=given)
-    assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(exposures(blurred))
+    assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(exposures(blurred)) + 1
     stores.clear()
     render(pinhole(replace(blurred, motion=())), quality)
     assert [store.keeps for store in stores] == [False], "a single picture keeps nothing"

@@ -56,11 +56,12 @@ def test_a_machine_is_measured_once(folder):
     for _ in range(3):
         assert drain(profile_steps(Quality(classification="post"))) == PROFILE
     assert len(measured) == 1
-    for other in (Quality(classification="pre"), Quality(classification="post", backend="numpy")):
+    others = Quality(classification="pre"), Quality(classification="pre", record=4), Quality("post", backend="numpy")
+    for other in others:
         drain(profile_steps(other))
-    assert len(measured) == 3
+    assert len(measured) == 4
     (kept,) = path.iterdir()
-    assert len(json.loads(kept.read_text())) == 3
+    assert len(json.loads(kept.read_text())) == 4
 
 
 def test_a_machine_is_measured_again_for_another_calibration(folder, monkeypatch, tmp_path_factory):

@@ -9,6 +9,7 @@ import pytest
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner.model import CALIBRATION, Model
+from rle_splat.accuracy.planner.probe_errors import ProbeErrors
 from rle_splat.accuracy.planner.ray_cost import RayCost
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -133,6 +134,26 @@ def test_a_plan_that_fails_is_replaced_by_a_finer_one(hopeful):
     rounds = error["rounds"]
     assert len(rounds) > 1 and rounds[0]["measured"] > 4.0 and rounds[0]["plan"] != rounds[-1]["plan"]
     assert error["kept"] and error["measured"] == min(one["measured"] for one in rounds)
+
+
+def test_all_rounds_are_judged_at_the_same_probes(hopeful, monkeypatch):
+    """A picture that fails at the first probes is measured at no others; later rounds must not lose to it for that."""
+    made, pictures = [], []
+
+    class Noted(ProbeErrors):
+        def __init__(self, *given):
+            super().__init__(*given)
+            made.append(self)
+
+        def steps(self, rgba, *rest):
+            pictures.append(rgba)
+            return super().steps(rgba, *rest)
+
+    monkeypatch.setattr("rle_splat.accuracy.planner.tolerance.ProbeErrors", Noted)
+    error = render_within(scene_of("narrow", True), 4.0, Quality(classification="pre"), probes=300).report["error"]
+    (probes,) = made
+    assert len(pictures) > 1 and error["probes"] == len(probes.columns)
+    assert [one["measured"] for one in error["rounds"]] == [probes.errors_of(rgba).max() for rgba in pictures]
 
 
 def test_rays_that_err_too_much_are_cut_finer_and_sheets_that_do_are_replaced_by_more_rays(monkeypatch):

@@ -417,6 +417,24 @@ def test_V12_a_big_endian_file_is_the_same_file_byteswapped(record, tmp_path, dt
     )
 
 
+@every_finer
+@pytest.mark.parametrize(("dtype", "extreme", "bound"), (
+    ("float64", 1e8, 1e-3), ("float64", 1e30, 1e-3), ("float64", -1e30, 1e-3),
+    ("int32", -(2**31), 2.0), ("uint32", 2**32 - 1, 2.0),  # the tables of whole numbers have other entries
+))  # fmt: skip
+def test_V12_beside_one_extreme_voxel_values_are_as_exact_as_float32(record, dtype, extreme, bound, classification):
+    stored = noise(dtype)
+    stored[3, 4, 4] = extreme
+    ramp = transfer(((0, 0.0), (60, 0.3), (120, 0.5)), ((0, 0.0, 0.5, 1.0), (120, 1.0, 0.5, 0.25)))
+    pictures = [
+        drawn(turned(Volume(voxels, np.eye(4)), ramp), classification) for voxels in (stored, stored.astype("f4"))
+    ]
+    assert pictures[1][..., 3].max() > 0.3
+    worst = 255.0 * np.abs(pictures[0] - pictures[1]).max()
+    claim = f"difference of {dtype} with an extreme voxel from the same in float32, levels"
+    record("V12", claim, worst, bound, "float32", "scalars of sheets are float32")
+
+
 @every_backend
 def test_V12_wrapped_values_are_told_apart(record, backend):
     """The same bytes as int16 and as uint16: -1 is not 65535."""

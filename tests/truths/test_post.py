@@ -404,8 +404,8 @@ def test_the_report_says_which_truth_and_what_was_kept(stage):
     report = stage.render(turned(stage, CURVES["thin"], size=(8, 8)), classification="post").report
     assert report["error"]["truth"] == "T2" and report["plan"]["classification"] == "post"
     assert 0.1 < report["volume"]["visible_fraction"] < 0.6 and report["volume"]["shape_xyz"] == [SIZE] * 3
-    flat = stage.on_turntable(np.ones((1, 9, 9)), size=(8, 8))
-    picture = stage.render(flat, classification="post")
-    assert not picture.rgba.any() and any("one voxel thick" in remark for remark in picture.report["remarks"])
+    for shape in ((1, 9, 9), (9, 1, 9), (1, 1, 9), (1, 1, 1)):
+        picture = stage.render(stage.on_turntable(np.ones(shape), size=(8, 8)), classification="post")
+        assert not picture.rgba.any() and any("one voxel thick" in remark for remark in picture.report["remarks"])
     empty = stage.render(turned(stage, function((90.0, 0.0), (99.0, 1.0)), size=(8, 8)), classification="post")
     assert not empty.rgba.any() and any("transparent" in remark for remark in empty.report["remarks"])

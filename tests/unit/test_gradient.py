@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rle_splat.accuracy.normals import normals_at
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
 
@@ -50,6 +51,19 @@ def test_kernel_and_reference_agree(dtype):
     one, two = (all_normals(voxels, AFFINES["sheared"], b) for b in BACKENDS)
     np.testing.assert_allclose(one, two, atol=1e-6)
     assert (np.abs(np.linalg.norm(one, axis=-1) - 1.0) < 1e-6).mean() > 0.9
+
+
+@pytest.mark.parametrize("shape", ((6, 7, 8), (1, 5, 4), (3, 1, 2)))
+@pytest.mark.parametrize("dtype", INTEGER + FLOAT)
+def test_the_truths_have_the_same_normals_by_code_of_their_own(dtype, shape):
+    voxels = np.random.default_rng(2).integers(0, 100, shape).astype(dtype)
+    voxels[:, 3:] = 7  # no normal in there
+    if dtype in FLOAT:
+        voxels[0, 0, :2] = np.nan, np.inf
+        voxels[-1] *= 1e30
+    indices = tuple(np.indices(shape).reshape(3, -1))
+    found = normals_at(Volume(voxels, np.eye(4), slope=-2.0), indices, AFFINES["sheared"])
+    np.testing.assert_allclose(found, all_normals(voxels, AFFINES["sheared"], slope=-2.0).reshape(-1, 3), atol=1e-6)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

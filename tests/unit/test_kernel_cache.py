@@ -129,6 +129,18 @@ def test_another_add_on_and_ours_keep_what_they_compile_each_in_its_own_folder(t
 KERNELS = """
 import numpy as np
 from rle_splat.runtime.jit import kernel
+from rle_splat.runtime.parallel import share_out
+
+@kernel(inner=True)
+def double_some(begin, end, values, out):
+    scratch = np.empty(1, np.float64)
+    for i in range(begin, end):
+        scratch[0] = values[i]
+        out[i] = 2.0 * scratch[0]
+
+@kernel
+def double_all(values, out):
+    share_out(double_some, values.size, (values, out))
 
 @kernel
 def doubled(values):
@@ -144,6 +156,22 @@ def sum_of_doubled(values):
         total += value
     return total
 """
+# Whether a kernel and its part define compiled functions, and those of the same name.
+NAMES = """
+import numpy as np
+import kept_kernels
+from rle_splat.runtime.jit import parallel_call
+with parallel_call():
+    kept_kernels.double_all(np.arange(4.0), np.empty(4))
+whole, part = (
+    {
+        function.name for overload in one.overloads.values() for function in overload.library.get_defined_functions()
+        if "_ZN" in function.name
+    }
+    for one in (kept_kernels.double_all, kept_kernels.double_some)
+)
+print(len(whole) > 1, len(part) > 0, whole & part)
+"""
 CALL = """
 import sys
 import numpy as np
@@ -154,6 +182,11 @@ for name in sys.argv[1:]:
     given = kernel(np.arange(4.0))
     print(np.sum(given), sum(kernel.stats.cache_hits.values()), rtsys._init)
 """
+
+
+def test_a_kernel_runs_its_own_copy_of_a_part_even_when_just_compiled(tmp_path):
+    """Of functions of one name the first that was loaded would run: the part's, which is not on disk."""
+    assert _called(tmp_path, program=NAMES) == ["True True set()"]
 
 
 def _called(folder, *names, program=CALL):

@@ -6,6 +6,7 @@ import pytest
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color
 from rle_splat.classify.lookup_table import MOST, lookup_table
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import Volume
 
 DISTANCE = 2.5
@@ -108,6 +109,29 @@ def test_a_step_of_whole_numbers_is_where_it_is():
             little = min(1e-4, 0.4 / table.rate)
             found = looked_up(table, [at + aside for at in (before, on) for aside in (-little, 0.0, little)])[:, 3]
             assert not found[:3].any() and (found[3:] > 0.27).all()
+
+
+@pytest.mark.parametrize("far", (1e4, 1e30, -1e30))
+def test_one_far_value_shows_nothing_beyond_a_step(far):
+    """What rounding may take from a value is in proportion to the function's points, not to the volume's largest."""
+    tf = function((30, 0.0), (30, 0.5), (60, 0.5), (60, 0.0), color=((0, 1, 1, 1),))
+    table = lookup_table(volume(np.float32), tf, (min(0.0, far), max(255.0, far)), DISTANCE)
+    found = looked_up(table, (29.9, 29.99999, 30.0, 59.9, 60.1))[:, 3]
+    assert not found[0] and found[1:4].all() and not found[4]
+
+
+@pytest.mark.parametrize("slope", (1e-300, 1e300, 1e305))
+def test_any_slope_gives_the_same_entries(slope):
+    plain, scaled = (
+        lookup_table(volume(slope=by), function((10 * by, 0.0), (200 * by, 0.8), color=((0, 1, 1, 1),)), (0, 255), 1.0)
+        for by in (1.0, slope)
+    )
+    np.testing.assert_allclose(looked_up(scaled, np.arange(256)), looked_up(plain, np.arange(256)), rtol=1e-6)
+
+
+def test_values_that_are_too_close_for_a_table_are_refused():
+    with pytest.raises(RleSplatError, match=r"lie within 1e-40 of each other.*classification pre\.$"):
+        lookup_table(volume(np.float32), function((0, 0.0), (1e-40, 0.5)), (0.0, 1e-40), DISTANCE)
 
 
 @pytest.mark.parametrize("dtype", (np.float32, np.uint16))

@@ -137,6 +137,12 @@ def test_a_constant_volume_is_shown(value):
     assert shows(volume_of(np.full((4, 4, 4), value, np.uint8)), (1, 1, 1)) > 0.3
 
 
+@pytest.mark.parametrize("value", (5, -3.5, 1e-30, 0.0))
+def test_the_value_of_a_constant_volume_is_said_as_it_is(value):
+    _, reason = default_transfer_function(volume_of(np.full((4, 4, 4), value, np.float32)))
+    assert reason == f"All values are about {value:g}, so everything is shown."
+
+
 @pytest.mark.parametrize("dtype, value", [("uint8", 1), ("uint8", 255), ("float32", 1e-6), ("float32", 1e20)])
 def test_a_single_voxel_is_shown_and_the_rest_is_not(dtype, value):
     voxels = np.zeros((16, 16, 16), dtype)

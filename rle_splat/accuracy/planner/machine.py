@@ -54,7 +54,7 @@ KERNELS, NUMPY = Size(80, 320, 5), Size(24, 48, 1)  # numpy takes hundreds of ti
 
 @dataclass(frozen=True)
 class MachineProfile:
-    """The speed of a machine, for one classification, number of threads and way to compute.
+    """The speed of a machine, for one classification, size of records, number of threads and way to compute.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ def _key(quality: Quality) -> str:
     """What a profile is for; machines may share a folder."""
     how = "numba" if compiled(quality.backend) else "numpy"
     machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} cores, {total_bytes()} bytes"
-    what = f"{quality.classification}, calibration {calibration_mark()}"
+    what = f"{quality.classification}, records of {quality.record} bytes, calibration {calibration_mark()}"
     return f"{machine}, {thread_count(quality.threads)} threads, {how}, {what}"
 
 

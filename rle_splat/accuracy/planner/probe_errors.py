@@ -96,11 +96,13 @@ class ProbeErrors:
             self._waiting = parts
             if not len(self.columns):
                 return None
-            errors = self.errors_of(rgba)
-            if not first or errors.max() > tolerance:
-                break
+            if not first or self.errors_of(rgba).max() > tolerance:
+                return self.summary(rgba, tolerance)
+
+    def summary(self, rgba, tolerance: float) -> dict:
+        """As ``probes.error_summary``: the errors of a picture at all probes so far."""
         order = np.argsort(~self._random, kind="stable")
-        return error_summary(errors[order], int(self._random.sum()), tolerance)
+        return error_summary(self.errors_of(rgba)[order], int(self._random.sum()), tolerance)
 
     def errors_of(self, rgba) -> np.ndarray:
         """(n,) levels: the errors of a picture at all probes so far."""

@@ -113,6 +113,11 @@ def _tolerance_steps(
     rounds_of = _plan_rounds if session.estimate is None else _ray_rounds
     first = _first_choice(session, tolerance, earlier)
     rounds = yield from rounds_of(session, tolerance, probe_errors, first)
+    # Later rounds have more probes; the least error is only that of the best picture where all have the same.
+    rounds = [
+        replace(one, probed=probe_errors.summary(one.rendering.rgba, tolerance)) if one.probed else one
+        for one in rounds
+    ]
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
     gave_up = len(rounds) > MOST_ESCALATIONS
