@@ -46,9 +46,7 @@ KNOBS = {
     "sheet density": [(f"{density:g}", dict(sheet_density=density)) for density in (0.5, 0.7, 1.0, 1.5, 2.0, 3.0)],
     "warp filter": [(name, dict(warp_filter=name)) for name in ("bilinear", "keys", "cubic")],
     "termination": [(f"1/{n}", dict(termination=1.0 / n)) for n in (64, 256, 1024, 8192)],
-    "classification": [("pre", dict(classification="pre"))]
-    + [(f"refined x{n}", dict(classification="refined", refinement=n)) for n in (2, 3)]
-    + [(c, dict(classification=c)) for c in CLASSIFICATIONS if c == "post"],
+    "classification": [(name, dict(classification=name)) for name in CLASSIFICATIONS],
     "record (pre)": [(f"{size} bytes", dict(classification="pre", record=size)) for size in (4, 6, 8, 16)],
 }  # fmt: skip
 # The truth for a knob's errors, if it is not that of each plan.
@@ -128,7 +126,7 @@ def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
             plans.append(plan)
         names[name] = plan.name if equal is None else equal.name
     # The last plan decides the crop and the steep probes, so it must be the best one.
-    plans.sort(key=lambda plan: (plan.classification, plan.refinement, plan.record, plan.name == "strict"))
+    plans.sort(key=lambda plan: (plan.classification, plan.record, plan.name == "strict"))
     scene = subject.scene(options.size, perspective)
     steps = sweep_steps(
         scene, plans, base, probes=options.probes, repeats=options.repeats, tolerances=TOLERANCES, flip=mean_flip,

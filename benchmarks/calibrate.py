@@ -26,13 +26,11 @@ from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import Quality, Scene, truth_of
+from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
 from .frames import best_frame
 from .planning_scenes import calibration_scenes
 
-# The refined grid has an error that no plan removes, so it supports no tolerance and is not calibrated.
-CALIBRATED = ("pre", "post")
 QUANTILE = 0.8  # share of the errors on the calibration scenes that are below the prediction
 RULES = ("slice", "simpson", "gauss2", "midpoint-1", "midpoint-2", "midpoint-3", "midpoint-4")
 PREINTEGRATED = ("preintegrated", "preintegrated-2", "preintegrated-4")
@@ -252,7 +250,7 @@ def _rounded(value: float) -> float:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py calibrate", description=__doc__)
-    parser.add_argument("--classification", nargs="*", choices=CALIBRATED, default=CALIBRATED)
+    parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=CLASSIFICATIONS)
     parser.add_argument("--output", type=Path, default=plan_model.CALIBRATION)
     parser.add_argument("--observations", type=Path, help="write the measurements to this file too")
     options = parser.parse_args(arguments)

@@ -11,8 +11,8 @@ from bpy.props import BoolProperty, FloatProperty, StringProperty
 from ..rle_splat.accuracy.planner.plans import same_plan
 from ..rle_splat.accuracy.planner.table import TRUTH_TEXTS
 from ..rle_splat.runtime.figures import figure_text
-from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError
-from . import linked, pictures
+from ..rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, without_removed
+from . import linked, messages, pictures
 from .decimals import typed
 from .settings import quality_of, tolerance_of
 
@@ -79,8 +79,8 @@ def truth_sentence(name: str) -> str:
 def plan_of(row) -> Quality:
     """The Quality of a row; RleSplatError when another version saved it and it cannot be read."""
     try:
-        return Quality(name=row.name, **json.loads(row.knobs))
-    except (TypeError, ValueError):
+        return Quality(name=row.name, **without_removed(json.loads(row.knobs))[0])
+    except (AttributeError, TypeError, ValueError):
         raise RleSplatError(f"The plan {row.name!r} is of another version; measure the accuracy again.") from None
 
 
@@ -126,6 +126,8 @@ def choose(scene, row) -> None:
             "changed here; make the scene local."
         )
     settings, plan = scene.rle_splat, plan_of(row)
+    for sentence in without_removed(json.loads(row.knobs))[1]:
+        messages.complain(settings, sentence)
     settings.max_error = 0.0  # a maximum error would choose a plan by itself
     # The classification first: setting it changes knobs that it does not support.
     settings.quality, settings.classification = "custom", plan.classification

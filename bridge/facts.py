@@ -214,18 +214,16 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
         return ""
-    kind = sheet_kind(quality)
-    shape = kind.grid(counted.shape_xyz)
+    kind, shape = sheet_kind(quality), counted.shape_xyz
     plane = _LikelyPlane.of(kind, shape, quality, width, height)
 
     def wanted(meshes: bool = False, traced: bool = quality.rays > 0.0) -> MemoryEstimate:
-        shortened = meshes or kind.ends_at_box
-        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, shortened)
+        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, meshes)
         picture = picture_bytes(
-            (plane,), width, height, quality, shortened=shortened, meshes=meshes, scratch=scratch,
+            (plane,), width, height, quality, shortened=meshes, meshes=meshes, scratch=scratch,
             traced=traced and not meshes)  # single rays are not used with meshes
         return estimate_from_histogram(
-            counted.shape_xyz, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
+            shape, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
             shaded=transfer_function.shade is not None, picture=picture)
 
     alone, others = wanted(), []

@@ -32,10 +32,6 @@ RECORD_ITEMS = [
     (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")
     for size in tables.RECORDS
 ]
-REFINEMENT_ITEMS = [
-    (str(times), f"{times} Times", f"{times} cells along each side of a voxel cell, {times**3} times the memory")
-    for times in tables.REFINEMENTS
-]
 
 
 def items(names) -> list:

@@ -1,11 +1,16 @@
-"""Migration of .blend files of version 0.1.0, which found pictures by name: adds the rows and owners they lack."""
+"""Migration of .blend files of earlier versions.
+
+Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  A classification that was removed
+is replaced.
+"""
 
 from __future__ import annotations
 
 import bpy
 from bpy.app.handlers import persistent
 
-from . import compositor, images, pictures, volumes
+from ..rle_splat.scene import without_removed
+from . import compositor, images, messages, pictures, settings, volumes
 
 
 @persistent
@@ -13,19 +18,31 @@ def _on_load_post(*_):
     for scene in bpy.data.scenes:
         if scene.library is None and not scene.rle_splat.scene_id:
             _adopt(scene)
+    _replace_removed()
 
 
-HANDLERS = (("load_post", _on_load_post),)
+@persistent
+def _replace_removed(*_):
+    """Replace a removed classification by the one that is used instead."""
+    for own in (scene.rle_splat for scene in bpy.data.scenes):
+        if own.classification == "":
+            others = {name: getattr(own, name) for name in settings.OF_PRE if settings.not_in_post(own, name)}
+            knobs, (sentence,) = without_removed({"classification": settings.REMOVED, **others})
+            own.classification = knobs["classification"]  # which sets the others, too
+            messages.complain(own, sentence)
+
+
+HANDLERS = (("load_post", _on_load_post), ("blend_import_post", _replace_removed))
 
 
 def _adopt(scene) -> None:
     """Add rows and owners for the pictures of a scene and its cameras."""
-    settings = scene.rle_splat
-    if settings.backdrop_object is not None:
+    own = scene.rle_splat
+    if own.backdrop_object is not None:
         for camera in (one for one in scene.objects if one.type == "CAMERA"):
             for entry in camera.data.background_images:
                 if entry.source == "IMAGE":
-                    _adopt_image(scene, entry.image, "backdrop", settings.backdrop_object, camera)
+                    _adopt_image(scene, entry.image, "backdrop", own.backdrop_object, camera)
     for image in compositor.images_of(scene):
         pictures.own(image, scene)
     for owner in volumes.volume_objects(scene):

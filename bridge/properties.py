@@ -45,12 +45,13 @@ AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixe
 CLASSIFICATION_TEXTS = {
     "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
                               "are softer. Errors are measured against truth T1"),
-    "refined": ("Refined Grid", "As Pre-Classified, on a finer grid of interpolated values. Edges are sharper; it "
-                                "needs much more memory. Errors are measured against truth T2"),
     "post": ("Post-Classified", "Interpolate the values, then look up color and opacity. Edges are as sharp as with "
                                 "ray casting. Errors are measured against truth T2"),
 }
-CLASSIFICATION_ITEMS = [(name, *CLASSIFICATION_TEXTS[name]) for name in tables.CLASSIFICATIONS]
+# The numbers are those of saved files, where 1 was an item that was removed (see migration.py).
+CLASSIFICATION_ITEMS = [
+    (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
+]
 QUALITY_ITEMS = [
     (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
     for name, aim in tables.PRESET_AIMS.items()
@@ -287,9 +288,6 @@ class SceneSettings(bpy.types.PropertyGroup):
     classification: EnumProperty(
         name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)
-    refinement: LiveEnum(
-        name="Refinement", description=_knob("refinement"), items=knob_items.REFINEMENT_ITEMS,
-        default=str(USUAL.refinement))
     depth_rule: KnobEnum(
         name="Depth Rule", description=_knob("depth_rule"), default=USUAL.depth_rule,
         items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))

@@ -1,12 +1,21 @@
 """The settings of a Blender scene as plain data."""
 
-from ..rle_splat.scene import DEFAULT_QUALITY, NO_RAYS, POST_ONLY, Quality, preintegrated_of, preset_knobs
+from ..rle_splat.scene import (
+    DEFAULT_QUALITY,
+    NO_RAYS,
+    POST_ONLY,
+    REMOVED_CLASSIFICATIONS,
+    Quality,
+    preintegrated_of,
+    preset_knobs,
+)
 from . import preferences
 from .decimals import typed
 
 # Millimeters per unit.  A VDB states no unit; Blender takes its world units as meters.
 MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
+(REMOVED,) = REMOVED_CLASSIFICATIONS  # its number in a file or a keyframe has no item now, which reads as ""
 OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification
 
 
@@ -35,7 +44,7 @@ def quality_of(scene) -> Quality:
     common = dict(threads=threads, backend=settings.backend, record=int(settings.record))
     if settings.quality == "paper":
         return Quality.paper(**common)
-    common |= dict(classification=settings.classification, refinement=int(settings.refinement))
+    common |= dict(classification=settings.classification or REMOVED)
     if settings.quality == "custom":
         knobs = {name: getattr(settings, name) for name in KNOBS}
         return Quality(

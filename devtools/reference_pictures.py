@@ -111,7 +111,6 @@ def other_cases() -> Iterator[Case]:
             **{f"record {size}": Quality(classification="pre", record=size) for size in RECORDS},
             **{f"model {model}": Quality(classification="pre", model=model) for model in MODELS},
             **{f"warp {warp}": Quality(warp_filter=warp) for warp in WARP_FILTERS},
-            "refined 3": Quality(classification="refined", refinement=3),
         }
         for name, quality in knobs.items():
             yield Case(f"{name} {told}", scene, quality)

@@ -47,8 +47,6 @@ class AdvancedPanel:
             row.prop_enum(settings, "quality", name)
         if settings.quality != "paper":
             layout.prop(settings, "classification")
-            if settings.classification == "refined":
-                layout.prop(settings, "refinement")
         for name in (*(KNOBS if settings.quality == "custom" else ()), *MACHINE):
             row = layout.row()
             # Inactive rows can still be edited: another value of one of OF_PRE switches the classification to pre.

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..volume.sizes import BLOCK_VOXELS
-
 PROPERTY_BYTES = 20  # bytes of a voxel's extinction, opacity and color, where it has its own
 ROW = 28  # bytes of a row of visible voxels: where it starts, its pieces, and what counting these takes
-FINE_VOXELS_AT_ONCE = 1 << 23  # of a refined grid, made together: enough for all threads, some 16 to 64 MB
 LARGEST_TABLE = 65536  # columns that two bytes tell apart
 # Voxels kept for scalar sheets, corners of cells that are shown, for each visible one: 1.25 to 1.85 in scans.
 TYPICAL_NEAR = 1.5
@@ -36,13 +33,3 @@ def mark_bytes(shape_xyz) -> int:
 def mixed_work_bytes(shape_xyz) -> int:
     """Bytes taken while voxels of labels and channels are classified, some planes at a time."""
     return MIXED_VOXEL * min(max(MIXED_AT_ONCE, shape_xyz[0] * shape_xyz[1]), math.prod(shape_xyz))
-
-
-def fine_block_bytes(shape_xyz, itemsize: int) -> int:
-    """Bytes of the smallest and the largest value of each block of a refined grid."""
-    return 2 * itemsize * math.prod(shape_xyz) // BLOCK_VOXELS
-
-
-def fine_work_bytes(shape_xyz, itemsize: int) -> int:
-    """Bytes of the planes of a refined grid that are made together, whole rows of blocks."""
-    return itemsize * max(FINE_VOXELS_AT_ONCE, 8 * shape_xyz[0] * shape_xyz[1])

@@ -123,7 +123,7 @@ def field_steps(solid: Solid):
     field = np.full(shape, -SUNK * span, np.float32)
     has_inside = False
     for z in range(len(volume.voxels)):
-        values = volume.physical(volume.planes(z, z + 1)[0])
+        values = volume.physical(volume.voxels[z])
         plane = _plane(solid, values, z, span)
         field[z + 1, 1:-1, 1:-1] = plane
         has_inside = has_inside or bool((plane > 0.0).any())
@@ -140,7 +140,7 @@ def _plane(solid: Solid, values: np.ndarray, z: int, span: float) -> np.ndarray:
     """(ny, nx) float64: the field of one plane of physical values."""
     field = signed_distance(values, solid.function, solid.threshold, span)
     if solid.labels is not None:
-        labels = solid.labels.volume.planes(z, z + 1)[0]
+        labels = np.asarray(solid.labels.volume.voxels[z])
         for label, function in solid.labels.functions.items():
             chosen = labels == label
             field[chosen] = signed_distance(values[chosen], function, solid.threshold, span)

@@ -69,7 +69,7 @@ class Visibility:
 
     Parameters
     ----------
-    volume : Volume or RefinedVolume
+    volume : Volume
     tf : TransferFunction
 
     Notes
@@ -160,7 +160,7 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     """
     _, ny, nz = shown.volume.shape_xyz
     counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-    for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
+    for first, last, rows, relevant in _pieces_of_work(shown, blocks):
         yield first / nz
         out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
         if not compiled(backend):
@@ -204,7 +204,7 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
     row_start = row_offsets(counts)
     column = empty(row_start[-1], dtype=np.uint16 if nx <= 65536 else np.int32)
     stored = empty(row_start[-1], dtype=_list_type(shown))
-    for first, last, rows, relevant in _pieces_of_work(shown, blocks, backend, threads):
+    for first, last, rows, relevant in _pieces_of_work(shown, blocks):
         yield first / nz
         starts = row_start[first * ny : last * ny + 1]
         if starts[0] == starts[-1]:
@@ -235,15 +235,15 @@ def _scaling(shown: Visibility) -> tuple[float, float]:
     return float(shown.volume.slope), float(shown.volume.intercept)
 
 
-def _pieces_of_work(shown: Visibility, blocks: Blocks, backend, threads):
+def _pieces_of_work(shown: Visibility, blocks: Blocks):
     """Yield (first plane, last plane, their rows, their relevant blocks) for pieces of the volume with any of these."""
     volume, relevant = shown.volume, shown.relevant(blocks)
     nx, ny, nz = volume.shape_xyz
-    for first, last in slabs(nz, ny * nx, volume.voxels_at_once, multiple=BLOCK_Z):
+    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
         here = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         part = relevant[here]
         if part.any():
-            planes = volume.planes(first, last, part, blocks.low[here], backend=backend, threads=threads)
+            planes = np.asarray(volume.voxels)[first:last]
             yield first, last, read_only(planes).view(_list_type(shown)).reshape(-1, nx), part
 
 

@@ -23,18 +23,17 @@ from ..scene import (
     NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
-    REFINEMENTS,
     WARP_FILTERS,
     Quality,
     RleSplatError,
     not_in_post,
+    without_removed,
 )
 from ..volume.volume import STORED_TYPES
 
 # Option -> (field of Quality, type, values in the help).
 KNOBS = {
     "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
-    "--refinement": ("refinement", int, "|".join(map(str, REFINEMENTS))),
     "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M"))),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
@@ -45,7 +44,7 @@ KNOBS = {
     "--rays": ("rays", float, "D"),
     "--model": ("model", str, "|".join(MODELS)),
 }
-BESIDE = ("classification", "refinement")  # knobs that may be combined with --quality and --tolerance
+BESIDE = "classification"  # the knob that may be combined with --quality and --tolerance
 DEFAULT_SIZE = (512, 512)  # width and height in pixels
 CUSTOM_QUALITY = "custom"  # the name of a quality made from knobs, in reports
 
@@ -281,6 +280,7 @@ def add_quality_options(parser) -> None:
     group.add_argument("--paper", action="store_true", help="the algorithm exactly as published, classification pre")
     for option, (name, kind, values) in KNOBS.items():
         group.add_argument(option, dest=name, type=kind, metavar=values, help=KNOB_TEXTS[name])
+    group.add_argument("--refinement", help=argparse.SUPPRESS)  # of the classification refined of earlier versions
     add_machine_options(parser)
 
 
@@ -337,8 +337,10 @@ def quality_from(args, usual: str | None = None) -> Quality:
     RleSplatError
         If options contradict each other, or a value is out of range.
     """
-    knobs = {name: getattr(args, name) for name, _, _ in KNOBS.values() if getattr(args, name) is not None}
-    machine = {"threads": args.threads, "backend": args.backend, "record": record_from(args)}
+    knobs, removed = without_removed(_given_knobs(args))
+    machine = {"threads": args.threads, "backend": args.backend, "record": knobs.pop("record", RECORDS[0])}
+    if args.refinement is not None and not removed:
+        raise RleSplatError("--refinement has no effect; remove it.")
     if args.quality is not None and args.paper:
         raise RleSplatError("--quality and --paper contradict each other; give one of them.")
     if getattr(args, "tolerance", None) is not None:
@@ -347,18 +349,21 @@ def quality_from(args, usual: str | None = None) -> Quality:
         raise RleSplatError("--probes has no effect without --tolerance; give --tolerance too.")
     whole = "--paper" if args.paper else "--quality" if args.quality is not None else None
     for option, (name, _, _) in KNOBS.items():
-        if whole and name in knobs and (args.paper or name not in BESIDE):
+        if whole and name in knobs and (args.paper or name != BESIDE):
             raise RleSplatError(f"{whole} already sets what {option} sets; give one of the two.")
     if args.paper:
         return Quality.paper(**machine)
-    beside = {name: knobs.pop(name) for name in BESIDE if name in knobs}
-    if "refinement" in beside and beside.get("classification") != "refined":
-        raise RleSplatError("--refinement has no effect here; add --classification refined, or remove it.")
-    if "classification" not in beside:
-        of_pre = not_in_post({**knobs, **machine})
-        beside["classification"] = usual or ("pre" if of_pre else _default_classification(args))
+    classification = knobs.pop(BESIDE, usual)
+    if classification is None:
+        classification = "pre" if not_in_post({**knobs, **machine}) else _default_classification(args)
     custom = {"name": CUSTOM_QUALITY} if knobs else {}
-    return Quality.preset(args.quality or DEFAULT_QUALITY, **beside, **knobs, **machine, **custom)
+    return Quality.preset(args.quality or DEFAULT_QUALITY, classification, **knobs, **machine, **custom)
+
+
+def _given_knobs(args) -> dict:
+    """Field of Quality -> value, of the knobs and the record that are given."""
+    names = (*(name for name, _, _ in KNOBS.values()), "record")
+    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
 def _default_classification(args) -> str:
@@ -371,7 +376,7 @@ def _default_classification(args) -> str:
 
 
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
-    """Remarks for the report on a classification that a knob has changed.
+    """Remarks for the report on a classification that was removed, or that a knob has changed.
 
     Parameters
     ----------
@@ -387,7 +392,7 @@ def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
     """
     of_pre = not_in_post(asdict(quality))
     if args.classification is not None or args.paper or not of_pre:
-        return ()
+        return without_removed(_given_knobs(args))[1]
     option, value = f"--{of_pre[0]}", getattr(quality, of_pre[0])
     return (
         f"Classified by {quality.classification}, because {DEFAULT_CLASSIFICATION} does not support {option} {value}.",
@@ -399,7 +404,7 @@ def _check_tolerance(args, knobs) -> None:
     check_tolerance(args.tolerance)
     if args.probes is not None and args.probes < 0:
         raise RleSplatError(f"--probes is {args.probes}; give a number of pixels that is not below zero.")
-    given = [option for option, (name, _, _) in KNOBS.items() if name in knobs and name not in BESIDE]
+    given = [option for option, (name, _, _) in KNOBS.items() if name in knobs and name != BESIDE]
     given += ["--quality"] * (args.quality is not None) + ["--paper"] * args.paper
     if given:
         raise RleSplatError(f"--tolerance chooses what {given[0]} sets; give one of the two.")
@@ -409,13 +414,8 @@ def encoding_quality(args) -> Quality:
     """The knobs that encoding depends on: model, record, threads and backend."""
     return Quality(
         classification="pre", model=args.model or MODELS[0], threads=args.threads, backend=args.backend,
-        record=record_from(args),
+        record=RECORDS[0] if args.record is None else args.record,
     )
-
-
-def record_from(args) -> int:
-    """Bytes of a voxel record; --record may be combined with any quality."""
-    return RECORDS[0] if args.record is None else args.record
 
 
 def memory_size(text: str) -> int:

@@ -350,11 +350,12 @@ def _prepare_tables(args, quality) -> Prepared:
     stored = load(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
     if quality.classification != stored.classification:
+        asked = args.classification or quality.classification
         raise RleSplatError(
             "The voxels of a .rle file are classified already; leave --classification "
-            f"{quality.classification} out, or render the original volume."
+            f"{asked} out, or render the original volume."
             if stored.classification == "pre" else
-            f"{args.volume} holds post-classified tables; leave --classification {quality.classification} out."
+            f"{args.volume} holds post-classified tables; leave --classification {asked} out."
         )
     if stored.transfer_function is None or not isinstance(stored.lighting, dict):
         raise RleSplatError(f"{args.volume} lacks its transfer function or its lights; encode the volume again.")
@@ -375,7 +376,9 @@ def _prepare_tables(args, quality) -> Prepared:
     quality = replace(quality, record=stored.record)
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
-    return Prepared(scene, quality, read_ms, {"name": function.name, "reason": "stored in the .rle file"}, (remark,))
+    remarks = () if args.classification is None else quality_remarks(args, quality)
+    described = {"name": function.name, "reason": "stored in the .rle file"}
+    return Prepared(scene, quality, read_ms, described, (*remarks, remark))
 
 
 def _report(args, prepared: Prepared, rendered: dict, write_ms: float, start: float) -> dict:

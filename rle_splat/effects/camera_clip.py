@@ -69,7 +69,7 @@ class CameraClip(RayEffect):
         self.moves_depth = cuts
 
     @classmethod
-    def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> CameraClip | None:
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> CameraClip | None:
         """The effect, None where neither clip planes nor meshes can end rays; parameters as of ``RayEffects``."""
         cuts = is_cut(scene, view, quality)
         return cls(scene.camera, quality, cuts) if cuts or scene.hides_volume else None

@@ -57,7 +57,7 @@ class ClipBodies(RayEffect):
         self._cuts, self._quality = cuts, quality
 
     @classmethod
-    def of(cls, scene: Scene, view, quality: Quality, ends_at_box: bool) -> ClipBodies | None:
+    def of(cls, scene: Scene, view, quality: Quality) -> ClipBodies | None:
         """The effect, None where nothing is cut; parameters as of ``RayEffects``."""
         cuts = cuts_of(scene, quality)
         return None if cuts is None else cls(cuts, quality)

@@ -38,7 +38,7 @@ class MeshSurfaces(RayEffect):
         self._layers: DepthLayers | None = None
 
     @classmethod
-    def of(cls, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool) -> MeshSurfaces | None:
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> MeshSurfaces | None:
         """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
         return cls(scene, view, quality) if scene.hides_volume else None
 

@@ -18,13 +18,12 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..warp.warp import warp_reach
 from .analyze import EffectSet
-from .box_intervals import BoxIntervals
 from .camera_clip import CameraClip
 from .clips import ClipBodies
 from .mesh_occlusion import MeshSurfaces
 from .ray_pass import RayEffect, RayPass
 
-RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, BoxIntervals.of, MeshSurfaces.of, ClipBodies.of)
+RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, MeshSurfaces.of, ClipBodies.of)
 
 
 class RayEffects:
@@ -36,18 +35,14 @@ class RayEffects:
         Without the effects that are off, its volume on the grid that is splatted.
     view : IndexView
     quality : Quality
-    ends_at_box : bool
-        Whether rays end where they leave the box of voxel centers.
     effects : EffectSet
     clock : Clock
     """
 
-    def __init__(
-        self, scene: Scene, view: IndexView, quality: Quality, ends_at_box: bool, effects: EffectSet, clock: Clock
-    ):  # fmt: skip
+    def __init__(self, scene: Scene, view: IndexView, quality: Quality, effects: EffectSet, clock: Clock):
         self.effects, self._scene, self._clock = effects, scene, clock
         self._reach = warp_reach(quality)
-        made = (make(scene, view, quality, ends_at_box) for make in RAY_EFFECTS)
+        made = (make(scene, view, quality) for make in RAY_EFFECTS)
         self._chain: list[RayEffect] = [effect for effect in made if effect is not None]
 
     @property

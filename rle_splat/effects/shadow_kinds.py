@@ -9,18 +9,14 @@ from ..scene.changed import changed
 from .kind import Kind
 from .lighting_kinds import idle_because
 
-REFINED = "the classification refined cannot show it; choose post or pre"
 
-
-def _shadows(scene: Scene, quality: Quality) -> tuple[bool, str]:
+def _shadows(scene: Scene, _: Quality) -> tuple[bool, str]:
     reason = idle_because(scene)
     casting = Counter(light.type.lower() for light in scene.lights if light.casts_shadow and light.energy > 0.0)
     if reason is None and not scene.volume_shadows:
         reason = "shadows are turned off"
     if reason is None and not casting:
         reason = "no light casts shadows" if scene.lights else "a headlight casts no shadows"
-    if reason is None and quality.classification == "refined":
-        reason = REFINED
     if reason is not None:
         return False, reason
     meshes = ", the meshes' too" if scene.triangles is not None and len(scene.triangles) else ""
@@ -36,14 +32,12 @@ def _world(scene: Scene, _: Quality) -> tuple[bool, str]:
     return reason is None, reason or f"radiance {radiance} {around}"
 
 
-def _ambient_occlusion(scene: Scene, quality: Quality) -> tuple[bool, str]:
+def _ambient_occlusion(scene: Scene, _: Quality) -> tuple[bool, str]:
     reason = idle_because(scene)
     if reason is None and scene.ambient_occlusion == 0.0:
         reason = "ambient occlusion is turned off"
     if reason is None and scene.world is None and scene.transfer_function.shade.ambient == 0.0:
         reason = "there is no ambient light"
-    if reason is None and quality.classification == "refined":
-        reason = REFINED
     return reason is None, reason or f"strength {scene.ambient_occlusion:g}"
 
 

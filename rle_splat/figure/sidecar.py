@@ -27,6 +27,7 @@ from ..scene import (
     Scene,
     from_mapping,
     read_json,
+    without_removed,
 )
 from ..scene.plain import plain
 from .make import MadeFigure
@@ -209,7 +210,8 @@ def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Fig
     panels, qualities = [], []
     for entry in sidecar.content["panels"]:
         panels.append(Panel(_scene(entry["scene"], data), entry["title"]))
-        qualities.append(from_mapping(Quality, {**entry["quality"], "threads": threads}, "The sidecar's quality"))
+        knobs, _ = without_removed({**entry["quality"], "threads": threads})
+        qualities.append(from_mapping(Quality, knobs, "The sidecar's quality"))
     style = from_mapping(FigureStyle, sidecar.content["style"], "The sidecar's style")
     return Figure(tuple(panels), style), qualities
 
@@ -228,10 +230,11 @@ def _scene(given: dict, data: FigureData) -> Scene:
 
 
 def version_remarks(sidecar: Sidecar) -> list[str]:
-    """Sentences on versions that differ from those with which a figure was made."""
+    """Sentences on versions that differ from those with which a figure was made, and on what they no longer have."""
     now, given = versions(), sidecar.content.get("versions")
     made = given if isinstance(given, dict) else {}
-    return [
+    removed = [sentence for entry in sidecar.content["panels"] for sentence in without_removed(entry["quality"])[1]]
+    return [*dict.fromkeys(removed)] + [
         f"The figure was made with {name} {made[name]}, and this is {name} {now[name]}; its bits may differ."
         for name in now if name in made and made[name] != now[name]
     ]  # fmt: skip

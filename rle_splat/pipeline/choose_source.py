@@ -13,10 +13,10 @@ from .file_source import FileSource
 from .pooled_source import pooled
 from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
-from .scan_source import RefinedSource, scan_source
+from .scan_source import scan_source
 from .source import Source
 
-SOURCES = {"pre": scan_source, "refined": RefinedSource.of, "post": ScalarSource}
+SOURCES = {"pre": scan_source, "post": ScalarSource}
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,7 +117,7 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
     Raises
     ------
     RleSplatError
-        If the scene needs all voxels at once (shadows, labels, channels, a refined grid), one plane does not fit into
+        If the scene needs all voxels at once (shadows, labels, channels), one plane does not fit into
         memory, or the folder cannot be written. Nothing is left behind then.
     """
     with FolderWriter(path) as writer:
@@ -178,8 +178,6 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
 
 def _check(scene: Scene, quality: Quality) -> None:
     """RleSplatError for scenes that a slab alone does not show."""
-    if quality.classification == "refined":
-        raise RleSplatError("A folder of tables holds the scan's own grid; choose the classification pre or post.")
     if is_mixed(scene) or not scene.volume.holds_values:
         raise RleSplatError("A folder of tables holds one volume without labels and channels; leave them out.")
     if shadow_count(scene):

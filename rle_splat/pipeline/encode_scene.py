@@ -9,7 +9,7 @@ import numpy as np
 from ..effects.analyze import analyzed
 from ..encode.store import StoredVolume
 from ..runtime.steps import Clock, drain, portion
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import Quality, Scene
 from ..volume.axes import AXES, AXIS_NAMES
 from .scan_source import scan_source
 from .source import Work
@@ -39,8 +39,6 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
     """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
-    if quality.classification == "refined":  # asked here alone: a file is not rendered, so no source is chosen
-        raise RleSplatError("A .rle file holds the grid of the scan itself; encode it with the classification pre.")
     quality = quality.classified("pre")
     scene = analyzed(scene, quality)[1]
     clock = Clock()

@@ -21,11 +21,6 @@ class FileSource(Source):
     @classmethod
     def of(cls, scene: Scene, quality: Quality) -> FileSource:
         """The source of a scene whose volume is a StoredVolume; RleSplatError where the quality asks for another."""
-        if quality.classification == "refined":
-            raise RleSplatError(
-                "A .rle file holds voxels that are classified already; render the volume itself with the "
-                "classification refined, or the file with the classification pre."
-            )
         if quality.minification == "pool":
             raise RleSplatError(
                 "A .rle file holds voxels that are encoded already, of which no averages are made; choose the "
@@ -71,4 +66,4 @@ class FileSource(Source):
         else:
             length /= stored.unit_length
         counts = stored.visible_voxels
-        return classified_sheets(stored.shape_xyz, encode_steps, length, self.quality, self.scene.mist, counts)
+        return classified_sheets(encode_steps, length, self.quality, self.scene.mist, counts)

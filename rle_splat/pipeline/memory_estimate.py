@@ -14,20 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..classify.sizes import (
-    PROPERTY_BYTES,
-    fine_block_bytes,
-    fine_work_bytes,
-    mark_bytes,
-    row_bytes,
-    voxel_bytes,
-)
+from ..classify.sizes import PROPERTY_BYTES, mark_bytes, row_bytes, voxel_bytes
 from ..effects.sizes import MESH_LAYERS, MESH_PIXEL
 from ..encode.sizes import SCANLINE, run_bytes, scalar_record, scanlines, work_bytes
 from ..raycast.sizes import AT_ONCE, RAY, STEEP_PIXEL
 from ..runtime.memory import available_bytes, bytes_text
 from ..scene import RECORDS, Quality, RleSplatError, TooLargeError
-from ..shade.sizes import LIGHT, LIT, NORMAL, NORMAL_CODE, lit_voxels, shadow_bytes
+from ..shade.sizes import LIGHT, NORMAL, NORMAL_CODE, shadow_bytes
 from ..splat.sizes import SHEET_PIXEL
 from ..view.sizes import INTERVALS
 from ..volume.axes import AXES
@@ -64,7 +57,6 @@ class MemoryEstimate:
     rows: int
     scanlines: int
     alone: int
-    refinement: int = 1
 
     @property
     def needed(self) -> int:
@@ -115,18 +107,8 @@ class MemoryEstimate:
             work=work_bytes(self.visible_voxels, record),
         )
 
-    def with_refinement(self, refinement: int) -> MemoryEstimate:
-        """At most the same on another finer grid, 1 for that of the scan: thin shells shrink least, as the square."""
-        share = (refinement / self.refinement) ** 2
-        parts = {
-            name: round(share * getattr(self, name))
-            for name in (*_PARTS[:5], "visible_voxels", "rows", "scanlines")
-        }
-        return replace(self, refinement=refinement, voxels=round(share**1.5 * self.voxels), **parts)
-
     def most_voxels(self, free: float) -> int:
-        """How many visible voxels fit into ``free`` bytes on the scan's own grid, wherever they are; below 0 where
-        not even none do."""
+        """How many visible voxels fit into ``free`` bytes, wherever they are; below 0 where not even none do."""
         each = (self.visible + self.normals - self.rows + self.records) / max(self.visible_voxels, 1)
         each += self.axes * self.alone
         left = free - self.rows - self.axes * self.scanlines
@@ -143,15 +125,12 @@ class Found(NamedTuple):
     Attributes
     ----------
     shape_xyz : (nx, ny, nz)
-        Of the grid that is classified.
     dtype : dtype
         Of its voxels.
     count, pieces, lines : int
         Voxels, connected pieces of rows, and rows with any.
     held : int
         Bytes of the volume itself.
-    refinement : int
-        Voxels of the grid per voxel of the scan, along each side.
     """
 
     shape_xyz: tuple[int, int, int]
@@ -160,7 +139,6 @@ class Found(NamedTuple):
     pieces: int
     lines: int
     held: int
-    refinement: int = 1
 
     @classmethod
     def in_rows(cls, volume, counted, dtype=None) -> Found:
@@ -168,7 +146,7 @@ class Found(NamedTuple):
         counts, pieces = counted
         return cls(
             volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), int(counts.sum()), int(pieces.sum()),
-            int(np.count_nonzero(counts)), volume.voxels.nbytes, volume.refinement,
+            int(np.count_nonzero(counts)), volume.voxels.nbytes,
         )  # fmt: skip
 
 
@@ -179,7 +157,7 @@ def estimate_of(
 
     Parameters
     ----------
-    volume : Volume or RefinedVolume
+    volume : Volume
     counted : (counts, pieces)
         Visible voxels and connected pieces per row, (nz * ny,) each.
     quality : Quality
@@ -220,28 +198,19 @@ def estimate_scalars(
 
 def estimate_classified(found: Found, record: int, axes: int, shaded: bool, picture: int) -> MemoryEstimate:
     """As ``estimate_of``, from a Found and the bytes of a voxel record."""
-    shape, dtype, count, pieces, refinement = found.shape_xyz, found.dtype, found.count, found.pieces, found.refinement
+    shape, dtype, count = found.shape_xyz, found.dtype, found.count
     rows = row_bytes(shape)
     visible = count * voxel_bytes(shape, dtype.itemsize) + rows
     if not counts_values(dtype):
         visible += PROPERTY_BYTES * count
     # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
     run = run_bytes(shape)
-    runs, most_scanlines = (2 * pieces + found.lines) * run, scanlines(shape)
-    normals, work = NORMAL * count, work_bytes(count, record)
-    if refinement > 1:
-        scan = [(n - 1) // refinement + 1 for n in shape]
-        lit = min(lit_voxels(count, pieces, refinement), math.prod(scan))
-        blocks = fine_block_bytes(shape, dtype.itemsize)
-        normals = LIT * lit + row_bytes(scan)
-        visible += blocks
-        rows += blocks + shaded * row_bytes(scan)
-        work = max(work, fine_work_bytes(shape, dtype.itemsize))
+    runs, most_scanlines = (2 * found.pieces + found.lines) * run, scanlines(shape)
     return MemoryEstimate(
         visible_voxels=count, voxels=math.prod(shape), volume=found.held, visible=visible,
-        normals=normals if shaded else 0, runs=axes * (runs + SCANLINE * most_scanlines),
-        records=axes * record * count, work=work, picture=picture, axes=axes, record=record,
-        rows=rows, scanlines=(SCANLINE + run) * most_scanlines, alone=2 * run, refinement=refinement,
+        normals=NORMAL * count if shaded else 0, runs=axes * (runs + SCANLINE * most_scanlines),
+        records=axes * record * count, work=work_bytes(count, record), picture=picture, axes=axes, record=record,
+        rows=rows, scanlines=(SCANLINE + run) * most_scanlines, alone=2 * run,
     )
 
 
@@ -295,19 +264,14 @@ def _what_fits(wanted: MemoryEstimate, free: float) -> str:
     for record in short:
         if wanted.with_record(record).needed <= free:
             return f"voxel records of {record} bytes would fit"
-    for refinement in range(wanted.refinement - 1, 0, -1):
-        if wanted.with_refinement(refinement).needed <= free:
-            coarser = f"a refinement of {refinement}" if refinement > 1 else "classifying on the grid of the scan"
-            return f"{coarser} would fit"
     one_by_one = () if wanted.picture else range(wanted.axes - 1, 0, -1)  # a picture needs all of its axes
     for axes in one_by_one:
         for record in (wanted.record, *short):
             if wanted.with_axes(axes).with_record(record).needed <= free:
                 named = f" with voxel records of {record} bytes" if record != wanted.record else ""
                 return f"{'one principal axis' if axes == 1 else 'two principal axes'} at a time{named} would fit"
-    least = (wanted if wanted.picture else wanted.with_axes(1)).with_refinement(1).with_record(RECORDS[-1])
+    least = (wanted if wanted.picture else wanted.with_axes(1)).with_record(RECORDS[-1])
     parts = [f"voxel records of {RECORDS[-1]} bytes"] if short else []
-    parts += ["classifying on the grid of the scan"] if wanted.refinement > 1 else []
     parts += ["one principal axis at a time"] if least.axes < wanted.axes else []
     if least.needed > free:
         share = min(100.0 * least.most_voxels(free) / least.voxels, 99.0)

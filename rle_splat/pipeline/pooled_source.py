@@ -74,7 +74,7 @@ class PooledSource(Source):
 
         found = lit.classified
         counts = found.visible_voxels, found.nan_voxels, lit.estimate
-        return classified_sheets(found.shape_xyz, encode_steps, 1.0, quality, self.scene.mist, *counts)
+        return classified_sheets(encode_steps, 1.0, quality, self.scene.mist, *counts)
 
 
 def pooled(scan: ScanSource, planes: list[BasePlane]) -> Source:

@@ -92,7 +92,7 @@ def prepare_steps():
     - at "standard" and "draft", with gradient opacity: by the headlight.
 
     Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
-    without a highlight, and unshaded ones; the classifications "pre" and "refined"; the qualities "strict" and "paper"
+    without a highlight, and unshaded ones; the classification "pre"; the qualities "strict" and "paper"
     and knobs by hand; a maximum error; labels and channels; clip objects; mist; ambient occlusion; modes other than
     "composite"; ``.rle`` files.
 

@@ -1,7 +1,7 @@
 """Estimate the memory of a picture from a few planes of a volume, or from its histogram.
 
-``sheet_kind`` decides once what a classification makes of a volume: its grid, its tables and their memory.  No kernels
-are loaded here: what only looks at a file does not wait for a compiler.
+``sheet_kind`` decides once what a classification makes of a volume: its tables and their memory.  No kernels are loaded
+here: what only looks at a file does not wait for a compiler.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SAMPLED_VOXELS, LEAST_PLANES = 1 << 24, 4
 
 @dataclass(frozen=True)
 class ClassifiedSheets:
-    """Sheets of voxels that are classified on the grid of the scan.
+    """Sheets of voxels that are classified before they are splatted.
 
     Attributes
     ----------
@@ -34,45 +34,11 @@ class ClassifiedSheets:
     record: int
 
     scalar_sheets: ClassVar[bool] = False  # whether sheets hold the scalar; the medium then fills the box by itself
-    ends_at_box: ClassVar[bool] = False  # whether rays must be cut where they enter and leave the box of voxel centers
     traces_rays: ClassVar[bool] = False  # whether single rays can go through the medium
 
-    def grid(self, shape_xyz) -> tuple[int, int, int]:
-        """Voxels of the classified grid along x, y and z, of a scan of ``shape_xyz``."""
-        return tuple(shape_xyz)
-
     def estimate(self, found: Found, axes: int, shaded: bool, picture: int) -> MemoryEstimate:
-        """What the tables take; ``found``: visible voxels of the scan itself."""
+        """What the tables take; ``found``: the visible voxels."""
         return estimate_classified(found, self.record, axes, shaded, picture)
-
-
-@dataclass(frozen=True)
-class RefinedSheets(ClassifiedSheets):
-    """Sheets of voxels that are interpolated on a finer grid and classified there.
-
-    Attributes
-    ----------
-    refinement : int
-        Fine cells along each side of a cell of the scan.
-    """
-
-    refinement: int
-
-    ends_at_box: ClassVar[bool] = True
-
-    def grid(self, shape_xyz) -> tuple[int, int, int]:
-        return tuple(self.refinement * (n - 1) + 1 for n in shape_xyz)
-
-    def estimate(self, found: Found, axes: int, shaded: bool, picture: int) -> MemoryEstimate:
-        s = self.refinement
-        if s > 1:
-            # Of values that are interpolated the same share is shown, so that the count grows as the grid does.
-            coded = "u2" if counts_values(found.dtype) else "f4" if found.dtype == np.float32 else "f8"
-            found = found._replace(
-                shape_xyz=self.grid(found.shape_xyz), dtype=np.dtype(coded), count=s**3 * found.count,
-                pieces=s**2 * found.pieces, lines=s**2 * found.lines, refinement=s,
-            )  # fmt: skip
-        return super().estimate(found, axes, shaded, picture)
 
 
 @dataclass(frozen=True)
@@ -89,16 +55,9 @@ class ScalarSheets(ClassifiedSheets):
         return replace(needs, visible_voxels=found.count)
 
 
-KINDS = {
-    "pre": lambda quality: ClassifiedSheets(quality.record),
-    "refined": lambda quality: RefinedSheets(quality.record, quality.refinement),
-    "post": lambda quality: ScalarSheets(quality.record),
-}
-
-
 def sheet_kind(quality: Quality) -> ClassifiedSheets:
     """What the sheets of a quality are made of, for whoever has no voxels to choose a source for."""
-    return KINDS[quality.classification](quality)
+    return (ScalarSheets if quality.classification == "post" else ClassifiedSheets)(quality.record)
 
 
 def estimate(

@@ -156,7 +156,7 @@ def begun(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Cloc
     source = choose_source(door.scene, door.quality)
     traced = traces_steep_pixels(source)
     source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
-    rays = RayEffects(source.scene, view.index_view, door.quality, source.sheets.ends_at_box, door.effects, clock)
+    rays = RayEffects(source.scene, view.index_view, door.quality, door.effects, clock)
     return Drawing(door, source, view, rays, _begin_work(source, view, rays, traced, cache, clock), traced)
 
 

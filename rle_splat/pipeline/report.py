@@ -63,12 +63,11 @@ def image_report(crop, width: int, height: int) -> dict:
 
 
 def _volume_report(shape_xyz, medium: Medium) -> dict:
-    """``shape_xyz``: of the volume itself; the voxels that are visible are those of the classified grid."""
-    total = math.prod(int(n) for n in medium.shape_xyz)
+    shape = [int(n) for n in shape_xyz]
     return {
-        "shape_xyz": [int(n) for n in shape_xyz],
+        "shape_xyz": shape,
         "visible_voxels": medium.visible_voxels,
-        "visible_fraction": medium.visible_voxels / total,
+        "visible_fraction": medium.visible_voxels / math.prod(shape),
         "nan_voxels": medium.nan_voxels,
     }
 

@@ -73,7 +73,7 @@ class ScalarFileSource(FileSource):
                                       table.most_color)  # fmt: skip
         most_color = max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
         counts = stored.visible_voxels, stored.nan_voxels
-        return Medium(stored.shape_xyz, encode_steps, splat, lambda tables: most_color, *counts)
+        return Medium(encode_steps, splat, lambda tables: most_color, *counts)
 
     def _with_light(self, tables, of_voxels: dict, light: NormalLight | None) -> ScalarVolume:
         """The tables of a principal axis with their light, if there is any."""

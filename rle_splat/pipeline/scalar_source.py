@@ -178,9 +178,7 @@ class ScalarSource(Source):
                 return value_splat_steps(tables, lit.transfer, plane, quality, intervals)
 
             picture = lit.transfer.picture
-            return Medium(
-                voxels.shape_xyz, encode_steps, splat_values, lambda tables: lit.transfer.most, *counts, picture=picture
-            )  # fmt: skip
+            return Medium(encode_steps, splat_values, lambda tables: lit.transfer.most, *counts, picture=picture)
 
         def splat(tables, plane, intervals):
             absorbs = scene.mode == "xray"
@@ -190,7 +188,7 @@ class ScalarSource(Source):
             return self._traced(lit, work, rays, slabs, counts)
 
         most_color = self._most_color(lit)
-        return Medium(voxels.shape_xyz, encode_steps, splat, lambda tables: most_color, *counts, trace=trace)
+        return Medium(encode_steps, splat, lambda tables: most_color, *counts, trace=trace)
 
     def lit_steps(self, work: Work):
         """Generator of Progress: the LitScalars of the scene."""

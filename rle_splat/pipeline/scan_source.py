@@ -13,14 +13,13 @@ What each stage result depends on, so that a change redoes no more than it must:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume, classified, unit_length
 from ..classify.mixture import Mixture
-from ..classify.refined import RefinedVolume, fine_block_steps
 from ..classify.sizes import mixed_work_bytes
 from ..classify.visible import Visibility, count_steps, fill_steps
 from ..effects.shadows import Occluders
@@ -28,16 +27,14 @@ from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_ta
 from ..encode.records import decoding_of
 from ..runtime.memory import bytes_text
 from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
-from ..shade.refined_light import LitVoxels, RefinedLight, lit_voxels
 from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
 from ..splat.splat import splat_steps
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .memory_estimate import MemoryEstimate, estimate_of
-from .quick_estimate import RefinedSheets
 from .shadows import shadow_count
 from .source import Medium, Source, Work, array_key
 from .stage_cache import StageCache
@@ -52,8 +49,8 @@ class LitVolume:
     Attributes
     ----------
     classified : ClassifiedVolume
-    normals : (m, 3) float32 ndarray, LitVoxels or None
-        Of the visible voxels, world space; LitVoxels for a refined grid; None without ``falling``.
+    normals : (m, 3) float32 ndarray or None
+        Of the visible voxels, world space; None without ``falling``.
     falling : Lighting or None
     visible_key, key : tuple
         All that the visible voxels, and all that their records, depend on.
@@ -63,7 +60,7 @@ class LitVolume:
     """
 
     classified: ClassifiedVolume
-    normals: np.ndarray | LitVoxels | None
+    normals: np.ndarray | None
     falling: Lighting | None
     visible_key: tuple
     key: tuple
@@ -72,7 +69,12 @@ class LitVolume:
 
     def write_records(self, model: str):
         """For ``encode.record_steps``: a function that writes the records of some planes' voxels."""
-        return self.source.record_writer(self, model)
+
+        def write(positions, records):
+            lit = self.classified, self.normals, self.falling
+            return light_records(*lit, model, positions, records, **self.source.machine)
+
+        return write
 
     @property
     def color_bound(self) -> float | None:
@@ -88,10 +90,6 @@ class ScanSource(Source):
     preview_stages, bounds_previews = ("visible", "properties", "normals"), True
 
     # --- what differs between kinds of scans ----------------------------------------------------------------------
-
-    def block_steps(self):
-        """Generator of fractions done: the smallest and largest value of each block of voxels."""
-        return block_steps(self.scene.volume, **self.machine)
 
     @property
     def shown(self) -> Visibility:
@@ -116,19 +114,8 @@ class ScanSource(Source):
         """Type of the voxels for the estimate of memory: float32 where each has its own optical properties."""
         return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
 
-    @property
-    def lit_matrix(self) -> np.ndarray:
-        """(4, 4) float64: index of the voxels that light falls on, to world."""
-        return self.scene.index_to_world
-
-    def normals(self, voxels):
-        return normals(voxels, self.scene.volume, self.lit_matrix, **self.machine)
-
-    def record_writer(self, lit: LitVolume, model: str):
-        def write(positions, records):
-            return light_records(lit.classified, lit.normals, lit.falling, model, positions, records, **self.machine)
-
-        return write
+    def normals(self, voxels) -> np.ndarray:
+        return normals(voxels, self.scene.volume, self.scene.index_to_world, **self.machine)
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
@@ -142,17 +129,18 @@ class ScanSource(Source):
 
         length = found.opacity_distance if self.quality.model == "opacity" else 1.0
         counts = found.visible_voxels, found.nan_voxels, lit.estimate
-        return classified_sheets(found.shape_xyz, encode_steps, length, self.quality, self.scene.mist, *counts)
+        return classified_sheets(encode_steps, length, self.quality, self.scene.mist, *counts)
 
     def lit_steps(self, work: Work):
         """Generator of Progress: the LitVolume of the scene."""
         scene, job, clock = self.scene, work.job, work.clock
-        length = unit_length(scene.volume, scene.index_to_world)
+        matrix = scene.index_to_world
+        length = unit_length(scene.volume, matrix)
         # A cache without room needs no content key, and large volumes no second reading for it.
         voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
         shown = self.shown
         visible_key = (voxels_key, shown.key)
-        falling = scene_lighting(scene, self.lit_matrix)
+        falling = scene_lighting(scene, matrix)
         voxels, needed = yield from self._visible_steps(work, shown, voxels_key, visible_key, falling is not None)
         with clock.stage(self.stage):
             key = (visible_key, scene.transfer_function.classification_key, length)
@@ -162,18 +150,18 @@ class ScanSource(Source):
         if falling is None:
             return LitVolume(found, None, None, visible_key, (key, "unshaded"), needed, self)
         with clock.stage("shade"):
-            normals_key = (visible_key, array_key(self.lit_matrix[:3, :3]))
+            normals_key = (visible_key, array_key(matrix[:3, :3]))
             directions = job.get("normals", normals_key, lambda: self.normals(voxels))
 
         def tables_of(axis):
             return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
 
-        around = scene.index_to_world, scene.triangles, scene.clips
+        around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
             voxels, lambda: found.extinction, tables_of, *around, key, boxed=False, **self.machine
         )  # fmt: skip
         shadowed, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
-        key = (key, *lighting_key(scene, self.lit_matrix, falling), shadows_key)
+        key = (key, *lighting_key(scene, matrix, falling), shadows_key)
         return LitVolume(found, directions, shadowed, visible_key, key, needed, self)
 
     def _visible_steps(self, work: Work, shown, voxels_key, visible_key, shaded: bool):
@@ -190,7 +178,8 @@ class ScanSource(Source):
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
-        steps = timed(job.steps("blocks", voxels_key, self.block_steps), clock, "classify")
+        blocks_of = partial(block_steps, self.scene.volume, **self.machine)
+        steps = timed(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         steps = timed(self.count_steps(shown, blocks), clock, self.stage)
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
@@ -269,53 +258,12 @@ class MixedSource(ScanSource):
         return np.float32
 
 
-@dataclass(frozen=True, eq=False)
-class RefinedSource(ScanSource):
-    """A scan that is interpolated on a finer grid and classified there; light falls on the scan's own voxels."""
-
-    sheets = RefinedSheets
-    bounds_previews = False
-
-    @classmethod
-    def of(cls, scene: Scene, quality: Quality) -> RefinedSource:
-        """The source of a scene whose volume is the scan; RleSplatError where it cannot be refined."""
-        if scene.transfer_function.gradient_opacity is not None:
-            raise RleSplatError(
-                "The classification refined knows no gradients between voxels, which the transfer function's "
-                "gradient_opacity asks for; choose post or pre."
-            )
-        if shadow_count(scene) and scene_lighting(scene, scene.index_to_world) is not None:
-            raise RleSplatError(
-                "The classification refined has no shadows and no ambient occlusion; choose post or pre, or leave them "
-                "out."
-            )
-        fine = RefinedVolume(scene.volume, scene.transfer_function, quality.refinement)
-        return cls(replace(scene, volume=fine), quality)
-
-    def block_steps(self):
-        return fine_block_steps(self.scene.volume, **self.machine)
-
-    @property
-    def lit_matrix(self) -> np.ndarray:
-        s = self.scene.volume.refinement
-        return self.scene.index_to_world @ np.diag((s, s, s, 1.0))
-
-    def normals(self, voxels) -> LitVoxels:
-        return lit_voxels(voxels, self.scene.volume, self.lit_matrix, **self.machine)
-
-    def record_writer(self, lit: LitVolume, model: str):
-        if lit.normals is None:
-            return super().record_writer(lit, model)
-        light = RefinedLight(lit.normals, lit.falling, self.scene.volume.refinement, **self.machine)
-        return partial(light.records, lit.classified, model)
-
-
-def classified_sheets(shape_xyz, encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
+def classified_sheets(encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
     """The Medium of voxels that are classified before they are splatted.
 
     Parameters
     ----------
-    shape_xyz, encode_steps, *counts
+    encode_steps, *counts
         As Medium has them.
     length_unit : float
         World length in which the lengths of rays are counted.
@@ -330,11 +278,11 @@ def classified_sheets(shape_xyz, encode_steps, length_unit: float, quality: Qual
     def most_color(tables):
         return max((*(each.most_color for each in tables), *mist_color))
 
-    return Medium(shape_xyz, encode_steps, splat, most_color, *counts)
+    return Medium(encode_steps, splat, most_color, *counts)
 
 
 def scan_source(scene: Scene, quality: Quality) -> ScanSource:
-    """The source of a scene's own voxels, classified on the grid of the scan."""
+    """The source of a scene's own voxels, classified before they are splatted."""
     kind = MixedSource if scene.labels is not None or scene.channels else ScanSource
     return kind(scene, quality)
 

@@ -1,6 +1,6 @@
 """Interfaces of the pipeline: a source of voxels, the medium that it becomes, and the work that both are part of.
 
-A source says what the volume is (a scan, a ``.rle`` file, a refined grid, pooled nodes) and how it is classified
+A source says what the volume is (a scan, a ``.rle`` file, pooled nodes) and how it is classified
 (classified or scalar sheets).  ``choose_source`` picks one; no later stage asks again.
 """
 
@@ -58,8 +58,6 @@ class Medium:
 
     Attributes
     ----------
-    shape_xyz : tuple of int
-        Voxels of the classified grid along x, y and z.
     encode_steps : callable
         ``encode_steps(axis)``: generator of fractions done; returns the tables of a principal axis.
     splat_steps : callable
@@ -78,7 +76,6 @@ class Medium:
         way.
     """
 
-    shape_xyz: tuple[int, int, int]
     encode_steps: Callable
     splat_steps: Callable
     most_color: Callable

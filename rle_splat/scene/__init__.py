@@ -31,7 +31,7 @@ from .quality import (
     PRESET_KNOBS,
     QUALITY_PRESETS,
     RECORDS,
-    REFINEMENTS,
+    REMOVED_CLASSIFICATIONS,
     SCALAR_DEPTH_RULES,
     WARP_FILTERS,
     Quality,
@@ -40,6 +40,7 @@ from .quality import (
     preintegrated_of,
     preset_knobs,
     truth_of,
+    without_removed,
 )
 from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
 
@@ -70,7 +71,7 @@ __all__ = [
     "PRESET_KNOBS",
     "QUALITY_PRESETS",
     "RECORDS",
-    "REFINEMENTS",
+    "REMOVED_CLASSIFICATIONS",
     "SCALAR_DEPTH_RULES",
     "SENSOR_FITS",
     "WARP_FILTERS",
@@ -98,4 +99,5 @@ __all__ = [
     "preset_knobs",
     "read_json",
     "truth_of",
+    "without_removed",
 ]

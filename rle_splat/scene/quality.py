@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+import warnings
+from dataclasses import InitVar, dataclass, replace
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from .errors import RleSplatError
 
 NO_RAYS = 0.0
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays")
-# What each quality preset sets of PRESET_KNOBS: for pre-classified sheets ("pre" and "refined") and for post-classified
-# ones, for which this is the usual plan: pipeline/preset_plan.py takes a better one for scenes that need it.
+# What each quality preset sets of PRESET_KNOBS: for pre-classified sheets and for post-classified ones, for which this
+# is the usual plan: pipeline/preset_plan.py takes a better one for scenes that need it.
 # tests/truths/test_ladder.py asserts their errors; the benchmark "stages" prints their times.
 QUALITY_PRESETS = {
     "draft": {
@@ -35,11 +36,11 @@ QUALITY_PRESETS = {
 PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 10.0}
 DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
-CLASSIFICATIONS = ("pre", "refined", "post")
+CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
-# The only values that the classification "post" supports; "pre" and "refined" offer others too.
+REMOVED_CLASSIFICATIONS = {"refined": "post"}  # of earlier versions -> the one that is used instead
+# The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
-REFINEMENTS = (2, 3, 4)  # cells of the refined grid along each side of a voxel cell
 MOST_MIDPOINTS = 64
 MOST_SHEET_DENSITY = 16
 MOST_PREINTEGRATED = 8
@@ -57,7 +58,6 @@ BACKENDS = ("auto", "numba", "numpy")
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and color: before or after interpolation",
-    "refinement": "how many times finer the grid of the refined classification is than the voxel grid",
     "depth_rule": "how opacity and color are integrated between slices along the view",
     "sheet_density": "sheet pixels per image pixel; 0 for one sheet pixel per voxel",
     "kernel": "reconstruction kernel, the footprint of a voxel; post supports tent only",
@@ -77,7 +77,7 @@ KNOB_TEXTS = {
 
 # Which truth a picture's errors are against: the integral of the interpolated classified medium (T1), or of the
 # classified interpolated scalar (T2).
-TRUTHS = {"pre": "T1", "refined": "T2", "post": "T2"}
+TRUTHS = {"pre": "T1", "post": "T2"}
 
 
 def truth_of(quality: Quality) -> str:
@@ -114,13 +114,39 @@ def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dic
     """
     if name not in QUALITY_PRESETS:
         raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")
-    rung = QUALITY_PRESETS[name]["post" if classification == "post" else "pre"]
+    rung = QUALITY_PRESETS[name]["pre" if classification == "pre" else "post"]
     return dict(zip(PRESET_KNOBS, rung, strict=True))
 
 
 def not_in_post(knobs: dict) -> list[str]:
     """Names of those ``knobs`` (field of Quality -> value) whose value post-classified sheets do not support."""
     return [knob for knob, only in POST_ONLY.items() if knobs.get(knob, only) != only]
+
+
+def without_removed(knobs: dict) -> tuple[dict, tuple[str, ...]]:
+    """Replace what earlier versions had: a classification of REMOVED_CLASSIFICATIONS, and its refinement.
+
+    Parameters
+    ----------
+    knobs : dict
+        Field of Quality -> value, as an earlier version wrote them.
+
+    Returns
+    -------
+    dict
+        The knobs as Quality has them now.
+    tuple of str
+        A sentence for the user where the classification was replaced.
+    """
+    knobs = {name: value for name, value in knobs.items() if name != "refinement"}
+    removed = knobs.get("classification")
+    if removed not in tuple(REMOVED_CLASSIFICATIONS):
+        return knobs, ()
+    instead, others = REMOVED_CLASSIFICATIONS[removed], not_in_post(knobs)
+    knobs |= {"classification": instead, **{name: POST_ONLY[name] for name in others}}
+    beside = " and ".join(f"the {name.replace('_', ' ')} {POST_ONLY[name]}" for name in others)
+    used = f"{instead!r} with {beside}" if others else repr(instead)
+    return knobs, (f"The classification {removed!r} was removed; {used} is used instead.",)
 
 
 def midpoints_of(depth_rule: str) -> int | None:
@@ -135,14 +161,13 @@ class Quality:
 
     Parameters
     ----------
-    classification : {"post", "pre", "refined"}
+    classification : {"post", "pre"}
         "post" (post-classified) interpolates values and classifies in every sheet pixel, as a ray caster does; it
         supports only the values of POST_ONLY. "pre" (pre-classified) classifies voxels and interpolates the result, as
-        the paper does. "refined" is "pre" on a finer grid, to which the values are interpolated first; it reduces
-        blurred edges. "post" and "refined" show the box spanned by the voxel centers; "pre" extends beyond it by the
-        footprints of the outer voxels.
-    refinement : {2, 3, 4}
-        How many times finer the grid of "refined" is than the voxel grid.
+        the paper does. "post" shows the box spanned by the voxel centers; "pre" extends beyond it by the footprints of
+        the outer voxels.
+    refinement : int, optional
+        Of the classification "refined" of earlier versions, for which "post" is used with a warning; without effect.
     depth_rule : str or None
         How opacity and color are integrated between slices; one of DEPTH_RULES, midpoint-M, or, with "post",
         preintegrated or preintegrated-M.
@@ -194,7 +219,7 @@ class Quality:
     """
 
     classification: str = DEFAULT_CLASSIFICATION
-    refinement: int = 2
+    refinement: InitVar[object] = None
     depth_rule: str | None = None
     sheet_density: float | None = None
     kernel: str = "tent"
@@ -210,7 +235,13 @@ class Quality:
     backend: str = "auto"
     name: str = DEFAULT_QUALITY
 
-    def __post_init__(self):
+    def __post_init__(self, refinement):
+        if self.classification not in CLASSIFICATIONS:
+            knobs, sentences = without_removed(vars(self))
+            for knob, value in knobs.items():
+                object.__setattr__(self, knob, value)
+            for sentence in sentences:
+                warnings.warn(sentence, FutureWarning, stacklevel=3)
         for knob, value in preset_knobs(DEFAULT_QUALITY, self.classification).items():
             if getattr(self, knob) is None:
                 object.__setattr__(self, knob, value)
@@ -247,9 +278,6 @@ class Quality:
                 "The minification pool averages the extinction of classified voxels; choose the classification pre and "
                 "the model extinction with it, or the minification widen."
             )
-        if self.refinement not in REFINEMENTS:
-            allowed = ", ".join(map(str, REFINEMENTS))
-            raise RleSplatError(f"The refinement must be one of {allowed}, not {self.refinement!r}.")
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")
         if not (np.isfinite(self.sheet_density) and 0.0 <= self.sheet_density <= MOST_SHEET_DENSITY):
@@ -300,7 +328,7 @@ class Quality:
 
     def classified(self, classification: str) -> Quality:
         """Copy with another classification. If all settings are those of a preset, the copy has that preset's too."""
-        knobs = {"classification": classification, "rays": self.rays if classification == "post" else NO_RAYS}
+        knobs = {"classification": classification, "rays": NO_RAYS if classification == "pre" else self.rays}
         if self.is_preset:
             knobs |= preset_knobs(self.name, classification)
         return replace(self, **knobs)

@@ -154,33 +154,6 @@ def _sample(layer, left, top, column, row):
     return np.float64(layer[int(row + 0.5) - top, int(column + 0.5) - left])
 
 
-def within_box(plane: BasePlane, shape_xyz, intervals: np.ndarray | None = None) -> np.ndarray:
-    """Ray intervals inside the box of the voxel centers.
-
-    Parameters
-    ----------
-    plane : BasePlane
-    shape_xyz : (nx, ny, nz)
-    intervals : (2, H, W) ndarray of float32 or None
-        Ray intervals, changed in place; None for whole rays.
-
-    Returns
-    -------
-    (2, H, W) ndarray of float32
-        Begin and end of each ray, voxels along the viewing direction.
-    """
-    ends = np.sort((0.0, plane.sign * (shape_xyz[plane.axis] - 1.0)))
-    if intervals is None:
-        intervals = np.empty((2, plane.height, plane.width), np.float32)
-        intervals[0], intervals[1] = ends
-    np.clip(intervals, *ends, out=intervals)
-    columns, rows = box_intervals(plane, shape_xyz)
-    for sides in (columns[:, None, :], rows[:, :, None]):
-        np.maximum(intervals[0], sides[0], out=intervals[0])
-        np.minimum(intervals[1], sides[1], out=intervals[1])
-    return intervals
-
-
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom) of the picture's pixels at which ``ray_intervals`` reads a layer for this plane."""
     column, row = _picture_positions(plane, *_along_and_across(plane))

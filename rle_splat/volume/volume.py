@@ -12,7 +12,6 @@ import numpy as np
 from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
 from .counts import count_values, counts_values, stored_values
-from .sizes import VOXELS_AT_ONCE
 
 # Larger physical values count as infinite and are clamped; a quarter of the largest float64 keeps differences finite.
 LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
@@ -103,8 +102,6 @@ class Volume:
     data_files: tuple = ()
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
-    refinement: ClassVar[int] = 1  # voxels per voxel of the scan, along each side
-    voxels_at_once: ClassVar[int] = VOXELS_AT_ONCE  # voxels of ``planes`` that are read together
 
     def __post_init__(self):
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:
@@ -162,13 +159,6 @@ class Volume:
         """Hash of the voxels, slope, intercept and affine; cached stages use it as their key."""
         meaning = repr((self.voxel_key, self.slope, self.intercept)).encode() + self.affine.tobytes()
         return hashlib.blake2b(meaning, digest_size=16).hexdigest()
-
-    def planes(self, first: int, last: int, relevant=None, hidden=None, **machine) -> np.ndarray:
-        """The stored values of planes [``first``, ``last``), (last - first, ny, nx).
-
-        The other arguments are those of ``classify.refined.RefinedVolume.planes``, which computes its planes.
-        """
-        return np.asarray(self.voxels)[first:last]
 
     def physical(self, stored) -> np.ndarray:
         """Convert stored values to physical values, float64."""

@@ -42,7 +42,7 @@ def test_each_variant_turns_one_knob():
         usual = Quality.preset("standard", classification=plan.classification)
         changed = [field for field in vars(plan) if getattr(plan, field) != getattr(usual, field)]
         knob = name.split(":")[0]
-        assert set(changed) - {"name"} <= {knob.split(" (")[0].replace(" ", "_"), "refinement"}, name
+        assert set(changed) - {"name"} <= {knob.split(" (")[0].replace(" ", "_")}, name
 
 
 def test_every_place_of_the_page_is_filled(subject, measured, tmp_path):
@@ -90,7 +90,7 @@ def test_knobs_are_told_as_factors_of_standard(measured):
     for knob in page.KNOBS:
         points = page.knob_points(report, names, knob)
         built = [name for name in page.variants(page.STANDARD) if name.startswith(f"{knob}: ")]
-        assert len(points) == len(built) > 2 and all(error > 0.0 and ms > 0.0 for _, error, ms in points)
+        assert len(points) == len(built) > 1 and all(error > 0.0 and ms > 0.0 for _, error, ms in points)
     density = {value: error for value, error, _ in page.knob_points(report, names, "sheet density")}
     assert density["2"] < density["0.5"]
     row = next(line for line in page.knobs_table({"s": report}, {"s": names}).splitlines() if "sheet density" in line)

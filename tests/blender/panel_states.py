@@ -188,7 +188,7 @@ def paper(folder):
 def custom(folder):
     add_volume(folder)
     settings = bpy.context.scene.rle_splat
-    settings.quality, settings.classification = "custom", "refined"
+    settings.quality, settings.classification = "custom", "pre"
 
 
 def composited(folder):

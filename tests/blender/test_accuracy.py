@@ -83,6 +83,15 @@ def test_every_sensible_plan_can_be_chosen(listed, bridge, core):
             assert accuracy.is_current(scene, row), plan
 
 
+def test_a_plan_of_a_classification_that_was_removed(listed, bridge, core):
+    plans, scene, row = core("accuracy.planner.plans"), bpy.context.scene, listed.accuracy_rows[0]
+    knobs = plans.knobs_of(core("scene").Quality.preset("draft", classification="pre", record=8))
+    row.knobs = json.dumps({**knobs, "classification": "refined", "refinement": 3})
+    assert bpy.ops.rle_splat.choose_plan(index=0) == {"FINISHED"}
+    assert bridge("accuracy").is_current(scene, row) and (listed.classification, listed.record) == ("post", "16")
+    assert listed.message == "The classification 'refined' was removed; 'post' with the record 16 is used instead."
+
+
 def test_another_plan_is_measured_beside_and_marked(volume, bridge):
     settings = bpy.context.scene.rle_splat
     settings.quality, settings.sheet_density, settings.depth_rule = "custom", 1.3, "midpoint-2"

@@ -215,7 +215,7 @@ def test_lights_shadows_and_qualities_of_a_scene_do_not_matter(encode):
     for quality in ("draft", "standard", "strict", "paper"):
         settings.quality = quality
         assert np.abs(picture_of(owner) - expected).max() < 0.3
-    settings.quality, settings.classification = "fine", "refined"
+    settings.quality, settings.classification = "fine", "pre"
     assert np.abs(picture_of(owner) - expected).max() < 0.3
 
 

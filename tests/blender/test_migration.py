@@ -1,4 +1,5 @@
-"""A .blend saved by version 0.1.0, whose pictures were found by name, opens with everything in it found."""
+"""A .blend saved by version 0.1.0, whose pictures were found by name, opens with everything in it found; what later
+versions removed is replaced."""
 
 import shutil
 from pathlib import Path
@@ -69,3 +70,28 @@ def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
     image = bpy.context.scene.camera.data.background_images[0].image
     np.testing.assert_array_equal(scenes.image_pixels(image), before)
     assert bpy.ops.rle_splat.remove_backdrop.poll()
+
+
+@pytest.mark.parametrize("way", ("open", "append", "link"))
+def test_a_classification_that_was_removed_is_replaced_with_a_message(addon, bridge, tmp_path, way):
+    """The numbers of the others are those of earlier versions: 0 and 2."""
+    scene, saved, read = bpy.context.scene, str(tmp_path / "saved.blend"), bridge("settings").quality_of
+    scene.name = "Saved"
+    group = type(scene.rle_splat)
+    items = group.bl_rna.properties["classification"].enum_items
+    assert [(item.identifier, item.value) for item in items] == [("pre", 0), ("post", 2)]
+    scene.rle_splat.quality, scene.rle_splat.record = "fine", "8"  # which chooses pre
+    scene.rle_splat["classification"] = 1  # refined
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    with pytest.warns(FutureWarning, match="'post' with the record 16 is used"):  # as of a keyframe, which stays
+        assert read(scene) == read(scene).preset("fine")
+    if way == "open":
+        bpy.ops.wm.open_mainfile(filepath=saved)
+    else:
+        bpy.ops.wm.read_homefile(use_empty=True)
+        with bpy.data.libraries.load(saved, link=way == "link") as (there, here):
+            here.scenes = there.scenes
+    settings = bpy.data.scenes["Saved"].rle_splat
+    assert (settings.classification, settings.record, settings.quality) == ("post", "16", "fine")
+    assert settings.message == "The classification 'refined' was removed; 'post' with the record 16 is used instead."
+    assert read(bpy.data.scenes["Saved"]) == read(bpy.data.scenes["Saved"]).preset("fine")

@@ -193,7 +193,7 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
         assert wanted in log, wanted
 
 
-def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
+def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
     settings = bpy.context.scene.rle_splat
     assert ("prop", "depth_rule") not in draw_all(monkeypatch)
     settings.quality = "custom"
@@ -201,11 +201,6 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch, bridge):
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
                  "termination", "axis_fade", "model"):
         assert ("prop", name) in log
-    assert ("prop", "refinement") not in log  # only where there is a finer grid
-    settings.classification, settings.refinement = "refined", "3"
-    assert ("prop", "refinement") in draw_all(monkeypatch)
-    quality = bridge("settings").quality_of(bpy.context.scene)
-    assert (quality.classification, quality.refinement) == ("refined", 3)
 
 
 def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
@@ -231,7 +226,7 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
     assert settings.classification == "pre"
     settings.depth_rule = "preintegrated"
     assert settings.classification == "post" and quality_of(scene).depth_rule == "preintegrated"
-    settings.classification = "refined"
+    settings.classification = "pre"
     assert quality_of(scene).depth_rule == "simpson"
     settings.quality = "paper"
     assert ("prop", "classification") not in draw_all(monkeypatch) and quality_of(scene).classification == "pre"

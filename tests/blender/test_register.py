@@ -37,7 +37,7 @@ CLASSES = {
 HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
-    "blend_import_post": ["source_paths"],
+    "blend_import_post": ["source_paths", "migration"],
     "depsgraph_update_post": ["image_state", "world_render", "watch", "follow_slices", "shown", "live", "store"],
     "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
     "load_post": ["source_paths", "migration", "watch", "follow_slices", "picture_files", "shown"],

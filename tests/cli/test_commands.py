@@ -185,6 +185,27 @@ def test_post_is_the_default_and_the_papers_classification_is_chosen_by_name(pic
     assert picture("--paper")[1]["plan"]["classification"] == "pre"
 
 
+def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(call, refused, picture, raw, raw_options,
+                                                                               tmp_path):
+    """By every command that takes it; the same knobs have the same picture."""
+    sentence = "The classification 'refined' was removed; 'post' is used instead."
+    expected, _ = picture("--quality", "draft")
+    found, report = picture("--quality", "draft", "--classification", "refined", "--refinement", "3")
+    assert np.array_equal(found, expected) and report["plan"]["classification"] == "post"
+    assert report["remarks"].count(sentence) == 1
+    short = picture("--classification", "refined", "--record", "8", "--kernel", "bspline3")[1]
+    assert "'post' with the kernel tent and the record 16 is used" in " ".join(short["remarks"])
+    words = (raw, *raw_options, "--classification", "refined", "--backend", "numpy", "-o", tmp_path / "x.png")
+    for command in (
+        ("render", *words, "--size", "16", "--tolerance", "9"), ("figure", *words, "--width-cm", "2", "--dpi", "60"),
+        ("accuracy", *words, "--size", "16", "--repeats", "1", "--probes", "20"),
+    ):  # fmt: skip
+        done = call(*command)
+        assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
+    assert "--refinement has no effect" in refused("render", *words[:-4], "--classification", "pre", *words[-2:],
+                                                   "--refinement", "3")
+
+
 def test_the_default_transfer_function_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):
     rgba, report = picture(function=False)
     assert rgba[..., 3].max() > 0.1 and len(report["transfer_function"]["reason"]) > 10

@@ -173,6 +173,16 @@ def test_another_version_is_remarked(call, plain):
     assert "Its pictures do not have the bits" in result.out
 
 
+def test_knobs_that_were_removed(call, plain, tmp_path):
+    """Sidecars of earlier versions name a refinement; where it is of no account the figure has the same bits."""
+    sidecar = json.loads((plain / SIDECAR).read_text())
+    for classification, said in (("post", "have the bits"), ("refined", "The classification 'refined' was removed")):
+        sidecar["panels"][0]["quality"].update(classification=classification, refinement=2)
+        (plain / SIDECAR).write_text(json.dumps(sidecar))
+        result = call("figure", plain / SIDECAR, "-o", tmp_path / "b.png")
+        assert result.code == 0 and result.err == "" and result.out.count(said) == 1, result
+
+
 def test_a_grid_of_transfer_functions_and_views(figure):
     titles = texts_of(figure("--compare", "ct-bone", "--compare", "x-ray", "--view", 0, 0, "--view", -90, 0,
                              functions=()) / "fig.svg")  # fmt: skip

@@ -47,6 +47,8 @@ def test_a_folder_says_by_itself_how_it_is_classified(call, encode, tmp_path):
     report = tmp_path / "r.json"
     assert call("render", tmp_path / "a.rle", *VIEW, "-o", tmp_path / "a.npy", "--json", report).code == 0
     assert json.loads(report.read_text())["plan"]["classification"] == "post"
+    removed = call("render", tmp_path / "a.rle", *VIEW, "-o", tmp_path / "a.npy", "--classification", "refined")
+    assert removed.code == 0 and removed.out.count("The classification 'refined' was removed; 'post' is used") == 1
     refused = call("render", tmp_path / "a.rle", *VIEW, "-o", tmp_path / "b.npy", "--classification", "pre")
     assert refused.code == 2 and "holds post-classified tables" in refused.err
 

@@ -42,7 +42,7 @@ def test_a_prediction_alone(call, raw, raw_options, tmp_path):
 
 def test_what_cannot_be_promised_is_refused(refused, call, raw, raw_options, tmp_path):
     words = ("render", raw, *raw_options, "--size", "24", "-o", tmp_path / "x.npy", "--tolerance", "1")
-    assert "refined" in refused(*words, "--classification", "refined")
+    assert "--tolerance chooses what --quality sets" in refused(*words, "--quality", "fine")
     encoded = tmp_path / "ball.rle"
     assert call("encode", raw, *raw_options, "-o", encoded).code == 0
     assert "voxels" in refused("render", encoded, "-o", tmp_path / "x.npy", "--tolerance", "1")

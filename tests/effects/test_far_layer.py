@@ -28,7 +28,7 @@ def scene_of(perspective, **more):
 
 
 CASES = {
-    "post": ({}, "post"), "pre": ({}, "pre"), "refined": ({}, "refined"), "mip": ({"mode": "mip"}, "post"),
+    "post": ({}, "post"), "pre": ({}, "pre"), "mip": ({"mode": "mip"}, "post"),
     "xray": ({"mode": "xray"}, "post"), "crop": ({"crop": (20, 15, 77, 70)}, "post"),
     "clipped": ({"clips": (Clip("box", np.diag((4.0, 5.0, 4.0, 1.0)), "outside"),)}, "post"),
     "little left": ({"clips": (Clip("box", np.diag((4.0, 5.0, 4.0, 1.0))),)}, "post"),

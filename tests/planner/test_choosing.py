@@ -50,10 +50,6 @@ def base(classification: str) -> Quality:
             "post slice 1.0 cubic",
         ),
         (dict(depth_rule="midpoint-12", sheet_density=1.25, warp_filter="keys"), "pre midpoint-12 1.25 keys"),
-        (
-            dict(classification="refined", refinement=3, depth_rule="simpson", sheet_density=0.7,
-                 warp_filter="bilinear"), "refined x3 simpson 0.7 bilinear",
-        ),
     ],
 )  # fmt: skip
 def test_names(knobs, name):
@@ -186,7 +182,5 @@ def test_knobs_without_a_truth_are_refused(knobs):
 
 def test_an_uncalibrated_classification_is_refused(monkeypatch):
     monkeypatch.setattr("rle_splat.accuracy.planner.model._calibration", lambda: {"pre": {}})
-    with pytest.raises(RleSplatError, match="'post'"):
+    with pytest.raises(RleSplatError, match="'post'; a tolerance can be asked of pre"):
         Model.of("post")
-    with pytest.raises(RleSplatError, match=r"refined classifies errs by itself.* can be asked of pre"):
-        Model.of("refined")

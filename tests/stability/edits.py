@@ -28,7 +28,6 @@ from rle_splat.scene import (
     POST_ONLY,
     QUALITY_PRESETS,
     RECORDS,
-    REFINEMENTS,
     WARP_FILTERS,
     Channel,
     Clip,
@@ -402,14 +401,12 @@ def forced_effects(draw, shot: Shot) -> Shot:
 
 
 def classification(draw, shot: Shot) -> Shot:
-    """Another one, or another refinement; what the new one does not have goes back to what it has."""
+    """Another one; what the new one does not have goes back to what it has."""
     quality = shot.quality
     wanted = draw(st.sampled_from(("post", *CLASSIFICATIONS)))
     if wanted == "post":
         quality = replace(quality, **POST_ONLY)
-    elif wanted == "refined":
-        quality = replace(quality, minification="off", refinement=draw(st.sampled_from(REFINEMENTS)))
-    if wanted != "post" and quality.depth_rule.startswith("preintegrated"):
+    elif quality.depth_rule.startswith("preintegrated"):
         quality = quality.preset("draft", quality.classification, threads=quality.threads)
     return replace(shot, quality=quality.classified(wanted))
 

@@ -16,7 +16,7 @@ from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp_steps
 
 BACKENDS = ("numba", "numpy")
-# Where what is interpolated is the scalar: sheet pixels, or the voxels of a finer grid, are classified.
+# Where what is interpolated is the scalar.
 FINER = tuple(name for name in CLASSIFICATIONS if name != "pre")
 # One sheet per slice, one sheet pixel per voxel, nothing mixed: a pixel is its own column of voxels.
 EXACT = Quality(

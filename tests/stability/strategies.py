@@ -20,7 +20,6 @@ from rle_splat.scene import (
     NAMED_DEPTH_RULES,
     POST_ONLY,
     RECORDS,
-    REFINEMENTS,
     WARP_FILTERS,
     Camera,
     Light,
@@ -265,13 +264,11 @@ def qualities(draw):
     free = classification != "post"
     minification = draw(st.sampled_from(MINIFICATIONS)) if free else POST_ONLY["minification"]
     pooled = minification == "pool"  # of classified voxels' extinction alone
-    if pooled:
-        classification = "pre"
     if not free:
         rules += ["preintegrated", "preintegrated-2"]
     return Quality(
-        classification=classification, refinement=draw(st.sampled_from(REFINEMENTS)),
-        depth_rule=draw(st.sampled_from(rules)), sheet_density=draw(st.sampled_from((0.0, 0.5, 0.7, 1.0, 1.5, 3.0))),
+        classification=classification, depth_rule=draw(st.sampled_from(rules)),
+        sheet_density=draw(st.sampled_from((0.0, 0.5, 0.7, 1.0, 1.5, 3.0))),
         warp_filter=draw(st.sampled_from(WARP_FILTERS)),
         termination=draw(st.sampled_from((0.0, 1 / 8192, 1 / 1024, 1 / 256, 0.1))),
         kernel=draw(st.sampled_from(FOOTPRINTS)) if free else POST_ONLY["kernel"],

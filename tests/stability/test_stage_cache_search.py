@@ -37,7 +37,6 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 SEARCHES = {
     "post": (9, 2, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
     "pre": (9, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
-    "refined": (5, 1, ("blocks", "visible", "properties", "normals", "runs", "records")),
     "pool": (8, 1, ("visible", "properties", "nodes", "node records")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4

@@ -14,9 +14,9 @@ from rle_splat.scene import Clip, Quality, RleSplatError
 from tests.truths.closed_forms import box_depths, composed, over
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-CLASSIFICATIONS = pytest.mark.parametrize("classification", ("pre", "refined", "post"))
+CLASSIFICATIONS = pytest.mark.parametrize("classification", ("pre", "post"))
 N, ALPHA, PIXELS = 16, 0.06, (160, 140)
-RULES = {"pre": "simpson", "refined": "simpson", "post": "preintegrated"}
+RULES = {"pre": "simpson", "post": "preintegrated"}
 
 
 def placed(center, axis=(1.0, 2.0, 3.0), angle=0.7, half=(1.0, 1.0, 1.0)):
@@ -116,14 +116,13 @@ def test_chords_of_a_homogeneous_medium_are_exact(stage, name, perspective):
 
 @PROJECTIONS
 @pytest.mark.parametrize("name", ("box cut away", "all"))
-@pytest.mark.parametrize("classification", ("pre", "refined"))
-def test_a_classified_medium_is_cut_at_the_same_places(stage, name, classification, perspective):
+def test_a_classified_medium_is_cut_at_the_same_places(stage, name, perspective):
     """Pre pads with zeros, so the volume is one whose outermost voxels are transparent there: its truth is T1."""
     scene = homogeneous(stage, name, perspective, size=(28, 24))
-    true = stage.truth(scene, "T1" if classification == "pre" else "T2")[0]
-    found = stage.error(scene, true, classification=classification, sheet_density=4.0)
+    true = stage.truth(scene, "T1")[0]
+    found = stage.error(scene, true, classification="pre", sheet_density=4.0)
     assert found.rmse < 0.9 and abs(found.bias) < 0.05
-    assert stage.error(replace(scene, clips=()), true, classification=classification).rmse > 5.0
+    assert stage.error(replace(scene, clips=()), true, classification="pre").rmse > 5.0
 
 
 @PROJECTIONS
@@ -151,7 +150,6 @@ FIELD = 0.5 + 0.3 * np.sin(np.arange(14)[:, None, None] * 0.5) * np.cos(
 # both together are nearer to the truth, and the difference is no seam but the error of one slab.
 SEAMS = {
     ("pre", "simpson"): 0.1,
-    ("refined", "simpson"): 0.1,
     ("post", "simpson"): 0.1,
     ("post", "preintegrated"): 0.9,
     ("post", "preintegrated-4"): 0.1,
@@ -198,7 +196,6 @@ def test_two_halves_make_the_whole(stage, classification, depth_rule, perspectiv
 BOUNDS = {
     ("pre", "simpson"): (0.6, 9.0),
     ("pre", "midpoint-4"): (0.5, 24.0),
-    ("refined", "simpson"): (0.6, 9.0),
     ("post", "preintegrated"): (1.2, 14.5),
     ("post", "slice"): (1.1, 14.0),
     ("post", "midpoint-4"): (0.3, 9.0),

@@ -134,7 +134,7 @@ def test_a_channel_without_anything_in_it_changes_no_bit(stage, kind, shade):
     assert not any(e["on"] for e in with_it.report["effects"] if e["name"] == "channels"), "an opacity of zero"
 
 
-@pytest.mark.parametrize("classification", ("post", "refined", "pre"))
+@pytest.mark.parametrize("classification", ("post", "pre"))
 def test_every_classification_is_pre_and_says_so(stage, classification):
     labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: flat(0.2, BLUE)})
     scene = seen_along_y(stage, np.full((N, N, N), 100), flat(0.1, RED), labels=labels)

@@ -124,9 +124,8 @@ def test_work_follows_the_picture_and_is_kept(stage):
 
 def test_what_has_no_averages_says_so(stage):
     scene = stage.on_turntable(FIELDS["smooth"](20), size=(4, 4))
-    for knobs in (dict(model="opacity"), dict(classification="refined")):
-        with pytest.raises(RleSplatError, match=r"^The minification pool averages .* or the minification widen\.$"):
-            Quality(**{"classification": "pre"} | POOL | knobs)
+    with pytest.raises(RleSplatError, match=r"^The minification pool averages .* or the minification widen\.$"):
+        Quality(classification="pre", model="opacity", **POOL)
     stored = encode_scene(scene)
     assert isinstance(stored, StoredVolume)
     with pytest.raises(RleSplatError, match=r"choose the minification widen or off\.$"):

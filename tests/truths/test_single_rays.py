@@ -101,7 +101,6 @@ def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     triangle = np.array([[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]])
     assert not may_be_traced(triangles=triangle)
     assert not may_be_traced(Quality(classification="pre"))
-    assert not may_be_traced(Quality(classification="refined"))
     assert not may_be_traced(volume=stage.volume(waves()[:1]))
 
 

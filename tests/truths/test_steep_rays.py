@@ -131,7 +131,7 @@ def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage, change):
 
 def test_rays_are_of_post_alone():
     assert Quality.preset("strict").classified("pre").rays == NO_RAYS
-    assert replace(POST, depth_rule="simpson", name="custom").classified("refined").rays == NO_RAYS
+    assert replace(POST, depth_rule="simpson", name="custom").classified("pre").rays == NO_RAYS
     for wrong in ({"classification": "pre", "rays": 0.5}, {"rays": -0.1}, {"rays": np.nan}):
         with pytest.raises(RleSplatError):
             Quality(**wrong)

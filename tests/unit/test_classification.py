@@ -9,7 +9,7 @@ import pytest
 
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.scene import RleSplatError
+from rle_splat.scene import Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")
@@ -138,3 +138,18 @@ def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(ba
         found = classify(Volume(values, np.eye(4)), function, np.eye(4), backend=backend)
     np.testing.assert_allclose(found.opacity, (0.25, 0.25, 0.25, 0.375, 0.5, 0.5, 0.5), rtol=1e-6)
     np.testing.assert_allclose(found.color[:, 0], (1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0), atol=1e-6)
+
+
+OLD = {"refinement": 3, "record": 8, "kernel": "bspline3"}  # knobs of earlier versions
+
+
+@pytest.mark.parametrize(("make", "quality", "used"), (
+    (lambda: Quality("refined"), Quality(), "'post'"),
+    (lambda: Quality(classification="refined", **OLD), Quality(), "'post' with the kernel tent and the record 16"),
+    (lambda: Quality.preset("fine", "refined", refinement=2), Quality.preset("fine"), "'post'"),
+    (lambda: Quality.preset("fine", "pre").classified("refined"), Quality.preset("fine"), "'post'"),
+))  # fmt: skip
+def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(make, quality, used):
+    with pytest.warns(FutureWarning) as told:
+        assert make() == quality
+    assert [str(one.message) for one in told] == [f"The classification 'refined' was removed; {used} is used instead."]

@@ -184,7 +184,7 @@ def test_the_glossary_has_the_words_of_the_project():
     assert len(terms) == len(set(terms)) == len(re.findall(r"^: ", glossary, re.MULTILINE))
     wanted = """
         voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity, pre-classified,
-        post-classified, refined grid, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
+        post-classified, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
         intermediate image, warp, ray interval, stage cache, buffer pool, reference implementation, error estimate,
         probe error, error map, tolerance, level, band, row, block, stage, pipeline, plan, footprint, principal
         axis, T1, T2

@@ -141,7 +141,7 @@ def test_what_is_said_to_fit_fits(monkeypatch):
 def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, axes, picture, monkeypatch):
     """Wherever those voxels are: here each stands alone, so that there is nothing that takes more."""
     voxels = np.broadcast_to(np.zeros((), dtype), (n, n, n))
-    volume = SimpleNamespace(shape_xyz=(n, n, n), voxels=voxels, refinement=1)
+    volume = SimpleNamespace(shape_xyz=(n, n, n), voxels=voxels)
     picture *= n  # where there is one it wants all of its axes at once
 
     def wanted(in_a_row, axes, record):

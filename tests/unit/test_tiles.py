@@ -67,8 +67,8 @@ def test_a_picture_in_tiles_is_the_whole_picture_to_the_bit(name):
 
 
 @pytest.mark.parametrize("quality", [
-    Quality(classification="pre"), Quality(axis_fade=15.0), Quality(rays=0.1), Quality(classification="refined"),
-], ids=["pre", "fade", "rays", "refined"])  # fmt: skip
+    Quality(classification="pre"), Quality(axis_fade=15.0), Quality(rays=0.1),
+], ids=["pre", "fade", "rays"])  # fmt: skip
 def test_under_other_knobs(quality):
     scene = scene_of("ortho")
     whole = render(scene, quality)

@@ -56,8 +56,7 @@ def name_of(plan: Quality) -> str:
     """A plan's name for people, such as ``pre slice 1.0 cubic``: classification, depth rule, sheet density, filter."""
     density = f"{plan.sheet_density:.2f}".rstrip("0")
     density += "0" if density.endswith(".") else ""
-    finer = f" x{plan.refinement}" if plan.classification == "refined" else ""
-    return f"{plan.classification}{finer} {plan.depth_rule} {density} {plan.warp_filter}"
+    return f"{plan.classification} {plan.depth_rule} {density} {plan.warp_filter}"
 
 
 def family_of(depth_rule: str) -> tuple[str, int]:

@@ -97,10 +97,10 @@ class Model:
         """The calibrated model of a classification; raises RleSplatError where there is none."""
         entries = _calibration()
         if classification not in entries:
-            why = f"Nothing is known of the errors of classification {classification!r}"
-            if classification == "refined":
-                why = "The grid on which refined classifies errs by itself, and no plan reduces that error"
-            raise RleSplatError(f"{why}; a tolerance can be asked of {' or '.join(entries)}.")
+            raise RleSplatError(
+                f"Nothing is known of the errors of classification {classification!r}; a tolerance can be asked of "
+                f"{' or '.join(entries)}."
+            )
         return cls(classification, **entries[classification])
 
     def errors(self, features: Features, plan: Quality, correction: float = 1.0) -> ErrorBudget:

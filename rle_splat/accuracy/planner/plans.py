@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError
 
 MACHINE = ("threads", "backend", "name")  # fields in which two equal plans may differ
-REFINED = "refined"  # encodes too long to be measured where nobody asked for it
 # Depth rules and sheet densities of plans between the qualities; a classification leaves out those that it lacks.
 BETWEEN = (
     ("slice", 1.0), ("slice", 1.5), ("gauss2", 1.5), ("midpoint-2", 2.0), ("midpoint-4", 2.0), ("midpoint-4", 3.0),
@@ -34,7 +33,7 @@ def sensible_plans(base: Quality) -> list[Quality]:
     machine = dict(threads=base.threads, backend=base.backend)
     plans = [Quality.paper(record=base.record, **machine)]
     for classification in CLASSIFICATIONS:
-        if classification not in (REFINED, base.classification):
+        if classification != base.classification:
             plans += _qualities(base, classification)
     mine = _qualities(base, base.classification)
     known = {(plan.depth_rule, plan.sheet_density) for plan in mine}
@@ -56,7 +55,7 @@ def possible(base: Quality, **fields) -> Quality | None:
 
 def _qualities(base: Quality, classification: str) -> list[Quality]:
     """The quality presets of a classification; the last one is the most accurate."""
-    fields = dict(threads=base.threads, backend=base.backend, refinement=base.refinement)
+    fields = dict(threads=base.threads, backend=base.backend)
     if classification != "post":  # which stores the volume's own values
         fields["record"] = base.record
     return [

@@ -2,7 +2,7 @@
 
 The error is the largest difference of any channel of premultiplied scene-linear RGBA, in levels of 1/255.  It is
 measured at probe pixels: random ones, which speak for all pixels; the steepest ones; and those of the largest error
-estimate.  The truth is T1 for the classification ``pre`` and T2 for the others.
+estimate.  The truth is T1 for the classification ``pre`` and T2 for ``post``.
 """
 
 from __future__ import annotations
