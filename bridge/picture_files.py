@@ -18,6 +18,8 @@ from .source_paths import kept_path
 
 FOLDER = "_rle_splat"  # the folder's name is that of the .blend with this suffix
 
+_of_this_file: set = set()  # absolute paths of the pictures of the open file; no others are replaced
+
 
 @persistent
 def _before_save(blend_file, *_):
@@ -38,11 +40,18 @@ def _before_save(blend_file, *_):
 def _make_absolute(*_):
     for image in [one for one in _own_images() if one.filepath_raw]:
         image.filepath_raw = os.path.normpath(bpy.path.abspath(image.filepath_raw))
+        _of_this_file.add(image.filepath_raw)
+
+
+@persistent
+def _after_load(*_):
+    _of_this_file.clear()
+    _make_absolute()
 
 
 HANDLERS = (
     ("save_pre", _before_save), ("save_post", _make_absolute), ("save_post_fail", _make_absolute),
-    ("load_post", _make_absolute),
+    ("load_post", _after_load),
 )  # fmt: skip
 
 
@@ -58,7 +67,7 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
         return
     folder = os.path.join(
         os.path.dirname(os.path.abspath(blend_file)), os.path.splitext(os.path.basename(blend_file))[0] + FOLDER)
-    path = os.path.join(folder, _file_name(image.name, taken))
+    path = os.path.join(folder, _file_name(image.name, folder, taken))
     is_there = image.source == "FILE" and image.packed_file is None and not image.is_dirty and os.path.isfile(path)
     if not (is_there and os.path.normpath(bpy.path.abspath(image.filepath_raw)) == path):
         try:
@@ -75,16 +84,21 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
     image.filepath_raw = path
 
 
-def _file_name(name: str, taken: set[str]) -> str:
-    """An unused file name for a picture, on file systems that ignore case too."""
+def _file_name(name: str, folder: str, taken: set[str]) -> str:
+    """A file name for a picture, unused on file systems that ignore case too, and not that of another .blend."""
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
     plain = f"picture {plain}" if is_reserved(plain) else plain
     found, number = f"{plain}.exr", 1
-    while found.lower() in taken:
+    while found.lower() in taken or _is_of_another(os.path.join(folder, found)):
         number += 1
         found = f"{plain} {number}.exr"
     taken.add(found.lower())
     return found
+
+
+def _is_of_another(path: str) -> bool:
+    """Whether a picture may be that of a .blend that was renamed without its folder."""
+    return os.path.exists(path) and path not in _of_this_file
 
 
 def _reason(problem: Exception) -> str:

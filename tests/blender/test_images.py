@@ -114,7 +114,7 @@ def test_pixels_are_kept_bit_for_bit_when_the_file_is_saved(bridge, tmp_path, ke
 
 def test_pictures_get_file_names_that_every_system_can_have(bridge):
     taken: set = set()
-    made = [bridge("picture_files")._file_name(name, taken) for name in ("A/B", "a/b", "..", "con", "NUL.front")]
+    made = [bridge("picture_files")._file_name(name, "", taken) for name in ("A/B", "a/b", "..", "con", "NUL.front")]
     assert made == ["A_B.exr", "a_b 2.exr", "picture.exr", "picture con.exr", "picture NUL.front.exr"]
 
 

@@ -127,6 +127,23 @@ def test_undo_across_save_as_keeps_the_pictures(owner, bridge, tmp_path):
     assert_same(our_pictures(), before)
 
 
+def test_pictures_of_a_renamed_blend_are_not_replaced(owner, tmp_path):
+    """It still reads them from the folder with its old name, and another .blend gets that name."""
+    make_pictures()
+    save(tmp_path / "saved.blend")
+    (tmp_path / "saved.blend").rename(tmp_path / "renamed.blend")
+    before = {path: path.read_bytes() for path in folder_of(tmp_path / "saved.blend").iterdir()}
+    bpy.ops.wm.read_homefile(use_empty=True)
+    scenes.cube_scene(tmp_path, color=scenes.BLUE)
+    make_pictures()
+    other = our_pictures()
+    for _again in range(2):
+        scenes.save_and_reload(tmp_path / "saved.blend")
+        assert_same(our_pictures(), other)
+    assert {path: path.read_bytes() for path in before} == before
+    assert len(list(folder_of(tmp_path / "saved.blend").iterdir())) == 2 * len(before)
+
+
 def test_B66_save_and_reload(owner, tmp_path):
     make_pictures()
     before = our_pictures()
