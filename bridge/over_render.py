@@ -55,15 +55,16 @@ def _on_render_init(scene, *_arguments):
         _logs[scene.session_uid] = RenderLog(scene)
     if not scene.rle_splat.use_composite:
         mesh_shadows.show(scene)
-        if _is_unlocked(scene) and slices.slice_objects(scene):
+        if _is_unlocked() and slices.slice_objects(scene):
             messages.complain(scene.rle_splat, UNLOCKED)
     elif not bpy.app.is_job_running("RENDER"):  # on the main thread: a script's links send no event
         compositor.settle(scene)
 
 
-def _is_unlocked(scene) -> bool:
-    """Whether a window may draw images while a render of this scene, on a thread of its own, writes them."""
-    return bpy.app.is_job_running("RENDER") and not scene.render.use_lock_interface
+def _is_unlocked() -> bool:
+    """Whether a window may draw images while a render, on a thread of its own, writes them: as its scene has it."""
+    started = next((one for one in bpy.data.scenes if one.session_uid == next(iter(_logs))), None)
+    return started is not None and bpy.app.is_job_running("RENDER") and not started.render.use_lock_interface
 
 
 @persistent
@@ -169,7 +170,7 @@ def splat_over_render(scene, depsgraph) -> None:
     mine = [one for one in found if one.is_of(layer)]
     if log.is_first_layer:
         log.pictures = found
-        if _is_unlocked(scene):
+        if _is_unlocked():
             log.note(scene, UNLOCKED)
         problem = compositor.problem(scene)
         if problem is not None:

@@ -144,12 +144,13 @@ class Viewport:
         """
         now = self._now()
         moved = request != self._request
+        turned = self._request is not None and request.matrices != self._request.matrices
         stale = moved or stamp != self._stamp or now - self._checked >= RECHECK
         if self.problem or not stale:
             return
         try:
             if self._look(request, stamp, surface, moved, now):
-                self._left = min(self._left, now) if moved else self._left
+                self._left = min(self._left, now) if turned else self._left
                 self._begin(now)
                 self._drop_outdated()
         except Exception as problem:  # one sentence instead of a traceback for every redraw

@@ -226,8 +226,8 @@ def _missing_remark(files: list[Path]) -> tuple:
     gaps = [min(numbered.files) + (frame - 1) * numbered.step for frame in numbered.missing]
     are = "number {} is" if len(gaps) == 1 else "numbers {} are"
     return (
-        f"Of the files {files[0].name} to {files[-1].name} the {are.format(listed(gaps))} missing, and those beside a "
-        "gap were taken as neighboring slices; copy what is missing, or number the files without gaps.",
+        f"Between {files[0].name} and {files[-1].name} the {are.format(listed(gaps))} missing, and the slices beside a "
+        "gap were taken as neighbors; copy the missing files, or renumber the files if none is missing.",
     )
 
 
