@@ -12,9 +12,9 @@ from pathlib import Path
 
 from .build import build
 from .environments import CORE, ensure
-from .places import BPY_KERNELS, BUILD, OUT, PYTHONS, REQUIREMENTS, ROOT, Failure, say
+from .places import BPY_KERNELS, BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, ensure_blender, environ_for, find_blender
-from .stages import Stage, broken, counted, file_name, measured, untested
+from .stages import REPORTS, Stage, broken, counted, file_name, measured, untested
 from .uv import uv
 from .wheels import this_platform
 
@@ -23,7 +23,6 @@ WHOLE = "whole_suite.py"
 REAL_EVENTS = ("window_escape.py",)  # with simulated events Blender hears no real key
 TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
-REPORTS = OUT / "test"  # what each stage printed
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 USUAL_SCREEN = (1280, 800)
@@ -46,6 +45,7 @@ WINDOW_SCRIPTS = {
     "window_escape.py": USUAL_SCREEN,
     "window_shadows.py": USUAL_SCREEN,
     "window_world.py": USUAL_SCREEN,
+    "window_after_render.py": USUAL_SCREEN,
     "window_times.py": USUAL_SCREEN,
     "window_animation.py": USUAL_SCREEN,
     "window_tutorial.py": (1280, 1100),

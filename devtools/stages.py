@@ -11,7 +11,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .places import ROOT, say
+from .places import OUT, ROOT, say
+
+REPORTS = OUT / "test"  # what each stage printed, and pytest's reports
 
 # A stage is stopped when no test begins or ends and nothing is printed for this long.  A test of a minute takes ten
 # beside six busy processes.
@@ -143,7 +145,7 @@ def measured(name: str, command, environ, report: Path, aside: bool = False) -> 
     elif code == 5:
         stage.skipped += 1
         stage.remarks.append("no tests were collected")
-    elif code not in (0, 1) or (code == 1 and not stage.failed):
+    elif code not in (0, 1) or (not stage.failed and (code == 1 or not report.is_file())):
         stage.failed += 1
         stage.remarks.append(f"it ended with code {code} {last}")
     return stage
@@ -161,7 +163,8 @@ def counted(name: str, command, environ, log: Path) -> Stage:
         stage.passed, stage.failed, stage.skipped = map(int, counts[-1])
     if code is None:
         stage.failed += 1
-        stage.remarks.append(f"stopped: nothing happened for {SILENT_SECONDS} s")
+        last = (printed.strip().splitlines() or ["nothing"])[-1]
+        stage.remarks.append(f"stopped: nothing happened for {SILENT_SECONDS} s after it printed {last!r}")
     elif (code != 0 or not counts) and not stage.failed:
         stage.failed += 1
         stage.remarks.append(f"it ended with code {code}" + ("" if counts else " and without its counts"))

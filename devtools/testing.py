@@ -18,10 +18,10 @@ from typing import Callable
 from .build import build
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .places import BPY_KERNELS, BUILD, KERNELS, OUT, ROOT, Failure, clean_environ, pixels, say
+from .places import BPY_KERNELS, BUILD, KERNELS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
 from .real_blender_tests import WHOLE, real_blender_stages, window_stage
-from .stages import Stage, broken, file_name, measured, skipped, summary, untested
+from .stages import REPORTS, Stage, broken, file_name, measured, skipped, summary, untested
 from .uv import find_python
 from .wheels import this_platform
 
@@ -29,7 +29,6 @@ TESTS_FOLDER = ROOT / "tests"
 BLENDER_TESTS = TESTS_FOLDER / "blender"
 STABILITY_TESTS = TESTS_FOLDER / "stability"
 CLUSTER_TESTS = TESTS_FOLDER / "cli" / "cluster"
-REPORTS = OUT / "test"
 FIGURES = REPORTS / "catalogue.json"
 
 AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages waited for processes and windows

@@ -85,7 +85,7 @@ def at_rest():
 def seen(name: str) -> list:
     """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
     path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run(["import", "-window", "root", str(path)], check=True, timeout=60)
+    subprocess.run(["import", "-window", "root", str(path)], check=True)
     image = bpy.data.images.load(str(path))
     pixels = pixels_of(image)[..., :3] * 255.0
     bpy.data.images.remove(image)
@@ -113,10 +113,12 @@ def check(animation: bool, lock: bool):
     bpy.app.handlers.render_complete.append(note)
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT", animation=animation)
-    while not done:
+
+    def is_done():
         area_of("VIEW_3D").tag_redraw()  # as the mouse does that moves over it
-        yield
-    yield from until(lambda: not bpy.app.is_job_running("RENDER"))
+        return done and not bpy.app.is_job_running("RENDER")
+
+    yield from until(is_done)
     bpy.app.handlers.render_complete.remove(note)
     yield from at_rest()
     assert seen(name) == [True, False]
@@ -134,7 +136,7 @@ def check_later_links():
     viewer = tree.nodes.new("CompositorNodeViewer")
     area_of("IMAGE_EDITOR").ui_type = "CompositorNodeTree"
     tree.links.new(layers.outputs["Image"], viewer.inputs[0])
-    yield from until(lambda: viewer.inputs[0].links[0].from_node.bl_idname == "CompositorNodeAlphaOver", seconds=5.0)
+    yield from until(lambda: viewer.inputs[0].links[0].from_node.bl_idname == "CompositorNodeAlphaOver")
     yield from photograph("later links")
     passed("later links")
 

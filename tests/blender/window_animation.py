@@ -15,6 +15,7 @@ from pathlib import Path
 import bpy
 from mathutils import Euler, Vector
 
+from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -26,7 +27,6 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
 )
-from tests.blender.window_steps import settled
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_animation_")) / "practice-ct"
 TURN, CUT = 30, 12  # frames

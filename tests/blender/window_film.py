@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
+from tests.blender.user_steps import drag, middle, press, settled, simulate, viewport
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -24,7 +25,6 @@ from tests.blender.window_driver import (
     photograph,
     until,
 )
-from tests.blender.window_steps import drag, middle, press, settled, simulate, viewport
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
 SIDE = 256

@@ -11,8 +11,8 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import drag, live, middle, settled, viewport
 from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until
-from tests.blender.window_steps import drag, live, middle, settled, viewport
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_several_"))
 NEAR, FAR = 64, 48  # voxels along a side of the two cubes, whose sides are one unit long

@@ -16,6 +16,7 @@ from pathlib import Path
 import bpy
 from mathutils import Euler, Vector
 
+from tests.blender.user_steps import drag, middle, press, settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -27,7 +28,6 @@ from tests.blender.window_driver import (
     photograph,
     until,
 )
-from tests.blender.window_steps import drag, middle, press, settled
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_tutorial_")) / "practice-ct"
 

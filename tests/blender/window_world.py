@@ -102,7 +102,7 @@ def check_slots(path: Path):
     area_of("PROPERTIES").type = "IMAGE_EDITOR"
     area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
     yield from photograph("slot 1 before the edit")
-    yield from until(lambda: light.light_of(scene)[1] == "", seconds=10.0)
+    yield from until(lambda: light.light_of(scene)[1] == "")
     called, before = [], light.light_of(scene)[0]
     for name in HANDLERS:
         getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
@@ -110,7 +110,7 @@ def check_slots(path: Path):
     setattr(sky, elevation, 0.1)
     yield
     assert light.light_of(scene)[1] == light.STALE
-    yield from until(lambda: light.light_of(scene)[1] == "", seconds=10.0)
+    yield from until(lambda: light.light_of(scene)[1] == "")
     for name in HANDLERS:
         getattr(bpy.app.handlers, name).pop()
     print(f"the mean light was {before[0]}, and is {light.light_of(scene)[0][0]}")

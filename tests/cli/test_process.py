@@ -101,7 +101,7 @@ def test_a_reader_that_goes_away_is_no_error(raw, raw_options):
 def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_work(tmp_path, raw, raw_options):
     process = start("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy", "--progress")
     process.stderr.close()
-    assert process.wait(timeout=300) == 0 and "Wrote" in process.stdout.read().decode()
+    assert process.wait() == 0 and "Wrote" in process.stdout.read().decode()
     process.stdout.close()
     assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
 
@@ -119,7 +119,7 @@ def test_windows_reports_a_reader_that_went_away_as_an_invalid_argument(monkeypa
 def test_closed_streams_do_not_keep_a_picture_from_being_written(tmp_path, raw, raw_options, closed):
     words = [*COMMAND, "render", raw, *raw_options, "--size", "16", "--progress", "-o", tmp_path / "p.npy"]
     done = subprocess.run(
-        ["sh", "-c", f'exec "$@" {closed}', "sh", *map(str, words)], cwd=ROOT, capture_output=True, timeout=300
+        ["sh", "-c", f'exec "$@" {closed}', "sh", *map(str, words)], cwd=ROOT, capture_output=True
     )
     assert done.returncode == 0 and (b"Wrote" in done.stdout) == (closed == "2>&-")
     assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
@@ -130,7 +130,7 @@ def test_names_outside_the_encoding_of_the_output_are_escaped(tmp_path, raw, raw
     words = ["render", raw, *raw_options, "--size", "16", "-o", path]
     done = subprocess.run(
         [*COMMAND, *map(str, words)], cwd=ROOT, env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "1"},
-        capture_output=True, timeout=300,
+        capture_output=True,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, b"") and b"\\u65e5.npy" in done.stdout
     assert path.is_file()
@@ -167,7 +167,7 @@ def test_ctrl_c_within_code_that_is_made_of_text(tmp_path):
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), str(ROOT)))}
     words = [sys.executable, "-m", "stopped"]
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "Stopped; nothing was written.\n")
 
 

@@ -179,6 +179,12 @@ def test_results_are_kept_when_a_run_ends_early(run_tests):
     assert "it ended with code 9 in test_file.py::test_last" in stage.remarks
 
 
+def test_a_run_that_never_begins_is_a_failure(tmp_path):
+    words = [sys.executable, "-c", ""]
+    stage = stages_module.measured("some", words, dict(os.environ), tmp_path / "report.jsonl", True)
+    assert stage.verdict == "FAILED" and stage.remarks == ["it ended with code 0 before it reported"]
+
+
 def test_a_test_that_hangs_is_named_and_the_results_are_kept(run_tests, monkeypatch, tmp_path):
     report, now = tmp_path / "report.jsonl", [0.0]
 
