@@ -22,12 +22,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..classify.points import pieces, positive_intervals
+from ..classify.points import LARGEST, pieces, positive_intervals
+from ..encode.scalars import MOST
 from ..scene import NO_DEPTH
 
 TO_STORED = {"mip": 1.0, "minip": -1.0, "average": 0.0}  # which value is wanted, were the slope positive
 # What is below the lowest value shown, in parts of the values above it, still counts: not to end in a step.
 MARGIN = 1.0 / 16.0
+# Values are counted up to so many spans of the function's points beyond them: counts of values further away would take
+# the digits of all others.
+FAR = 1000.0
 LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value is not known well enough
 
 
@@ -77,7 +81,7 @@ class ValueMap:
     origin : float
         ``sign`` (or 1) times the stored value from which values are counted.
     most : float
-        The largest count.
+        The largest count; larger ones stand for it.
     least : float
         A stored value below all others.
     hollow : bool
@@ -144,9 +148,13 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
     ValueMap
     """
     sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
-    low, high = sorted((sign or 1.0) * end for end in ends)
+    points = [(sign or 1.0) * (value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
+    reach = FAR * (max(points) - min(points)) or math.inf
+    nearest, furthest = max(min(points) - reach, -MOST), min(max(points) + reach, MOST)
+    low, high = sorted(min(max((sign or 1.0) * end, nearest), furthest) for end in ends)
     slack = 1e-6 * max(abs(low), abs(high), 1e-30)
-    shown = (np.clip(shown_values(tf, mode), -1e300, 1e300) - volume.intercept) / volume.slope
+    with np.errstate(over="ignore"):
+        shown = (np.clip(shown_values(tf, mode), -LARGEST, LARGEST) - volume.intercept) / volume.slope
     begin = float(((sign or 1.0) * shown).min(initial=np.inf))
     origin = low - max(slack, 1e-3 * (high - low))
     if begin > low:
@@ -155,5 +163,6 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
         origin = math.floor(origin)  # counts of whole numbers stay whole
     hollow = not tf.alpha_at(volume.physical((sign or 1.0) * origin)) > 0.0
     return ValueMap(
-        tf, volume.slope, volume.intercept, sign, origin, high - origin, min(ends) - slack - 1e-6, bool(hollow)
-    )
+        tf, volume.slope, volume.intercept, sign, origin, high - origin,
+        min(ends) - 1e-6 * max(map(abs, ends)) - 1e-6, bool(hollow),
+    )  # fmt: skip

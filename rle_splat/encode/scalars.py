@@ -17,6 +17,7 @@ from .encode import place_slabs, run_tables
 from .tables import RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
+MOST = 1e37  # larger values that become float32 are taken for it, so that their differences stay finite
 AT_ONCE = 1 << 16  # voxels of other types that are converted at once
 NOT_A_NUMBER = np.float32(-3e38)  # replaces NaN; treated like a voxel that is not kept
 
@@ -147,7 +148,7 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, center: float) -> np.ndarr
         values = stored[first : first + AT_ONCE].astype(np.float64)
         if infinite:
             values = np.where(np.isinf(values), np.clip(values, *infinite), values)
-        values = np.where(np.isnan(values), NOT_A_NUMBER, np.clip(values - center, -1e37, 1e37))
+        values = np.where(np.isnan(values), NOT_A_NUMBER, np.clip(values - center, -MOST, MOST))
         found[first : first + AT_ONCE] = values
     return found
 

@@ -22,6 +22,8 @@ from .scalar_sheets import splat_scalar_rows
 from .scratch import scratch_for, worth_grouping
 from .splat import OPAQUE, row_steps, sheet_list
 
+ALMOST_MOST = 1.0 + 1e-5  # of the largest count: means of it may be rounded up, and the warp limits them anyway
+
 
 def scalar_splat_steps(
     encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, intervals=None,
@@ -50,13 +52,14 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
     and the last one is one less that: they can be warped as color and transmittance are.
     """
     sign = values.sign or 1.0
-    origin, least = values.origin - sign * encoded.center, values.least - encoded.center
+    (origin,), (least,) = _from_center(sign * encoded.center, values.origin), _from_center(encoded.center, values.least)
     zero, nothing = np.float32(0.0), np.zeros(4, np.float32)
-    lookup = Lookup(nothing, nothing, np.float32(origin), zero, np.float32(least), zero, zero, zero, zero, np.int32(0))
+    lookup = Lookup(nothing, nothing, origin, zero, least, zero, zero, zero, zero, np.int32(0))
     image = yield from _steps(encoded, lookup, np.float32(values.sign), None, plane, quality, intervals)
     pixels, box = image.pixels, box_of(plane, encoded.tables.shape_xyz, BLOCK)
     if values.sign == 0.0:
         pixels[..., 0] /= np.maximum(pixels[..., 1], np.float32(1e-30))
+    np.clip(pixels[..., 0], zero, np.float32(ALMOST_MOST * values.most), out=pixels[..., 0])
     if values.hollow:
         enter, leave = (reduce(column, row[:, None]) for reduce, column, row in
                         zip((np.maximum, np.minimum), box.columns, box.rows))

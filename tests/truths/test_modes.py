@@ -94,6 +94,16 @@ def test_along_an_axis_numpy_finds_the_same_value(stage, mode, view):
     np.testing.assert_allclose(picture[inside], true[inside], atol=3e-7 if mode != "average" else 2e-6)
 
 
+@pytest.mark.parametrize("far", (1e6, 1e30, -1e30))
+@pytest.mark.parametrize("mode", VALUE_MODES)
+def test_one_extreme_voxel_changes_the_rays_through_it_alone(stage, mode, far):
+    field, extreme = random_field(), random_field()
+    extreme[3, 4, 5] = far
+    without, with_it = (render(seen(stage, one, mode), Quality(**EXACT)).rgba for one in (field, extreme))
+    differs = (np.abs(with_it - without) > 0.1 / 255.0).any(axis=-1)
+    assert differs.sum() <= 9 and without[..., 3].max() > 0.2
+
+
 @pytest.mark.parametrize("slope", (2.0, -2.0))
 def test_whole_numbers_are_exact_and_slopes_may_be_negative(stage, slope):
     stored = np.random.default_rng(3).integers(-3000, 3000, (12, 12, 12)).astype(np.int16)
