@@ -7,6 +7,7 @@ import math
 import re
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import islice, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from .header import (
     time_first,
 )
 from .layout import checked_spacing
-from .sequence import listed, sequence_of
+from .sequence import LISTED, listed
 from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -67,10 +68,10 @@ def reads_tiff_folder(path: Path) -> bool:
 def is_page(path) -> bool:
     """Whether a file is a TIFF file with one page of gray values, which is a slice of a stack and no volume.
 
-    False for a damaged file, which ``read_tiff_steps`` refuses.
+    False for what ``read_tiff_steps`` refuses.
     """
-    tifffile = library("tifffile", "tifffile", "TIFF")
     try:
+        tifffile = library("tifffile", "tifffile", "TIFF")
         with _library(path), tifffile.TiffFile(path) as file:
             return _has_one_page(file)
     except RleSplatError:
@@ -175,8 +176,8 @@ def _one_file_steps(path: Path, file, frame: int | None):
     remarks = () if several == 1 else (f"The file holds {several} stacks; the largest was read.",)
     if depth in TIME_AXES:
         remarks += ("The file says that its pages follow one another in time; they were taken as slices.",)
-    in_time, in_more = set(others) & set(TIME_AXES), set(others) - set(TIME_AXES)
-    differ_in = " and ".join(("time",) * bool(in_time or not in_more) + ("channel",) * bool(in_more))
+    kinds = ["time" if axis in TIME_AXES else "channel" for axis in others] or ["time"]
+    differ_in = " and ".join(dict.fromkeys(kinds))
     return voxels, _Facts(spacing, unit, frames, differ_in, remarks)
 
 
@@ -220,10 +221,15 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
 
 def _missing_remark(files: list[Path]) -> tuple:
     """The remark on numbers that are missing among the files of a stack."""
-    numbered = sequence_of(files[0])
-    if numbered is None or len(numbered.files) != len(files) or not numbered.missing:
+    names = [_by_number(file) for file in files]
+    columns = [column for column in zip(*names) if len(set(column)) > 1]
+    if len(set(map(len, names))) > 1 or len(columns) != 1 or not all(isinstance(number, int) for number in columns[0]):
         return ()
-    gaps = [min(numbered.files) + (frame - 1) * numbered.step for frame in numbered.missing]
+    pairs = list(pairwise(sorted(columns[0])))
+    step = math.gcd(*(b - a for a, b in pairs))
+    gaps = list(islice((number for a, b in pairs for number in range(a + step, b, step)), LISTED + 1))
+    if not gaps:
+        return ()
     are = "number {} is" if len(gaps) == 1 else "numbers {} are"
     return (
         f"Between {files[0].name} and {files[-1].name} the {are.format(listed(gaps))} missing, and the slices beside a "

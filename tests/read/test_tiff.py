@@ -95,14 +95,15 @@ def test_numbered_files_stand_in_the_order_of_their_numbers(tmp_path, given):
     "numbers, gaps",
     [
         ((1, 2, 3, 7, 8), "the numbers 4, 5, 6 are missing"), ((1, 2, 3, 4, 6), "the number 5 is missing"),
-        ((10, 20, 30, 40, 50), ""), ((1, 2, 3, 40, 50), "4, 5, 6, 7, 8, 9, 10, 11 and others are missing"),
+        ((10, 20, 30, 40, 50), ""), ((1, 2, 3, 4, 10**9), "the numbers 5, 6, 7, 8"),
+        ((1, 2, 3, 40, 50), "4, 5, 6, 7, 8, 9, 10, 11 and others are missing"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("given", ["", "s_{:02d}.tif"])
-def test_missing_numbers_are_named(tmp_path, numbers, gaps, given):
+@pytest.mark.parametrize("name, of_a_file", [("s_{:02d}.tif", True), ("s_{:02d}.tif", False), ("z{}_c1.tif", False)])
+def test_missing_numbers_are_named(tmp_path, numbers, gaps, name, of_a_file):
     for number, page in zip(numbers, VALUES):
-        tifffile.imwrite(tmp_path / f"s_{number:02d}.tif", page)
-    volume = read_volume(tmp_path / given.format(numbers[1]))
+        tifffile.imwrite(tmp_path / name.format(number), page)
+    volume = read_volume(tmp_path / name.format(numbers[1]) if of_a_file else tmp_path)
     assert volume.shape_xyz == (9, 7, 5)
     assert any("missing" in remark for remark in volume.remarks) == bool(gaps)
     assert gaps in " ".join(volume.remarks)
