@@ -123,10 +123,9 @@ def check_the_picture_follows():
     assert viewport().waits
     drafts, before = viewport().counts["drafts"], viewport()._request.matrices
     yield from drag("MIDDLEMOUSE", middle(), [(40, -12)] * 4)
-    yield
-    yield
-    assert viewport().waits and viewport().counts["drafts"] > drafts
     assert viewport()._request.matrices != before, "the mouse has turned nothing"
+    yield from until(lambda: not viewport().is_busy, PATIENCE)
+    assert viewport().waits and viewport().counts["drafts"] > drafts
     assert viewport()._shot.matrices == viewport()._request.matrices and len(viewport()._shot.contents) == 2
     yield from photograph("orbit_while_reading")
     assert viewport().pictures and viewport().waits
@@ -153,9 +152,17 @@ def check_limit():
 
 
 def check_deleted():
-    """A volume deleted from Python leaves the memory, and the other one is shown on."""
+    """A volume deleted from Python leaves the memory and its camera, and the other one is shown on."""
     reads.clear()
-    bpy.data.objects.remove(bpy.data.objects["near"])
+    camera, near = scenes.add_camera((0.5, 0.5, 4.0)), bpy.data.objects["near"]
+    scenes.activate(near)
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert len(camera.data.background_images) == 1
+    bpy.data.objects.remove(near)
+    yield from until(lambda: not camera.data.background_images, PATIENCE)
+    message = bpy.context.scene.rle_splat.message
+    assert message == "The volume 'near' was deleted, so its backdrop was removed.", message
     yield from at_rest("deleted", {})
     assert len(module("loop.store")._entries) == 2, "the voxels and the labels of the other one"
     scenes.activate(bpy.data.objects["far"])
