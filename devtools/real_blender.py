@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from .places import ENVIRONMENTS, Failure, clean_environ, run, say
+from .places import ENVIRONMENTS, Failure, clean_environ, run_quietly, say
 from .system_libraries import apt_install, can_apt
 
 SUITE = "sid"
@@ -120,7 +120,8 @@ def set_up() -> Blender:
         if (CHROOT / "debootstrap").exists() or not (CHROOT / "usr/bin/apt-get").exists():
             shutil.rmtree(CHROOT, ignore_errors=True)  # half made: debootstrap cannot take it up again
             CHROOT.mkdir(parents=True)
-            run(["debootstrap", "--variant=minbase", SUITE, CHROOT], "debootstrap could not make the small system.")
+            bootstrap = ["debootstrap", "--variant=minbase", SUITE, CHROOT]
+            run_quietly(bootstrap, "debootstrap could not make the small system.")
         settings = CHROOT / "etc"
         (settings / "apt/apt.conf.d/99novaliduntil").write_text('Acquire::Check-Valid-Until "false";\n')
         (settings / "dpkg/dpkg.cfg.d/01nodoc").write_text(
@@ -131,7 +132,7 @@ def set_up() -> Blender:
             (("apt-get", "install", "-y", "--no-install-recommends", *PACKAGES), "Blender could not be installed."),
             (("apt-get", "clean"), "apt-get clean failed in the small system."),
         ):
-            run(_in_chroot(*command), sentence, env=_INSIDE, stdout=subprocess.DEVNULL)
+            run_quietly(_in_chroot(*command), sentence, env=_INSIDE)
         STAMP.write_text(_READY)
     blender = find_blender()
     say(f"{blender.label}: {blender.version[0]}.{blender.version[1]}, Python {blender.python}")
