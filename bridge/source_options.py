@@ -96,7 +96,7 @@ class SourceOptions:
         name="Spacing in Use", description="Distance between voxel centers as it was read", size=3,
         options={"HIDDEN"})
     use_file_spacing: BoolProperty(
-        name="From File", description="Use the spacing that the file states", get=_is_files_spacing,
+        name="From File", description="Use the spacing that the file states, or 1 where it states none", get=_is_files_spacing,
         set=_choose_spacing)
     length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
     orientation: StringProperty(
