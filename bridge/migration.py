@@ -24,7 +24,7 @@ def _on_load_post(*_):
 @persistent
 def _replace_removed(*_):
     """Replace a removed classification by the one that is used instead."""
-    for own in (scene.rle_splat for scene in bpy.data.scenes):
+    for own in (scene.rle_splat for scene in bpy.data.scenes if scene.library is None):
         if own.classification == "":
             others = {name: getattr(own, name) for name in settings.OF_PRE if settings.not_in_post(own, name)}
             knobs, (sentence,) = without_removed({"classification": settings.REMOVED, **others})

@@ -23,6 +23,7 @@ _of_this_file: set = set()  # absolute paths of the pictures of the open file; n
 
 @persistent
 def _before_save(blend_file, *_):
+    _make_absolute()  # those of a file that was opened while the add-on was disabled
     pictures.settle_copies()
     taken: set[str] = set()
     composited = {image for scene in bpy.data.scenes for image in compositor.images_of(scene)}  # see over_render.py

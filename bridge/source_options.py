@@ -96,8 +96,8 @@ class SourceOptions:
         name="Spacing in Use", description="Distance between voxel centers as it was read", size=3,
         options={"HIDDEN"})
     use_file_spacing: BoolProperty(
-        name="From File", description="Use the spacing that the file states", get=_is_files_spacing,
-        set=_choose_spacing)
+        name="From File", description="Use the spacing that the file states, or 1 where it states none",
+        get=_is_files_spacing, set=_choose_spacing)
     length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
     orientation: StringProperty(
         name="Orientation", description="Three letters: where voxel x, y and z grow in the patient, such as LPS for "

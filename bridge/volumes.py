@@ -225,7 +225,7 @@ def _changed(owner) -> str:
         "press Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))
 
 
-def changes(scene) -> list[str]:
+def list_changes(scene) -> list[str]:
     """A sentence for each volume of a scene in memory whose voxels are not those that were imported; reads no file."""
     found = []
     for owner in volume_objects(scene):

@@ -4,11 +4,11 @@ A white sphere alone in the world gets the light of each of its vertices as a co
 is the light on a surface that faces as the vertex does, whatever nodes the world has, with a small sun sampled as
 Cycles samples it.  It is fitted by spherical harmonics of order 2.
 
-Baking, unlike a render, writes into no render slot and calls no handler of renders or frames, and a scene of its own
-keeps it apart from the user's.  It is done before the light is needed: from a timer in a window, once the world's nodes
-were still for a moment; by operators that make pictures; and when a render begins.  In a window a render begins on a
-thread of its own, where no datablock may be made.  So it waits there until the timer has baked the light.  The light is
-kept by a hash of the world's nodes, the last one in the file too.
+Baking, unlike a render, writes into no render slot, and of the handlers of renders and frames it calls render_stats
+alone.  A scene of its own keeps it apart from the user's.  It is done before the light is needed: from a timer in a
+window, once the world's nodes were still for a moment; by operators that make pictures; and when a render begins.  In a
+window a render begins on a thread of its own, where no datablock may be made.  So it waits there until the timer has
+baked the light.  The light is kept by a hash of the world's nodes, the last one in the file too.
 """
 
 from __future__ import annotations

@@ -42,18 +42,18 @@ def _shared_format(paths):
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def _are_pages(paths) -> bool:
-    """Whether files are TIFF files, of which the first has a single page: they are a stack."""
-    return _shared_format(paths) is TIFF and is_page(paths[0])
+def _are_pages(paths, kind) -> bool:
+    """Whether files of a shared format are TIFF files, of which the first has a single page: they are a stack."""
+    return kind is TIFF and is_page(paths[0])
 
 
-def _sequence_among(paths) -> tuple[str, bool]:
+def _sequence_among(paths, kind) -> tuple[str, bool]:
     """What the dialog says about numbered files, "" if there are none, and whether it proposes to read them as frames.
 
     It does for OpenVDB, whose numbered files are simulations, and where all chosen files are of one sequence. Files of
     one page are slices and no frames.
     """
-    if _are_pages(paths):
+    if _are_pages(paths, kind):
         return "", False
     numbered = [sequence_of(path) for path in paths]
     if not numbered or None in numbered or any(one.first != numbered[0].first for one in numbered):
@@ -228,9 +228,10 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         chosen = self.chosen_paths()
         if len(chosen) < 2:
             return chosen
-        if _shared_format(chosen) is DICOM:
+        kind = _shared_format(chosen)
+        if kind is DICOM:
             return list(dict.fromkeys(map(os.path.dirname, chosen)))
-        if not self.use_sequence and not _are_pages(chosen):
+        if not self.use_sequence and not _are_pages(chosen, kind):
             return chosen
         first = {}
         for path in chosen:
@@ -246,8 +247,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             return False
         self.guessed_for, self.guess_text = "\n".join(paths), ""
         source_options.clear(self)
-        self.sequence_text, self.use_sequence = _sequence_among(paths)
         kind = _shared_format(paths)
+        self.sequence_text, self.use_sequence = _sequence_among(paths, kind)
         self.format_name = kind.name if kind else ""
         if paths and all(encoded.is_encoded(encoded.place_of(one)) for one in paths):
             self.format_name = ENCODED

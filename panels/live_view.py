@@ -39,7 +39,7 @@ def draw_state(context, layout) -> None:
         if not draw_outdated(context, layout):
             layout.label(text="Not shown in this viewport", icon="HIDE_ON")
         return
-    for sentence in volumes.changes(context.scene):
+    for sentence in volumes.list_changes(context.scene):
         paragraph(context, layout, sentence, icon="ERROR")
     problem, remark = live.problem_of(area), live.remark_of(area)
     if remark:

@@ -144,6 +144,11 @@ def _tick():
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
     if not busy and not _missed:
         return None
+    if not preferences.shows_live():
+        _missed.clear()
+        for live in busy.values():
+            live.viewport.stop()
+        return None
     if not is_allowed() or jobs.StepwiseOperator.is_running():
         for live in busy.values():
             live.viewport.put_off()

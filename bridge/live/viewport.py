@@ -20,7 +20,9 @@ from .view import Matrices, View, differ
 
 BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
-MOST_LAG = 0.5  # seconds for which pictures of another view are shown while the next ones are made
+# For how long pictures of another view are shown while the next ones are made: seconds, or times as long as the last
+# draft took, whichever is more; or slow drafts would alternate with nothing.
+MOST_LAG, OF_LAST = 0.5, 2.0
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
@@ -121,6 +123,7 @@ class Viewport:
         self._work: Generator | None = None
         self._work_on: tuple = ()  # (shot, coarseness) of the work
         self._spent, self._was_slow, self._coarseness = 0.0, False, 0
+        self._began, self._lasted = -np.inf, 0.0  # seconds: when the work began, and how long the last draft took
 
     @property
     def halvings(self) -> int:
@@ -247,7 +250,7 @@ class Viewport:
         self._start(max(self._coarseness, self._request.habits.least_coarseness))
 
     def _start(self, coarseness: int | None) -> None:
-        self._work_on, self._spent = (self._shot, coarseness), 0.0
+        self._work_on, self._spent, self._began = (self._shot, coarseness), 0.0, self._now()
         self._work = picture_steps(self._shot, self._ends, self._cache, coarseness)
 
     def _stop_work(self) -> None:
@@ -281,6 +284,7 @@ class Viewport:
             # The next redraw looks once more: EEVEE has no depth while it compiles shaders and sends no event after it.
             self._checked = -np.inf
             return
+        self._lasted = self._now() - self._began
         self._choose_coarseness(coarseness)
         if shot is not self._shot:
             self._start_draft()
@@ -297,7 +301,7 @@ class Viewport:
 
     def _drop_outdated(self) -> None:
         """Show nothing instead of pictures that have been of another view for too long."""
-        if self.pictures and self._now() - self._left > MOST_LAG:
+        if self.pictures and self._now() - self._left > max(MOST_LAG, OF_LAST * self._lasted):
             self._show([])
 
     def _show(self, pictures: list[Picture]) -> None:

@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 
 from ...rle_splat.pipeline.stage_cache import LEAST_BYTES, SHARE
 from ...rle_splat.runtime.memory import total_bytes
+from ...rle_splat.volume.mapped_files import is_mapped
 from .. import presence
 
 MOST_BYTES = max(LEAST_BYTES, int(SHARE * total_bytes()))
@@ -113,7 +114,7 @@ def nbytes() -> int:
 def _bytes_of(value) -> int:
     volume = getattr(value, "volume", value)  # of a label map
     if volume.holds_values:
-        return volume.voxels.nbytes
+        return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
     return sum(one.nbytes for one in getattr(volume, "axes", {}).values())
 
 

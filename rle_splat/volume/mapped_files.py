@@ -37,6 +37,11 @@ def _whole(files):
     yield
 
 
+def is_mapped(array: np.ndarray) -> bool:
+    """Whether an array lies in a mapped file and takes no memory of its own."""
+    return _file_of(array) is not None
+
+
 def _arrays(scene: Scene) -> list[np.ndarray]:
     """The voxels of a scene's volumes that hold values."""
     volumes = [scene.volume, *(channel.volume for channel in scene.channels)]

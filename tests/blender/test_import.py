@@ -240,6 +240,21 @@ def test_dialog_fills_in_a_guess_for_each_file_picked(tmp_path, addon):
     assert (dialog.dtype, dialog.byte_order, dialog.spacing) == ("int16", "big", (0.5, 0.5, 2.0))
 
 
+def test_the_dialog_and_the_import_open_each_file_once(tmp_path, addon, monkeypatch):
+    operators, opened = import_module(f"{addon.__name__}.operators.import_volume"), []
+    names = [f"page_{i}.tif" for i in range(3)]
+    for name in names:
+        (tmp_path / name).touch()
+    operator = operators.RLE_SPLAT_OT_import_volume
+    dialog = SimpleNamespace(guessed_for="", use_sequence=False, files=[SimpleNamespace(name=name) for name in names])
+    dialog.directory, dialog.chosen_paths = str(tmp_path), lambda: operator.chosen_paths(dialog)
+    import_module(f"{addon.__name__}.bridge.source_options").clear(dialog)
+    monkeypatch.setattr(operators, "format_of", lambda path: opened.append(path) or operators.TIFF)
+    monkeypatch.setattr(operators, "is_page", lambda _path: True)
+    assert operator.check(dialog, None) and len(opened) == 3
+    assert operator.paths(dialog) == [str(tmp_path / names[0])] and len(opened) == 6
+
+
 def test_a_volume_that_does_not_fit_is_refused_before_memory_is_taken(tmp_path, refused, core, monkeypatch):
     path = tmp_path / "large_64x64x64_uint8.raw.gz"
     path.write_bytes(gzip.compress(bytes(64**3)))

@@ -159,6 +159,15 @@ def test_nothing_runs_in_background_mode(volume_object, live):
     assert not live._lives and not bpy.app.timers.is_registered(live._tick)
 
 
+def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):
+    monkeypatch.setattr(bridge("preferences"), "shows_live", lambda: False)
+    held = live._lives[1] = live.Live()
+    held.viewport._due = 0.0
+    live._missed.add(1)
+    assert live._tick() is None and not live._missed and not held.viewport.is_busy
+    live.stop()
+
+
 def test_the_panel_has_the_switch_and_says_why_nothing_is_shown(volume_object, live, core):
     area = area_of_view()
     region = next(region for region in area.regions if region.type == "WINDOW")

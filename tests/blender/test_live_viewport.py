@@ -345,6 +345,26 @@ def test_pictures_of_another_view_are_not_shown_for_long(live, made, monkeypatch
     assert bool(viewport.pictures) != turns and viewport.is_busy
 
 
+def test_slow_drafts_do_not_alternate_with_nothing(live, made, monkeypatch):
+    viewport, clock, surface = made
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    pictures = viewport.pictures
+
+    def slow(*_arguments):
+        for _bite in range(int(1.6 * live.viewport.MOST_LAG / live.viewport.BITE)):
+            clock.now += live.viewport.BITE
+            yield
+        return pictures
+
+    monkeypatch.setattr(live.viewport, "picture_steps", slow)
+    drafts, shown = viewport.counts["drafts"], []
+    for step in range(200):
+        viewport.redraw(request_of(live, 29.0 - 0.01 * step), 1, surface)
+        shown.append(bool(viewport.pictures) or viewport.counts["drafts"] == drafts)
+    assert viewport.counts["drafts"] > drafts + 3 and all(shown)
+
+
 def test_the_first_failure_switches_the_viewport_off_until_it_is_tried_again(live, made, core):
     viewport, _clock, surface = made
     calls = []

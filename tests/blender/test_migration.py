@@ -92,6 +92,11 @@ def test_a_classification_that_was_removed_is_replaced_with_a_message(addon, bri
         with bpy.data.libraries.load(saved, link=way == "link") as (there, here):
             here.scenes = there.scenes
     settings = bpy.data.scenes["Saved"].rle_splat
+    if way == "link":  # linked data is left alone, and rendered as with a keyframe
+        assert (settings.classification, settings.record, settings.quality, settings.message) == ("", "8", "fine", "")
+        with pytest.warns(FutureWarning, match="'post' with the record 16 is used"):
+            assert read(bpy.data.scenes["Saved"]) == read(bpy.data.scenes["Saved"]).preset("fine")
+        return
     assert (settings.classification, settings.record, settings.quality) == ("post", "16", "fine")
     assert settings.message == "The classification 'refined' was removed; 'post' with the record 16 is used instead."
     assert read(bpy.data.scenes["Saved"]) == read(bpy.data.scenes["Saved"]).preset("fine")

@@ -254,6 +254,13 @@ def test_what_nothing_shows_leaves_the_memory(bridge, tmp_path):
     assert store.nbytes() == 0
 
 
+def test_mapped_files_take_no_memory(bridge, core, tmp_path, monkeypatch):
+    scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="held")
+    monkeypatch.setattr(core("read.streaming"), "LEAST_MAPPED", 0)
+    scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="mapped")
+    assert bridge("loop.store").nbytes() == N**3
+
+
 @pytest.mark.parametrize("shown", [True, False])
 def test_beyond_the_limit_what_no_window_shows_leaves_first(shown, bridge, tmp_path, monkeypatch):
     store, voxels = bridge("loop.store"), np.full((N, N, N), 100, np.uint8)

@@ -235,6 +235,20 @@ def test_B71_saved_without_the_extension(owner, addon, tmp_path):
     assert scenes.shown_at(scenes.backdrop_of(bpy.context.scene.camera)) == pytest.approx((8.0, 12.0), abs=0.1)
 
 
+def test_pictures_of_a_file_that_was_opened_without_the_extension_are_replaced(owner, addon, bridge, tmp_path):
+    make_pictures()
+    save(tmp_path / "saved.blend")
+    before = set(folder_of(tmp_path / "saved.blend").iterdir())
+    bridge("picture_files")._of_this_file.clear()  # as in a session that begins without the extension
+    disable(addon)
+    load(tmp_path / "saved.blend")
+    enable(addon)
+    bpy.context.scene.camera.location.x += 2.0
+    make_pictures()
+    save(tmp_path / "saved.blend")
+    assert set(folder_of(tmp_path / "saved.blend").iterdir()) == before
+
+
 def write_vdb(path, side):
     """A file that says its own size, of a uniform cube."""
     bpy.utils.expose_bundled_modules()
