@@ -280,7 +280,8 @@ def test_a_sequence_of_openvdb_files(tmp_path, bridge, addon):
         del grid
     operators = import_module(f"{addon.__name__}.operators.import_volume")
     path = str(tmp_path / "smoke_0002.vdb")
-    assert operators._sequence_among([path], operators._shared_format([path])) == ("3 frames from smoke_0001.vdb", True)  # what the dialog proposes
+    proposed = operators._sequence_among([path], operators._shared_format([path]))
+    assert proposed == ("3 frames from smoke_0001.vdb", True)
     assert bpy.ops.rle_splat.import_volume(filepath=path, use_sequence=True) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     for frame in (1, 2, 3):
