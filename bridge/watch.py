@@ -46,11 +46,11 @@ def _on_frame_change_post(scene, depsgraph=None):
 
 @persistent
 def _on_save_pre(*_arguments):
-    """Handler: save a followed backdrop as the scene is now.
+    """Handler: save a followed backdrop with the transfer function as it is now.
 
     Blender sends no event for a point of a curve that a script moves, which in a window a timer notices.
     """
-    if bpy.app.background:
+    if bpy.app.background and freshness.have_new_transfer_functions(bpy.context.scene):
         follow_scene.follow(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), later=False)
 
 

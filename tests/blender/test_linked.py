@@ -118,13 +118,14 @@ def bring(library, how):
 
 def shape_of(owner, bridge):
     """Everything of a volume that decides a picture, as plain data."""
-    properties, volumes = owner.rle_splat, bridge("volumes")
+    properties, volumes, labels = owner.rle_splat, bridge("volumes"), bridge("labels")
     volume = volumes.load_volume(owner)
+    wish = bridge("loop.store").wish_of(owner, None, labels.PURPOSE)
     return {
         "voxels": volume.voxels.tobytes(), "spacing": tuple(volume.spacing),
         "transfer function": bridge("transfer").read_transfer(owner),
         "files": [volumes.resolved_path(owner, name) for name in ("filepath", "label_file")],
-        "labels": bridge("labels").load_labels(owner, bridge("volumes").load_volume(owner)).voxels.tobytes(),
+        "labels": labels.drain(labels.load_steps(wish, labels.file_of(owner), volume)).volume.voxels.tobytes(),
         "styles": [row.plain() for row in properties.labels],
         "channels": [(row.source.name, row.show, row.source.library is None) for row in properties.channels],
         "facts": (properties.facts, properties.data_key, properties.histogram, properties.value_low),

@@ -236,11 +236,12 @@ def test_pages_chosen_together_are_one_stack_and_stacks_are_not(tmp_path, addon)
         tifffile.imwrite(tmp_path / f"page_{number}.tif", page)
     for number in (1, 2):
         tifffile.imwrite(tmp_path / f"time_{number}.tif", number * values)
-    among = import_module(f"{addon.__name__}.operators.import_volume")._sequence_among
+    operators = import_module(f"{addon.__name__}.operators.import_volume")
     in_time = "2 frames from time_1.tif", True
     for name, count, proposed, added in (("page", 5, ("", False), 1), ("time", 2, in_time, 2)):
         names, before = [f"{name}_{number}.tif" for number in range(1, count + 1)], set(bpy.data.objects)
-        assert among([str(tmp_path / one) for one in names]) == proposed
+        paths = [str(tmp_path / one) for one in names]
+        assert operators._sequence_among(paths, operators._shared_format(paths)) == proposed
         bpy.ops.rle_splat.import_volume(directory=str(tmp_path), files=[{"name": one} for one in names])
         found = [one for one in set(bpy.data.objects) - before if one.rle_splat.is_volume]
         assert [one.rle_splat.frame_count for one in found] == [1] * added
@@ -277,9 +278,10 @@ def test_a_sequence_of_openvdb_files(tmp_path, bridge, addon):
         grid.copyFromArray(np.full((N, N, N + frame), 50.0 * frame, np.float32))
         openvdb.write(str(tmp_path / f"smoke_{frame:04d}.vdb"), grids=[grid])
         del grid
-    among = import_module(f"{addon.__name__}.operators.import_volume")._sequence_among
+    operators = import_module(f"{addon.__name__}.operators.import_volume")
     path = str(tmp_path / "smoke_0002.vdb")
-    assert among([path]) == ("3 frames from smoke_0001.vdb", True)  # what the dialog proposes
+    proposed = operators._sequence_among([path], operators._shared_format([path]))
+    assert proposed == ("3 frames from smoke_0001.vdb", True)
     assert bpy.ops.rle_splat.import_volume(filepath=path, use_sequence=True) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     for frame in (1, 2, 3):
