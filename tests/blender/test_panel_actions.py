@@ -59,14 +59,14 @@ def state_line(is_on, monkeypatch, viewports=()):
 
 def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, bridge, monkeypatch):
     """As a render does; a viewport reads the file itself when it has changed."""
-    viewport = SimpleNamespace(is_busy=False, is_refined=True, problem="", halvings=0, pictures=[None])
+    viewport = SimpleNamespace(is_busy=False, is_refined=True, waits=False, problem="", halvings=0, pictures=[None])
     assert not any("are not those" in str(value) for _, value in state_line(True, monkeypatch, [viewport]))
     path = Path(owner.rle_splat.filepath)
     path.write_bytes(bytes(path.stat().st_size))
     os.utime(path, ns=(0, 0))
     bridge("volumes").load_volume(owner)
-    told = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
-    assert "are not those" in told and "Up to date" in told
+    shown = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
+    assert "are not those" in shown and "Up to date" in shown
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
