@@ -65,8 +65,8 @@ def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, 
     path.write_bytes(bytes(path.stat().st_size))
     os.utime(path, ns=(0, 0))
     bridge("volumes").load_volume(owner)
-    told = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
-    assert "are not those" in told and "Up to date" in told
+    shown = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
+    assert "are not those" in shown and "Up to date" in shown
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):

@@ -239,7 +239,7 @@ def _separator_names(pictures) -> list[str]:
 
 
 def _split_by(name: str, pictures, place) -> dict | None:
-    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None.
+    """Pictures by place by a value, in the values' order, if it differs among all at each place; else None.
 
     Values of a frame may differ by place, as times do, if they are all lower than those of the next frame. The least
     one stands for the frame then.
