@@ -50,8 +50,8 @@ def named_files(path: Path, given: str, listed) -> list[Path]:
 
 def _is_outside(folder: Path, name: str) -> bool:
     """Whether a normalized name, absolute or relative to a folder, is of a file neither in the folder nor below it."""
-    if not Path(name).anchor and Path(name).parts[:1] != ("..",):
-        return False
+    if "\0" in name or (not Path(name).anchor and Path(name).parts[:1] != ("..",)):
+        return False  # no file has a NUL in its name, and the system looks none up
     file = folder / name
     if Path(os.path.abspath(file)).anchor != Path(os.path.abspath(folder)).anchor:
         return True  # on another drive or computer, where nothing is looked up

@@ -47,6 +47,6 @@ def _arrays(scene: Scene) -> list[np.ndarray]:
 
 def _file_of(array) -> np.memmap | None:
     """The mapped file that an array is a view of; a copy of one is a memmap, too, without a file's name."""
-    while array is not None and getattr(array, "filename", None) is None:
+    while array is not None and not (isinstance(array, np.memmap) and array.filename is not None):
         array = getattr(array, "base", None)
     return array

@@ -95,6 +95,9 @@ def test_a_file_elsewhere_is_refused(tmp_path, name):
         header.write_text(f"{HEADER}ElementDataFile = {field}\n{listed}".format(tmp_path))
         with pytest.raises(RleSplatError, match=r"a\.mhd names .*other.a\.raw, which is outside its folder; move"):
             read_volume(header)
+    header.write_text(f"{HEADER}ElementDataFile = /other\0/a.raw\n")
+    with pytest.raises(RleSplatError, match=r"a\.mhd needs a\.raw beside it, which is not there"):
+        read_volume(header)
     for name in ("below/a.raw", "../scan/below/a.raw", tmp_path / "scan/below/a.raw"):
         header.write_text(f"{HEADER}ElementDataFile = {name}\n")
         assert read_volume(header).shape_xyz == (9, 7, 5)
