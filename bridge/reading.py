@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.read.dicom.titles import thumbnail
-from ..rle_splat.read.sequence import listed, sequence_of
+from ..rle_splat.read.sequence import join_numbers, sequence_of
 from ..rle_splat.runtime.steps import Progress, part, portion
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
@@ -84,7 +84,7 @@ def found_steps(path: str, options):
         return Found(path, volume, counted, given.get("frame", 1), volume.frames, volume.remarks)
     remarks = volume.remarks
     if numbered.missing:
-        frames = listed(numbered.missing)
+        frames = join_numbers(numbered.missing)
         remarks += (f"Files of the sequence are missing: there is none for frame {frames} of {numbered.count}.",)
     return Found(path, volume, counted, numbered.frame_of(path), numbered.count, remarks)
 

@@ -1,4 +1,4 @@
-"""Unit normals at voxels for the truths, by brute force (algorithm.md 1.13)."""
+"""Unit normals at voxels for the references, by brute force (algorithm.md 1.13)."""
 
 from __future__ import annotations
 

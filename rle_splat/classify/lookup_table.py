@@ -93,7 +93,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     Raises
     ------
     RleSplatError
-        Where the values shown are too close to each other to be told apart in float32.
+        Where the values shown are too close to each other to be distinct in float32.
     """
     with np.errstate(over="ignore"):
         shown = (np.clip(positive_intervals(pieces(tf.opacity)), -LARGEST, LARGEST) - volume.intercept) / volume.slope

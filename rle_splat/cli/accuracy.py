@@ -7,7 +7,7 @@ from time import perf_counter
 
 from ..accuracy.metrics import ERRORS
 from ..accuracy.probes import PROBES
-from ..runtime.whole_files import whole_files
+from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, sweep_plot
@@ -95,8 +95,9 @@ def run(args) -> None:
         }  # fmt: skip
         report["remarks"] = [*report["remarks"], *quality_remarks(args, quality)]
         with whole_files(outputs) as parts:
-            for writer, part in zip(writers, parts):
-                writer(part, sweep.chosen.rgba, sweep.chosen.depth)
+            for writer, path, part in zip(writers, args.output, parts):
+                with writing(path):
+                    writer(part, sweep.chosen.rgba, sweep.chosen.depth)
             if plots:
                 title = f"{Path(args.volume).name}, {function.name}"
                 sweep_plot(sweep, parts[-1], Path(args.plot).suffix.lower(), title)

@@ -21,7 +21,7 @@ from time import perf_counter
 
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from .cluster_worker import Command, cover, finish_tile, forget, kept_keys, make_frame, make_slab, make_tile
+from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_slab, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .report import write_report
@@ -114,16 +114,17 @@ class Cluster:
                 return [future]
             return []
 
-        first = [future for _ in range(max(3 * self.threads // parts, 2)) for future in submit()]
-        done, ended = 0, as_completed(first)
-        for future in ended:
-            made = self._result(future)
-            done += 1
-            line.show(done / count, f"{what} {done} of {count}, on {len(self.client.nthreads())} workers")
-            number = futures.pop(future)
-            future.release()
-            ended.update(submit())
-            yield number, made
+        with _watch_connection():
+            first = [future for _ in range(max(3 * self.threads // parts, 2)) for future in submit()]
+            done, ended = 0, as_completed(first)
+            for future in ended:
+                made = self._result(future)
+                done += 1
+                line.show(done / count, f"{what} {done} of {count}, on {len(self.client.nthreads())} workers")
+                number = futures.pop(future)
+                future.release()
+                ended.update(submit())
+                yield number, made
 
     def forget(self, job: Command) -> None:
         """Let the workers drop what they kept for a job; without a connection there is nothing to be done."""
@@ -136,13 +137,12 @@ class Cluster:
         def connected_clients(dask_scheduler):
             return set(dask_scheduler.clients)
 
-        kept = set().union(*self.client.run(kept_keys, on_error="ignore").values())
+        kept = set().union(*self.client.run(list_jobs, on_error="ignore").values())
         if killed := kept and kept - self.client.run_on_scheduler(connected_clients):
             self.client.run(forget, killed, on_error="ignore")
 
     def _result(self, future):
         """The result of a task; what went wrong on a worker is raised here."""
-        from distributed import CancelledError
         from distributed.scheduler import KilledWorker
 
         try:
@@ -152,10 +152,21 @@ class Cluster:
                 "Several workers were lost over the same part of the picture; they may have too little memory for the "
                 "volume: give them more, or fewer threads."
             ) from None
-        except (CancelledError, OSError) as problem:
-            if isinstance(problem, OSError) and problem.errno is not None:
-                raise RleSplatError(f"A worker reported an error: {problem.strerror}.") from None
-            raise RleSplatError("The connection to the Dask scheduler was lost; run the command again.") from None
+        except OSError as problem:
+            if problem.errno is None:  # of the connection
+                raise
+            raise RleSplatError(f"A worker reported an error: {problem.strerror}.") from None
+
+
+@contextmanager
+def _watch_connection():
+    """Context manager: a lost connection to the scheduler becomes a RleSplatError."""
+    from distributed import CancelledError
+
+    try:
+        yield
+    except (CancelledError, OSError):
+        raise RleSplatError("The connection to the Dask scheduler was lost; run the command again.") from None
 
 
 @contextmanager

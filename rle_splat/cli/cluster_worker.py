@@ -108,7 +108,7 @@ def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     return Made(replace(prepared, scene=None), rendering, scene_hash)
 
 
-def kept_keys() -> list[str]:
+def list_jobs() -> list[str]:
     """The keys of the jobs for which something is kept."""
     return list(_JOBS)
 

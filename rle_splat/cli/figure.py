@@ -10,7 +10,7 @@ from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
 from ..read.channels import level_options, read_channel_steps
 from ..read.formats import format_named, read_steps
 from ..read.labels import read_label_steps
-from ..runtime.whole_files import whole_files
+from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import read_transfer_function
@@ -95,7 +95,8 @@ def _write(args, made, remarks, sidecar: dict | None) -> list[str]:
     canvas = Canvas(made.page)
     with whole_files([*targets, *([args.json] if args.json else [])]) as parts:
         for path, part in zip(args.output, parts):
-            write_figure(part, Path(path).suffix.lower(), made.page, canvas)
+            with writing(path):
+                write_figure(part, Path(path).suffix.lower(), made.page, canvas)
         if sidecar is not None:
             write_report(parts[len(args.output)], sidecar)
         if args.json:
@@ -153,14 +154,14 @@ def _made(args, line):
     made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
     remarks = (*reasons, *further.remarks, *made.remarks, *quality_remarks(args, quality))
     sources = Sources(
-        DataSource(_kept(args.volume), {**level_options(volume), **volume_options(args)}),
-        None if args.labels is None else DataSource(_kept(args.labels)),
-        tuple(map(DataSource, map(_kept, args.channel), further.channel_options)),
+        DataSource(_use_slashes(args.volume), {**level_options(volume), **volume_options(args)}),
+        None if args.labels is None else DataSource(_use_slashes(args.labels)),
+        tuple(map(DataSource, map(_use_slashes, args.channel), further.channel_options)),
     )
     return made, remarks, sidecar_of(made, sources)
 
 
-def _kept(path) -> str:
+def _use_slashes(path) -> str:
     """A path as sidecars keep it, which every system finds."""
     return Path(path).as_posix()
 

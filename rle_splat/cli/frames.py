@@ -60,10 +60,10 @@ class Frames(Sequence):
     def __getitem__(self, index: int) -> argparse.Namespace:
         return _frame(self.args, range(self.first, self.last + 1)[index], self.path)
 
-    def outputs_at_stake(self, others) -> list[str]:
+    def find_outputs_at_stake(self, others) -> list[str]:
         """Outputs of the first frame, and of all frames those that are there already or have the name of one of
         ``others``: what has to be checked before any is made."""
-        found = dict.fromkeys(outputs_of(self[0]))
+        first, found = outputs_of(self[0]), {}
         for path in map(Path, outputs_of(self.args)):
             pattern = re.compile(f"{re.escape(path.stem)}_([0-9]{{{DIGITS},}}){re.escape(path.suffix)}", re.IGNORECASE)
             names = [Path(other).name for other in others]
@@ -73,7 +73,7 @@ class Frames(Sequence):
             numbers = {int(match[1]) for match in map(pattern.fullmatch, names) if match}
             among = (number for number in sorted(numbers) if self.first <= number <= self.last)
             found |= dict.fromkeys(numbered(path, number) for number in among)
-        return list(found)
+        return [*first, *(path for path in found if path not in first)]
 
 
 def each_frame(args) -> Sequence:

@@ -205,7 +205,7 @@ def _checked(args, frames) -> Checked:
         writer_for(path)
     inputs = (*scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
     report = [args.json] if args.json else []
-    outputs = outputs_of(args) if frames[0] is args else frames.outputs_at_stake(report)
+    outputs = outputs_of(args) if frames[0] is args else frames.find_outputs_at_stake(report)
     check_outputs([*outputs, *report], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)

@@ -6,6 +6,7 @@ the arguments are those of ``images``.  The values in the file are those that ``
 
 from __future__ import annotations
 
+import errno
 import struct
 import zlib
 from contextlib import suppress
@@ -90,7 +91,10 @@ class ExrRows(_Rows):
         planes = dict(zip("RGBA", np.moveaxis(np.asarray(rgba, np.float32), -1, 0), strict=True))
         if self._has_depth:
             planes["Depth.Z"] = np.asarray(depth, np.float32)
-        self._file.writePixels({name: plane.tobytes() for name, plane in planes.items()}, len(rgba))
+        try:
+            self._file.writePixels({name: plane.tobytes() for name, plane in planes.items()}, len(rgba))
+        except OSError:  # of the package, without a number
+            raise OSError(errno.EIO, "not all of it could be written", str(self._path)) from None
 
     def _close(self):
         with suppress(OSError):  # an incomplete file complains, and is deleted

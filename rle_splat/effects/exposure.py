@@ -73,14 +73,13 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
         return (yield from sharp_steps(scenes[0]))
     still = changed(scene, motion=(), camera=changed(scene.camera, aperture_radius=0.0))
     made, count = [], len(scenes) + 1
-    rgba = np.zeros((), np.float64)
     for number, sharp in enumerate((still, *scenes)):
         one = yield from part(sharp_steps(sharp), number / count, (number + 1) / count)
         made.append(one.report)
         if sharp is still:
-            depth = one.depth
+            depth, rgba = one.depth, np.zeros(one.rgba.shape, np.float64)
         else:
-            rgba = rgba + one.rgba
+            rgba += one.rgba
     return Rendering((rgba / len(scenes)).astype(np.float32), depth, {**made[0], **_times(scene, made)})
 
 

@@ -106,19 +106,21 @@ class FolderWriter:
     def __init__(self, path):
         self.path = Path(path)
         self.folder = unfinished(self.path)
+        self._aside = self.path.with_name(f".{self.path.name}.replaced")  # where the folder that is replaced is moved
         self.slabs: list[Slab] = []
-        self._job: str | None = None
+        self._job: str | None = None  # whose folder it is, from begin on
         self._sizes: Counter[str] = Counter()  # bytes of each file
         self._open = ExitStack()
         self._is_held_up = False  # whether all is done but for the folder that is replaced
 
     def __enter__(self) -> FolderWriter:
         _check_output(self.path)
-        with writing(self.path):
-            free = self._open.enter_context(only_one(self.path.with_name(f".{self.path.name}.lock")))
-        if not free:
-            self._open.close()
-            raise self._other()
+        with ExitStack() as held, writing(self.path):
+            if not held.enter_context(only_one(self.path.with_name(f".{self.path.name}.lock"))):
+                raise self._other()
+            if self._aside.exists() and not self.path.exists():  # of a command that was killed while it replaced it
+                os.replace(self._aside, self.path)
+            self._open = held.pop_all()
         return self
 
     def __exit__(self, kind, _problem, _traceback):
@@ -198,6 +200,7 @@ class FolderWriter:
     def _append(self, name: str, content) -> None:
         with open(self.folder / name, "ab") as file:
             if file.tell() != self._sizes[name]:  # on a disk without locks
+                self._job = None  # the folder is the other command's
                 raise self._other()
             file.write(content)
         self._sizes[name] += len(content)
@@ -207,10 +210,9 @@ class FolderWriter:
 
         ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
         """
-        before = self.path.with_name(f".{self.path.name}.replaced")
         with writing(self.path):
-            shutil.rmtree(before, ignore_errors=True)
-            self._check_is_replaceable(before)
+            shutil.rmtree(self._aside, ignore_errors=True)
+            self._check_is_replaceable()
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]
@@ -223,25 +225,25 @@ class FolderWriter:
                     os.fsync(stream.fileno())
                 size += file.stat().st_size
             if self.path.exists():
-                os.replace(self.path, before)
+                os.replace(self.path, self._aside)
             os.replace(self.folder, self.path)
-            shutil.rmtree(before, ignore_errors=True)
+            shutil.rmtree(self._aside, ignore_errors=True)
         return size
 
-    def _check_is_replaceable(self, aside: Path) -> None:
+    def _check_is_replaceable(self) -> None:
         """RleSplatError that leaves the slabs, if the folder that is there cannot be renamed: Windows holds mapped
         files."""
         if not self.path.exists():
             return
         try:
-            os.replace(self.path, aside)
+            os.replace(self.path, self._aside)
         except PermissionError:
             self._is_held_up = True
             raise RleSplatError(
                 f"Cannot replace {self.path}, because a program shows it; close it there, and run this again, which "
                 "goes on where it ended."
             ) from None
-        os.replace(aside, self.path)
+        os.replace(self._aside, self.path)
 
     def _join(self, name: str) -> None:
         parts = sorted(self.folder.glob(f"{name}.*"))

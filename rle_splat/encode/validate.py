@@ -62,8 +62,8 @@ class Values(NamedTuple):
 
 def reason_of(problem: Exception) -> str:
     """An exception of DAMAGE as a remark in brackets, or nothing."""
-    told = str(problem).splitlines()[:1]
-    return f" ({told[0][:LONGEST_REASON]})" if told else ""
+    lines = str(problem).splitlines()
+    return f" ({lines[0][:LONGEST_REASON]})" if lines else ""
 
 
 def _require(good, what: str) -> None:

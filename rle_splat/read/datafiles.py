@@ -36,7 +36,7 @@ def named_files(path: Path, given: str, listed) -> list[Path]:
     names = list(listed) if given.upper().split()[:1] == ["LIST"] else _pattern_names(path, given)
     names = [os.path.normpath(name.strip().replace("\\", "/")) for name in names if name.strip()]
     for name in names:
-        if Path(name).anchor or Path(name).parts[:1] == ("..",):  # a header of others must not choose among one's files
+        if _is_outside(path.parent, name):  # a header of others must not choose among one's files
             raise RleSplatError(
                 f"{path.name} names {name}, which is outside its folder; move that file beside it and correct the name."
             )
@@ -46,6 +46,16 @@ def named_files(path: Path, given: str, listed) -> list[Path]:
         gone = missing.name if missing is not None else "a list of files"
         raise RleSplatError(f"{path.name} needs {gone} beside it, which is not there; copy all its files.")
     return files
+
+
+def _is_outside(folder: Path, name: str) -> bool:
+    """Whether a normalized name, absolute or relative to a folder, is of a file neither in the folder nor below it."""
+    if "\0" in name or (not Path(name).anchor and Path(name).parts[:1] != ("..",)):
+        return False  # no file has a NUL in its name, and the system looks none up
+    file = folder / name
+    if Path(os.path.abspath(file)).anchor != Path(os.path.abspath(folder)).anchor:
+        return True  # on another drive or computer, where nothing is looked up
+    return not Path(os.path.realpath(file.parent)).is_relative_to(os.path.realpath(folder))
 
 
 def _pattern_names(path, given: str) -> list[str]:

@@ -71,7 +71,7 @@ def checked_frame(path, frame: int | None, frames: int) -> int:
     return int(frame)
 
 
-def time_first(axes) -> list:
+def put_time_first(axes) -> list:
     """The further axes of a file in the order of ``place_of_frame``, whatever order they have in the file."""
     return sorted(axes, key=lambda axis: axis.lower() != "t")
 
@@ -84,7 +84,7 @@ def place_of_frame(frame: int, lengths: dict) -> dict:
     frame : int
         From 1. The last axis is counted first: frame 2 is the second channel of the first time.
     lengths : dict of str to int
-        Axis -> its length, in the order of ``time_first``.
+        Axis -> its length, in the order of ``put_time_first``.
     """
     return dict(zip(lengths, map(int, np.unravel_index(frame - 1, tuple(lengths.values())))))
 

@@ -53,7 +53,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
     try:
         with open(path, "rb") as stream:
             while line := stream.readline(MOST_HEADER):
-                name, equals, value = _decoded(line).partition("=")
+                name, equals, value = _decode(line).partition("=")
                 end = stream.tell()
                 if not equals or end > MOST_HEADER:
                     raise damaged(path, "it does not end with ElementDataFile")
@@ -62,7 +62,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
                     break
             listed = []
             if fields.get("elementdatafile", "").upper().startswith("LIST"):
-                listed = _decoded(stream.read(MOST_HEADER)).splitlines()
+                listed = _decode(stream.read(MOST_HEADER)).splitlines()
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
     if "elementdatafile" not in fields or fields.get("objecttype", "Image").lower() != "image":
@@ -70,7 +70,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
     return fields, listed, end
 
 
-def _decoded(text: bytes) -> str:
+def _decode(text: bytes) -> str:
     """Text of a header, which says nothing of its encoding."""
     try:
         return text.decode("utf-8")

@@ -28,8 +28,8 @@ from .header import (
     damaged,
     frame_remark,
     place_of_frame,
+    put_time_first,
     sensible_spacing,
-    time_first,
 )
 from .streaming import allocated, grid_text, plain_name, storable_steps
 
@@ -119,7 +119,7 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
     chosen = _chosen(shapes, sizes, quick) if level is None else int(level)
     array, shape = arrays[chosen], shapes[chosen]
     lengths = dict(zip(pyramid.axes, array.shape))
-    others = {name: lengths[name] for name in time_first(name for name in pyramid.axes if name not in SPACE)}
+    others = {name: lengths[name] for name in put_time_first(name for name in pyramid.axes if name not in SPACE)}
     frames = math.prod(others.values())
     number = checked_frame(path, frame, frames)
     several = [{"t": "time", "c": "channel"}.get(name, name) for name, n in others.items() if n > 1]

@@ -120,7 +120,7 @@ def sequence_of(path) -> Sequence | None:
     return Sequence({number: found[number] for number in numbers}, step)
 
 
-def listed(numbers) -> str:
+def join_numbers(numbers) -> str:
     """Numbers for a message; the first of many."""
     return ", ".join(map(str, numbers[:LISTED])) + (" and others" if len(numbers) > LISTED else "")
 

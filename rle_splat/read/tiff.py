@@ -25,11 +25,11 @@ from .header import (
     frame_remark,
     library,
     place_of_frame,
+    put_time_first,
     sensible_spacing,
-    time_first,
 )
 from .layout import checked_spacing
-from .sequence import LISTED, listed
+from .sequence import LISTED, join_numbers
 from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -157,7 +157,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
     lengths = dict(zip(axes[:-2], series.shape))
     longer = {axis: n for axis, n in lengths.items() if n > 1}
     depth = next((axis for axis in DEPTH_AXES if axis in longer), "")
-    others = time_first(axis for axis in longer if axis != depth)
+    others = put_time_first(axis for axis in longer if axis != depth)
     frames = math.prod(longer[axis] for axis in others)
     shape = checked_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
     dtype = checked_kind(path, np.dtype(series.dtype))
@@ -232,8 +232,8 @@ def _missing_remark(files: list[Path]) -> tuple:
         return ()
     are = "number {} is" if len(gaps) == 1 else "numbers {} are"
     return (
-        f"Between {files[0].name} and {files[-1].name} the {are.format(listed(gaps))} missing, and the slices beside a "
-        "gap were taken as neighbors; copy the missing files, or renumber the files if none is missing.",
+        f"Between {files[0].name} and {files[-1].name} the {are.format(join_numbers(gaps))} missing, and the slices "
+        "beside a gap were taken as neighbors; copy the missing files, or renumber the files if none is missing.",
     )
 
 

@@ -12,8 +12,7 @@ from ..scene import RleSplatError
 
 PAUSES = 0.1, 0.4  # seconds before a file that another program holds is renamed again
 PART = ".part-"  # between the process id and the name of a file that is not complete
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, None)  # None: of packages that do not say what was wrong
-NOT_ALL = "not all of it could be written"
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def part_of(path: Path) -> Path:
@@ -27,7 +26,7 @@ def writing(path):
     try:
         yield
     except OSError as problem:
-        why = problem.strerror or NOT_ALL
+        why = problem.strerror or "not all of it could be written"  # packages do not always say what was wrong
         raise RleSplatError(f"Cannot write {path}: {why}; choose another place, or make room there.") from None
 
 
@@ -67,7 +66,7 @@ def whole_files(paths):
             written = []
         if not written:
             raise
-        raise OSError(problem.errno, problem.strerror or NOT_ALL, ", ".join(written)) from None
+        raise OSError(problem.errno, problem.strerror, ", ".join(written)) from None
     finally:
         for part in parts:
             part.unlink(missing_ok=True)

@@ -22,11 +22,11 @@ def whole_steps(steps, scene: Scene):
         in memory.
     """
     files = [(Path(one.filename), one.offset + one.nbytes) for one in map(_file_of, _arrays(scene)) if one is not None]
-    return within(steps, lambda: _whole(files)) if files else steps
+    return within(steps, lambda: _check_ends(files)) if files else steps
 
 
 @contextmanager
-def _whole(files):
+def _check_ends(files):
     """Context manager: RleSplatError if one of (path, its end) ends earlier."""
     for path, end in files:
         held = os.path.getsize(path) if path.is_file() else end
@@ -51,7 +51,7 @@ def _arrays(scene: Scene) -> list[np.ndarray]:
 
 
 def _file_of(array) -> np.memmap | None:
-    """The mapped file that an array is a view of."""
-    while array is not None and not isinstance(array, np.memmap):
+    """The mapped file that an array is a view of; a copy of one is a memmap, too, without a file's name."""
+    while array is not None and not (isinstance(array, np.memmap) and array.filename is not None):
         array = getattr(array, "base", None)
     return array

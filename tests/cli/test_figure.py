@@ -50,7 +50,18 @@ def plain(made_once, raw):
 
 def test_a_sidecar_keeps_paths_that_every_system_finds(monkeypatch):
     monkeypatch.setattr(figure_command, "Path", PureWindowsPath)
-    assert figure_command._kept("..\\scans\\ct.nii") == "../scans/ct.nii"
+    assert figure_command._use_slashes("..\\scans\\ct.nii") == "../scans/ct.nii"
+
+
+def test_a_picture_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+    def break_off(*_):
+        raise OSError("2 requested and 1 written")  # as numpy has it of a full disk
+
+    monkeypatch.setattr(figure_command, "write_figure", break_off)
+    args = SimpleNamespace(output=[str(tmp_path / "fig.exr")], json=None)
+    with pytest.raises(RleSplatError, match=r"^Cannot write .*fig\.exr: not all of it could be written; choose"):
+        figure_command._write(args, SimpleNamespace(page=None), (), None)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture

@@ -89,6 +89,8 @@ def test_places_are_checked_before_any_frame(raw, call, raw_options, tmp_path, m
     ):  # fmt: skip
         refused = call("render", *turn, "-o", tmp_path / output, "--json", tmp_path / "s_0001.npy")
         assert refused.code == 2 and said in refused.err, refused
+    refused = call("render", *turn, "-o", tmp_path / "s.npy", "-o", tmp_path / "s.npy")
+    assert refused.code == 2 and "s_0001.npy is named twice" in refused.err
     assert len(made) < 20 and not [path for path in tmp_path.glob("*.npy") if path.is_file()]
 
 

@@ -11,6 +11,7 @@ from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate
 from pydicom.uid import MPEG2MPML, generate_uid
 
+from rle_splat.read.dicom import discovery
 from rle_splat.read.formats import read_volume
 
 from . import dicom_phantoms as phantoms
@@ -23,6 +24,13 @@ class TestBadInput:
         assert refusal(tmp_path).endswith(
             "holds no medical images, only 1 other file; choose the folder of the series."
         )
+
+    def test_too_many_files(self, tmp_path: Path, monkeypatch):
+        phantoms.write_classic(tmp_path, AXIAL)
+        monkeypatch.setattr(discovery, "MOST_FILES", 2)
+        assert refusal(tmp_path).endswith("holds more than 2 files; choose the folder of one study or series.")
+        said = refusal(sorted(tmp_path.iterdir())[0])
+        assert said.endswith("holds more than 2 files; copy those of the series into a folder of their own.")
 
     def test_one_slice(self, tmp_path: Path):
         where = phantoms.geometry("one", (1, 0, 0), (0, 1, 0), [0.0])

@@ -17,6 +17,7 @@ from rle_splat.read.formats import read_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Labels, Quality, RleSplatError, Scene
 from rle_splat.volume import few_planes
+from rle_splat.volume.mapped_files import whole_steps
 from rle_splat.volume.volume import Volume
 
 SHAPE = (9, 10, 11)  # x, y, z
@@ -112,6 +113,17 @@ def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, p
     os.truncate(tmp_path / "a.raw", 4096)
     with pytest.raises(RleSplatError, match=r"a\.raw was cut short .* 4096 of 524288 bytes are left"):
         drain(steps)
+
+
+@pytest.mark.parametrize("copy", [np.memmap.copy, lambda mapped: mapped.astype(np.float32)])
+def test_a_copy_of_a_mapped_array_is_of_no_file(tmp_path, copy):
+    """It is a numpy.memmap still, with no file's name."""
+    np.save(tmp_path / "a.npy", values())
+    volume = Volume(copy(np.load(tmp_path / "a.npy", mmap_mode="r")), np.eye(4))
+    function = TransferFunction(opacity=((0, 0.0), (1000, 0.5)), color=((0.0, 1.0, 1.0, 1.0),))
+    scene = Scene(volume, function, Camera(np.eye(4), "ORTHO", ortho_scale=64.0, clip_end=200.0), 8, 8)
+    steps = object()
+    assert whole_steps(steps, scene) is steps
 
 
 def test_a_large_file_that_breaks_off(tmp_path, all_large):

@@ -1,5 +1,6 @@
 """MetaImage, written and judged by SimpleITK."""
 
+import os
 import zlib
 
 import numpy as np
@@ -94,8 +95,22 @@ def test_a_file_elsewhere_is_refused(tmp_path, name):
         header.write_text(f"{HEADER}ElementDataFile = {field}\n{listed}".format(tmp_path))
         with pytest.raises(RleSplatError, match=r"a\.mhd names .*other.a\.raw, which is outside its folder; move"):
             read_volume(header)
-    header.write_text(f"{HEADER}ElementDataFile = below/a.raw\n")
-    assert read_volume(header).shape_xyz == (9, 7, 5)
+    header.write_text(f"{HEADER}ElementDataFile = /other\0/a.raw\n")
+    with pytest.raises(RleSplatError, match=r"a\.mhd needs a\.raw beside it, which is not there"):
+        read_volume(header)
+    for name in ("below/a.raw", "../scan/below/a.raw", tmp_path / "scan/below/a.raw"):
+        header.write_text(f"{HEADER}ElementDataFile = {name}\n")
+        assert read_volume(header).shape_xyz == (9, 7, 5)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows needs a right to make links")
+def test_a_file_in_the_folder_has_that_folders_other_name(tmp_path):
+    (tmp_path / "scan").mkdir()
+    (tmp_path / "link").symlink_to("scan")
+    (tmp_path / "scan" / "a.raw").write_bytes(coordinates(AFFINES["axial"])[0].tobytes())
+    for one, other in (("scan", "link"), ("link", "scan")):
+        (tmp_path / "scan" / "a.mhd").write_text(f"{HEADER}ElementDataFile = {tmp_path / one / 'a.raw'}\n")
+        assert read_volume(tmp_path / other / "a.mhd").shape_xyz == (9, 7, 5)
 
 
 @pytest.mark.parametrize("skip", [11, -1])

@@ -51,8 +51,10 @@ def test_types_and_byte_orders(tmp_path, dtype):
 def test_a_detached_header_names_no_file_elsewhere(tmp_path):
     (tmp_path / "scan").mkdir()
     nrrd.write(str(tmp_path / "scan" / "a.nhdr"), coordinates(AFFINES["oblique"])[0], {"encoding": "raw"})
-    (tmp_path / "scan" / "a.raw").rename(tmp_path / "a.raw")
     header = (tmp_path / "scan" / "a.nhdr").read_text()
+    (tmp_path / "scan" / "a.nhdr").write_text(header.replace("a.raw", str(tmp_path / "scan" / "a.raw")))
+    assert read_volume(tmp_path / "scan" / "a.nhdr").shape_xyz == coordinates(AFFINES["oblique"])[0].shape
+    (tmp_path / "scan" / "a.raw").rename(tmp_path / "a.raw")
     (tmp_path / "scan" / "a.nhdr").write_text(header.replace("a.raw", "../a.raw"))
     with pytest.raises(RleSplatError, match=r"a\.nhdr names \.\..a\.raw, which is outside its folder"):
         read_volume(tmp_path / "scan" / "a.nhdr")

@@ -150,6 +150,6 @@ OLD = {"refinement": 3, "record": 8, "kernel": "bspline3"}  # knobs of earlier v
     (lambda: Quality.preset("fine", "pre").classified("refined"), Quality.preset("fine"), "'post'"),
 ))  # fmt: skip
 def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(make, quality, used):
-    with pytest.warns(FutureWarning) as told:
+    with pytest.warns(FutureWarning) as found:
         assert make() == quality
-    assert [str(one.message) for one in told] == [f"The classification 'refined' was removed; {used} is used instead."]
+    assert [str(one.message) for one in found] == [f"The classification 'refined' was removed; {used} is used instead."]

@@ -257,12 +257,12 @@ def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
 
     fcntl = pytest.importorskip("fcntl", reason="Windows locks otherwise")
     monkeypatch.setattr(fcntl, "flock", unknown)
+    path = tmp_path / "b.rle"
     both = encode_folder_steps(scene, quality, path), encode_folder_steps(scene, quality, path)
     with pytest.raises(RleSplatError, match="another command is writing there"):
         for _ in zip(*both):
             pass
-    for steps in both:
-        steps.close()
+    drain(both[0])  # the one that noticed leaves the folder to the other
     assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
 
 
@@ -285,6 +285,18 @@ def test_a_folder_that_a_program_shows_is_replaced_when_it_is_closed(tmp_path, f
     assert load(path).record == 16
     assert encoded(path, scene, other)["folder"]["resumed_at_plane"] == scene.volume.shape_xyz[2]
     assert load(path).record == 8 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
+
+
+def test_a_folder_comes_back_whose_replacement_was_killed_between_its_two_renames(tmp_path, few_planes):
+    scene, quality, path = scene_of(volume_of()), QUALITIES["pre"], tmp_path / "a.rle"
+    encoded(path, scene, quality)
+    path.rename(tmp_path / ".a.rle.replaced")
+    steps = encode_folder_steps(scene, replace(quality, record=8), path)
+    for step in steps:
+        if "Encoding" in step.message:
+            break
+    steps.close()
+    assert load(path).record == 16 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 
 
 def test_what_a_folder_cannot_hold(tmp_path):

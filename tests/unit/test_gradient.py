@@ -55,7 +55,7 @@ def test_kernel_and_reference_agree(dtype):
 
 @pytest.mark.parametrize("shape", ((6, 7, 8), (1, 5, 4), (3, 1, 2)))
 @pytest.mark.parametrize("dtype", INTEGER + FLOAT)
-def test_the_truths_have_the_same_normals_by_code_of_their_own(dtype, shape):
+def test_the_references_have_the_same_normals_by_code_of_their_own(dtype, shape):
     voxels = np.random.default_rng(2).integers(0, 100, shape).astype(dtype)
     voxels[:, 3:] = 7  # no normal in there
     if dtype in FLOAT:

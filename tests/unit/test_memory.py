@@ -67,7 +67,7 @@ def test_the_least_that_any_control_group_leaves_counts(first, tmp_path, monkeyp
     assert memory.available_bytes() == 300
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows tells it by a call, not in files")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has it from a call, not from files")
 def test_where_the_system_tells_nothing_all_of_it_is_there(tmp_path, monkeypatch):
     for name in ("MEMINFO", "GROUP_OF_PROCESS", "ADDRESS_SPACE_USED"):
         monkeypatch.setattr(memory, name, tmp_path / "none")
@@ -203,7 +203,7 @@ print(rendering.report["memory_estimate_bytes"]["needed"], status("VmHWM") - bef
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux" or not Path("/proc/self/clear_refs").exists(), reason="only Linux tells it")
+@pytest.mark.skipif(sys.platform != "linux" or not Path("/proc/self/clear_refs").exists(), reason="only Linux has it")
 @pytest.mark.parametrize("meshes", ("", "meshes"))
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification, meshes):

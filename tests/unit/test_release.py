@@ -53,8 +53,8 @@ def test_changes_are_those_since_the_last_tag_of_another_version(monkeypatch):
 def test_a_clone_has_the_same_bytes_on_every_system():
     """The hash of the sources is part of the names of compiled kernels."""
     words = ["git", "check-attr", "eol", "--", "rle_splat/scene/scene.py", "docs/index.md"]
-    told = subprocess.run(words, cwd=places.ROOT, capture_output=True, text=True, check=True).stdout
-    assert [line.rpartition(" ")[2] for line in told.splitlines()] == ["lf", "lf"]
+    listed = subprocess.run(words, cwd=places.ROOT, capture_output=True, text=True, check=True).stdout
+    assert [line.rpartition(" ")[2] for line in listed.splitlines()] == ["lf", "lf"]
 
 
 def test_without_git_there_is_one_sentence(monkeypatch, tmp_path):

@@ -93,7 +93,7 @@ def find_pictures(path):
         return Found(own, (), (), 0, series)
     files = (other for other in path.parent.iterdir() if not other.name.startswith("._"))  # of macOS's archives
     siblings = sorted(other for other in files if other.is_file())
-    _refuse_more(path.parent, len(siblings))
+    _refuse_more(path.parent, len(siblings), "copy those of the series into a folder of their own")
     found = yield from _scan(siblings)
     mine = tuple(picture for picture in found.pictures if picture.series.key == series)
     return Found(mine, found.refused, found.broken, found.others, series)
@@ -106,14 +106,14 @@ def _files_below(folder: Path):
         folders[:] = sorted(name for name in folders if not name.startswith(".") and name != "__MACOSX")
         files = (Path(here, name) for name in sorted(names) if not name.startswith("."))
         found += [file for file in files if file.is_file()]  # no pipes
-        _refuse_more(folder, len(found))
+        _refuse_more(folder, len(found), "choose the folder of one study or series")
         yield Progress(0.0, f"Looking for images in {folder.name}")
     return found
 
 
-def _refuse_more(folder: Path, files: int) -> None:
+def _refuse_more(folder: Path, files: int, remedy: str) -> None:
     if files > MOST_FILES:
-        raise Refused(f"{folder.name} holds more than {MOST_FILES} files; choose the folder of one study or series.")
+        raise Refused(f"{folder.name} holds more than {MOST_FILES} files; {remedy}.")
 
 
 def _scan(paths):

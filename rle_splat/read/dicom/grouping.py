@@ -102,7 +102,7 @@ class Group:
             if spacing is not None:
                 raise RleSplatError("The files of this series state its geometry; leave out --spacing.")
             storage = slices[0].storage
-            return stack(*planes_of(slices), (storage.rows, storage.columns))
+            return stack(*collect_planes(slices), (storage.rows, storage.columns))
         if spacing is None:
             raise no_positions()
         return stack_without_positions(len(slices), spacing)
@@ -113,7 +113,7 @@ def has_geometry(picture: Picture) -> bool:
     return None not in (picture.position, picture.orientation, picture.spacing)
 
 
-def planes_of(pictures) -> tuple[list, list, list]:
+def collect_planes(pictures) -> tuple[list, list, list]:
     """Positions, orientations and pixel spacings of pictures that all say where they lie."""
     return tuple(map(list, zip(*((p.position, p.orientation, p.spacing) for p in pictures))))
 
@@ -166,7 +166,7 @@ def _groups_of_parallel(pictures, same_voxels) -> list[Group]:
         ordered = sorted(pictures, key=lambda picture: (picture.instance_number, picture.number))
         return [Group((tuple(ordered),))]
     try:
-        positions, orientations, _ = planes_of(pictures)
+        positions, orientations, _ = collect_planes(pictures)
         row, column, normal = axes(common_orientation(orientations))
     except Refused as problem:
         return [Group((tuple(pictures),), refusal=problem)]
@@ -239,7 +239,7 @@ def _separator_names(pictures) -> list[str]:
 
 
 def _split_by(name: str, pictures, place) -> dict | None:
-    """Pictures by place by a value, in the values' order, if it tells all pictures at each place apart; else None.
+    """Pictures by place by a value, in the values' order, if it differs among all at each place; else None.
 
     Values of a frame may differ by place, as times do, if they are all lower than those of the next frame. The least
     one stands for the frame then.

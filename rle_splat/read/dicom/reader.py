@@ -212,7 +212,7 @@ def _stored_steps(pictures, target: np.ndarray, mapping):
     return lowered
 
 
-def _were(count: int, noun: str, rest: str = "") -> str:
+def _say_how_many(count: int, noun: str, rest: str = "") -> str:
     """Such as "1 file was" or "2 files were"; ``rest`` stands before the verb."""
     return f"{count} {noun}{'' if count == 1 else 's'}{rest} {'was' if count == 1 else 'were'}"
 
@@ -222,12 +222,12 @@ def _files_left_out(found: Found, key: str) -> list[str]:
     remarks = []
     if found.broken:
         names = ", ".join(found.broken[:3]) + (" and others" if len(found.broken) > 3 else "")
-        remarks.append(f"{_were(len(found.broken), 'damaged DICOM file')} left out: {names}.")
+        remarks.append(f"{_say_how_many(len(found.broken), 'damaged DICOM file')} left out: {names}.")
     if found.absent:
         remarks.append(f"The DICOMDIR lists files that are not there ({found.absent}), so slices may be missing.")
     refused = [problem for problem in found.refused if problem.series == key]
     if refused:
-        remarks.append(f"{_were(len(refused), 'file', ' of this series')} left out: {refused[0]}")
+        remarks.append(f"{_say_how_many(len(refused), 'file', ' of this series')} left out: {refused[0]}")
     return remarks
 
 
@@ -241,8 +241,8 @@ def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
     if odd:
         count = sum(len(frame) for other in odd for frame in other.frames)
         remarks.append(
-            f"{_were(count, 'slice', ' of this series')} left out, because size, direction, pixel spacing or place "
-            "does not fit the others; the volume is interpolated or ends there."
+            f"{_say_how_many(count, 'slice', ' of this series')} left out, because size, direction, pixel spacing or "
+            "place does not fit the others; the volume is interpolated or ends there."
         )
     if further:
         were = "was" if further == 1 else "were"

@@ -11,7 +11,7 @@ from ...runtime.steps import Progress, mapped, within
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
-from .grouping import has_geometry, parallel_parts, planes_of
+from .grouping import collect_planes, has_geometry, parallel_parts
 from .pictures import check_size, frame_steps
 from .pixels import stored_planes
 from .refusals import Refused, damaged, no_positions
@@ -128,7 +128,7 @@ def _put(target: np.ndarray, plane: np.ndarray, segment: int | None, threshold: 
 
 def _stack(pictures, found: read.Elements) -> tuple[Stack, list[list[int]]]:
     """Geometry of all frames, and for each frame the slices of the grid that it fills."""
-    positions, orientations, spacings = planes_of(pictures)
+    positions, orientations, spacings = collect_planes(pictures)
     if parallel_parts(pictures)[1:]:
         raise Refused(f"{found.path.name} holds segments in several directions; export each as a file of its own.")
     normal, positions = axes(common_orientation(orientations))[2], np.array(positions)

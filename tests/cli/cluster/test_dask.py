@@ -152,6 +152,19 @@ def test_ctrl_c_is_one_sentence(raw, raw_options, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["data"]
 
 
+def test_a_lost_scheduler_is_no_full_disk(call, raw, raw_options, address, tmp_path, monkeypatch):
+    """The pictures are begun by then; the package gives its error no number."""
+    from distributed.comm import CommClosedError
+
+    def close(*_):
+        raise CommClosedError("connection closed")
+
+    monkeypatch.setattr(cluster.Cluster, "submit", close)
+    result = call("render", raw, *raw_options, *WORDS, "-o", tmp_path / "a.tif", "--dask", address)
+    assert result.code == 2
+    assert result.err == "The connection to the Dask scheduler was lost; run the command again.\n"
+
+
 def test_a_lost_worker_costs_its_tasks_alone(render, monkeypatch):
     whole = np.load(render("whole.npy"))
     put, killed = cluster.Cluster.results, []
