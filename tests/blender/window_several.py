@@ -124,7 +124,7 @@ def check_the_picture_follows():
     drafts, before = viewport().counts["drafts"], viewport()._request.matrices
     yield from drag("MIDDLEMOUSE", middle(), [(40, -12)] * 4)
     assert viewport()._request.matrices != before, "the mouse has turned nothing"
-    yield from until(lambda: not viewport().is_busy, PATIENCE)
+    yield from until(lambda: not viewport().is_busy)
     assert viewport().waits and viewport().counts["drafts"] > drafts
     assert viewport()._shot.matrices == viewport()._request.matrices and len(viewport()._shot.contents) == 2
     yield from photograph("orbit_while_reading")
@@ -160,7 +160,7 @@ def check_deleted():
         assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
     assert len(camera.data.background_images) == 1
     bpy.data.objects.remove(near)
-    yield from until(lambda: not camera.data.background_images, PATIENCE)
+    yield from until(lambda: not camera.data.background_images)
     message = bpy.context.scene.rle_splat.message
     assert message == "The volume 'near' was deleted, so its backdrop was removed.", message
     yield from at_rest("deleted", {})
