@@ -18,7 +18,8 @@ import numpy as np
 from mathutils import Euler
 
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until, window
+from tests.blender.user_steps import settled, viewport
+from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, window
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_times_"))
 SIDE, REDRAWS, WARM = 256, 24, 6
@@ -106,18 +107,6 @@ class Meter:
             found = [call.get(name, 0.0) for call in calls]
             if max(found) >= 0.05:
                 print(f"  {name:28s} {np.median(found):7.2f}   {np.min(found):7.2f}", flush=True)
-
-
-def viewport():
-    return next(iter(live().viewports_of(area_of("VIEW_3D"))), None)
-
-
-def settled():
-    area_of("VIEW_3D").tag_redraw()
-    yield
-    yield
-    yield from until(lambda: viewport() is not None and not viewport().is_busy)
-    yield
 
 
 def phantom() -> Path:
