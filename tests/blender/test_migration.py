@@ -63,7 +63,6 @@ def test_the_compositing_works_and_is_taken_out(opened, tmp_path):
 
 
 def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
-    opened.rle_splat.backdrop_follows = False  # one that follows is rendered anew by today's renderer
     image = opened.camera.data.background_images[0].image
     before = scenes.image_pixels(image)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "again.blend"))
