@@ -110,7 +110,7 @@ def check_escape():
     yield from until(lambda: ended)
     print(f"Esc took {1e3 * (ended[0] - pressed):.0f} ms", flush=True)
     assert not jobs()._running and not volumes()
-    assert not import_module(f"{MODULE}.bridge.volumes")._kept
+    assert not import_module(f"{MODULE}.bridge.loop.store")._entries
     job._abandon = abandon
 
 
