@@ -46,8 +46,8 @@ class _Now:
     known: dict = {}
     last: dict = {}
     failed: dict = {}  # digest -> why it could not be rendered
-    wanted: int | None = None  # session id of the scene
-    since = 0.0
+    wanted: tuple | None = None  # session id of the scene, digest of its world
+    since = 0.0  # when that was asked for first
     is_awaited = False  # by a render, which does not begin before
 
 
@@ -71,7 +71,7 @@ def light_of(scene) -> tuple[tuple | None, str]:
     if found is not None:
         _Now.last[scene.world.session_uid] = key
         return found, ""
-    _want(scene)
+    _want(scene, key)
     if key in _Now.failed:
         return None, _Now.failed[key]
     earlier = _Now.known.get(_Now.last.get(scene.world.session_uid))
@@ -122,10 +122,15 @@ def forget() -> None:
         bpy.app.timers.unregister(_tick)
 
 
-def _want(scene) -> None:
-    """Render the world of a scene once it is still; not in background mode, where no timer runs, and in renders."""
+def _want(scene, key: str) -> None:
+    """Render the world of a scene once it is still; not in background mode, where no timer runs, and in renders.
+
+    Views that are drawn again and again ask often; only another world begins the wait anew.
+    """
     if not bpy.app.background and not bpy.app.is_job_running("RENDER"):
-        _Now.wanted, _Now.since = scene.original.session_uid, time.perf_counter()
+        wanted = scene.original.session_uid, key
+        if wanted != _Now.wanted:
+            _Now.wanted, _Now.since = wanted, time.perf_counter()
         if not bpy.app.timers.is_registered(_tick):
             bpy.app.timers.register(_tick, first_interval=STILL)
 
@@ -137,8 +142,8 @@ def _tick():
         return left
     if bpy.app.is_job_running("RENDER") and not _Now.is_awaited:
         return BUSY
-    scene = next((one for one in bpy.data.scenes if one.session_uid == _Now.wanted), None)
-    _Now.wanted = None
+    wanted, _Now.wanted = _Now.wanted, None
+    scene = next((one for one in bpy.data.scenes if wanted and one.session_uid == wanted[0]), None)
     if scene is not None and is_needed(scene):  # its world may have been removed meanwhile
         key = digest_of(scene)
         if _kept(scene, key) is None and key not in _Now.failed:
@@ -150,7 +155,8 @@ def _tick():
 def _on_update(scene=None, depsgraph=None):
     """An edited world is rendered even if no viewport and no panel shows its light."""
     if depsgraph is not None and depsgraph.id_type_updated("WORLD") and scene.rle_splat.use_composite:
-        _want(scene)
+        if is_needed(scene):
+            _want(scene, digest_of(scene))
 
 
 @persistent
@@ -176,7 +182,7 @@ def _await(scene, key: str) -> None:
     if not bpy.app.timers.is_registered(_tick):
         return  # no edit was seen; timers are registered on the main thread alone
     until = time.perf_counter() + LONGEST
-    _Now.wanted, _Now.since, _Now.is_awaited = scene.session_uid, 0.0, True
+    _Now.wanted, _Now.since, _Now.is_awaited = (scene.session_uid, key), 0.0, True
     while key not in _Now.known and key not in _Now.failed and time.perf_counter() < until:
         time.sleep(BRIEF)
     _Now.is_awaited = False
