@@ -43,10 +43,12 @@ WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
 
 # What a failing draw function, or a layout that was given nonsense, leaves on the console.
 PROBLEM = re.compile(r"Traceback|Error: Python|\bWARN|rna_|unknown|not found")
-# The time of a forced redraw, the add-on's messages, and what a small system lacks: /proc, languages, the network.
+# The time of a forced redraw, the add-on's messages, what a small system lacks (/proc, languages, the network), and a
+# counter of Blender's own that goes wrong when a render's thread and the main one call Python at the same time.
 HARMLESS = re.compile(
     r"^(\w+: \d+ . Draw Window.*|RLE Splat: .*|.*mounted file-systems|.*'PreferencesView', .*'language'"
-    r"|Repository data: .*|[\d:.]+ +operator +\| (?!ERROR).*)\n", re.MULTILINE | re.IGNORECASE)
+    r"|Repository data: .*|ERROR: Python context internal state bug.*|[\d:.]+ +operator +\| (?!ERROR).*)\n",
+    re.MULTILINE | re.IGNORECASE)
 
 LONG_LINE = re.compile(r"(.{400}).+")
 
