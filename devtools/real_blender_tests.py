@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -25,6 +26,7 @@ TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
+AT_ONCE = 2  # windows, which wait half of their time
 USUAL_SCREEN = (1280, 800)
 # The scripts that drive a window, with their screens in pixels.
 WINDOW_SCRIPTS = {
@@ -134,7 +136,7 @@ def window_stage(
 
 
 def real_blender_stages(zip_path: Path, script: str = SHORT, backend: str | None = None) -> list[Stage]:
-    """A script of tests/blender in the background, then those of windows, with the extension's zip.
+    """A script of tests/blender in the background, then those of windows, two at a time, with the extension's zip.
 
     They show what Blender's module cannot: F12 off the main thread, work from a timer, keys, mouse, panels, viewports.
     """
@@ -142,10 +144,12 @@ def real_blender_stages(zip_path: Path, script: str = SHORT, backend: str | None
         background = _run(ensure_blender(), zip_path, TESTS / script, "", ["--background"])
     except Failure as problem:
         return [untested("real blender and its windows", str(problem))]
-    windows = (
-        window_stage(zip_path, TESTS / name, label_of(name), size, backend) for name, size in WINDOW_SCRIPTS.items()
-    )
-    return [background, *windows]
+
+    def run(name: str) -> Stage:
+        return window_stage(zip_path, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend)
+
+    with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
+        return [background, *workers.map(run, WINDOW_SCRIPTS)]
 
 
 def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, place: list[str], **environ: str) -> Stage:
