@@ -187,6 +187,4 @@ def draft_of(quality: Quality) -> Quality:
     if quality.model != "extinction":  # the paper's own model has no presets
         return quality
     return Quality.preset(
-        DRAFT, classification=quality.classification, record=quality.record, threads=quality.threads,
-        backend=quality.backend,
-    )
+        DRAFT, classification=quality.classification, record=quality.record, threads=quality.threads)

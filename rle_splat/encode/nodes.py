@@ -53,7 +53,7 @@ class Nodes:
         )
 
 
-def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto"):
+def node_steps(voxels, write, level: int, brightest: float):
     """Average visible voxels to nodes.
 
     Parameters
@@ -64,7 +64,6 @@ def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto
     level : int
     brightest : float
         Upper bound of any channel of any voxel's color.
-    backend : {"auto", "numba", "numpy"}
 
     Yields
     ------
@@ -85,7 +84,7 @@ def node_steps(voxels, write, level: int, brightest: float, backend: str = "auto
     largest = int(np.diff(plane_start).max())
     planes_at_once = max(VOXELS_AT_ONCE // max(largest, 1), 1)
     records = np.empty((min(planes_at_once * largest, len(voxels)), 4), np.float32)
-    pool = pool_records if compiled(backend) else pool_records_numpy
+    pool = pool_records if compiled() else pool_records_numpy
     for plane in range(0, nz, planes_at_once):
         yield plane / nz
         positions = RecordPositions.in_order(voxels, plane, min(plane + planes_at_once, nz))
@@ -144,13 +143,12 @@ def _with_complement(records, brightest) -> np.ndarray:
     return np.concatenate((records, brightest * records[..., 3:] - records[..., :3]), axis=-1)
 
 
-def node_errors(nodes: Nodes, backend: str = "auto") -> np.ndarray:
+def node_errors(nodes: Nodes) -> np.ndarray:
     """Bounds of the error of nodes.
 
     Parameters
     ----------
     nodes : Nodes
-    backend : {"auto", "numba", "numpy"}
 
     Returns
     -------
@@ -166,7 +164,7 @@ def node_errors(nodes: Nodes, backend: str = "auto") -> np.ndarray:
     """
     nz, ny, nx = nodes.means.shape[:3]
     cells = np.empty((nz + 1, ny + 1, nx + 1), np.float32)
-    run = cell_errors if compiled(backend) else cell_errors_numpy
+    run = cell_errors if compiled() else cell_errors_numpy
     run(nodes.means, nodes.least, nodes.most, np.float32(nodes.brightest), cells)
     return _of_neighbors(np.pad(cells, 1), np.maximum)
 

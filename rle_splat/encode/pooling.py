@@ -30,9 +30,7 @@ def node_to_voxel(level: int) -> np.ndarray:
     return matrix
 
 
-def pooled_steps(
-    voxels: VisibleVoxels, write, level: int, finest: ClassifiedVolume, *, backend: str = "auto", threads: int = 0
-):
+def pooled_steps(voxels: VisibleVoxels, write, level: int, finest: ClassifiedVolume, *, threads: int = 0):
     """Average visible voxels to nodes.
 
     Parameters
@@ -43,7 +41,6 @@ def pooled_steps(
     level : int
     finest : ClassifiedVolume
         The classified voxels, for their lengths.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -72,7 +69,7 @@ def pooled_steps(
                 records = empty_records(16, last - first)
             write(positions, records)
             made = records[: last - first]
-            if compiled(backend):
+            if compiled():
                 arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)
                 with parallel_call(threads):
                     add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, means[0])

@@ -88,7 +88,7 @@ def decoding_size(record: int) -> int:
     return 4 + (LOG_STEPS + 1 if record == 4 else 0)
 
 
-def pack(records, decoding, voxel_data, *, backend: str = "auto", threads: int = 0) -> None:
+def pack(records, decoding, voxel_data, *, threads: int = 0) -> None:
     """Code records.
 
     Parameters
@@ -99,22 +99,21 @@ def pack(records, decoding, voxel_data, *, backend: str = "auto", threads: int =
         As of ``decoding_of``.
     voxel_data : ndarray
         Output; see ``empty_records``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
     record = record_bytes(voxel_data)
     if record == 8:
         arguments = (records, 1.0 / decoding[:4].astype(np.float64), voxel_data)
-        run = _pack_8 if compiled(backend) else _pack_8_numpy
+        run = _pack_8 if compiled() else _pack_8_numpy
     else:
         steps = np.array(COLOR_STEPS[record], np.int64)
         density = float(decoding[3] if record == 6 else decoding[-1])
         arguments = (records, 1.0 / decoding[:3].astype(np.float64), steps, 1.0 / density)
         arguments += (voxel_data,) if record == 6 else (_log_codes(), voxel_data)
         kernels, references = {6: _pack_6, 4: _pack_4}, {6: _pack_6_numpy, 4: _pack_4_numpy}
-        run = (kernels if compiled(backend) else references)[record]
-    if not compiled(backend):
+        run = (kernels if compiled() else references)[record]
+    if not compiled():
         run(*arguments)
         return
     with parallel_call(threads):

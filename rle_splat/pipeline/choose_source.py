@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, field
 
 from ..effects.analyze import EffectSet, analyzed
-from ..runtime.jit import compiled
 from ..scene import Quality, Scene
 from ..view.base_plane import BasePlane
 from .file_source import FileSource
@@ -28,7 +26,7 @@ class Settled:
     scene : Scene
         Without the effects that are off.
     quality : Quality
-        With a backend that is settled, and with the classification that the volume and the effects need.
+        With the classification that the volume and the effects need.
     effects : EffectSet
     remarks : tuple of str
         Sentences on what was asked for and could not be had, for the report.
@@ -51,7 +49,6 @@ def settled(scene: Scene, quality: Quality) -> Settled:
     RleSplatError
         Where there is no such quality.
     """
-    quality = _with_backend(quality, "numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified(scene.volume.classification)
     effects, left = analyzed(scene, quality)
@@ -60,12 +57,6 @@ def settled(scene: Scene, quality: Quality) -> Settled:
         quality = fitted
         effects, left = analyzed(scene, quality)
     return Settled(left, quality, effects, remarks)
-
-
-@lru_cache(maxsize=8)
-def _with_backend(quality: Quality, backend: str) -> Quality:
-    """Kept, since most frames have the previous one's, and a copy checks all of its fields."""
-    return replace(quality, backend=backend)
 
 
 def choose_source(scene: Scene, quality: Quality) -> Source:

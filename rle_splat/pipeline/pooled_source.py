@@ -61,11 +61,11 @@ class PooledSource(Source):
         key = (lit.key, self.level)
 
         def node_steps():
-            return pooled_steps(lit.classified.voxels, write, self.level, lit.classified, **self.machine)
+            return pooled_steps(lit.classified.voxels, write, self.level, lit.classified, threads=self.threads)
 
         def tables(axis: int, nodes, colors):
             yield 1.0
-            return encode(nodes, colors, axis, record=quality.record, **self.machine)
+            return encode(nodes, colors, axis, record=quality.record, threads=self.threads)
 
         def encode_steps(axis: int):
             nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode")

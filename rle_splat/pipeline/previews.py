@@ -156,7 +156,7 @@ def how_many(planes: list[BasePlane], scene: Scene, quality: Quality, fresh_voxe
     cropped = pixels / (scene.width * scene.height)  # the planes are those of the whole frame
     picture = PER_PIXEL_SHEET * pixel_sheets * cropped + PER_VOXEL * fresh_voxels
     preview = PER_PREVIEW_PIXEL * pixels * len(planes)
-    speed = thread_count(quality.threads) if compiled(quality.backend) else 1.0 / NUMPY_FACTOR
+    speed = thread_count(quality.threads) if compiled() else 1.0 / NUMPY_FACTOR
     if picture < WORTH_WAITING * speed:
         return 0
     return max(int(LARGEST_SHARE * picture / preview), 1)
@@ -222,7 +222,7 @@ def _pyramid_steps(lit: LitVolume, levels, quality: Quality):
     brightest = lit.color_bound
     if brightest is None:
         brightest = yield from brightest_steps(voxels, write)
-    nodes = yield from node_steps(voxels, write, levels[0], brightest, quality.backend)
+    nodes = yield from node_steps(voxels, write, levels[0], brightest)
     pyramid = [_level_of(nodes, quality)]
     for _ in levels[1:]:
         yield 1.0
@@ -232,7 +232,7 @@ def _pyramid_steps(lit: LitVolume, levels, quality: Quality):
 
 
 def _level_of(nodes: Nodes, quality: Quality) -> Level:
-    return Level(nodes.level, nodes.means, node_errors(nodes, quality.backend), nodes.brightest)
+    return Level(nodes.level, nodes.means, node_errors(nodes), nodes.brightest)
 
 
 def _drawn(scene: Scene, quality: Quality):
@@ -262,7 +262,7 @@ def _scene_of(scene: Scene, lit: LitVolume, level: int, records: np.ndarray, mar
     to_voxels = node_to_voxel(level)
     to_voxels[:3, 3] -= margin * 2**level
     planes = seen_planes(scene, scene.index_to_world @ to_voxels, classified.shape_xyz, quality)
-    arguments = dict(backend=quality.backend, threads=quality.threads)
+    arguments = dict(threads=quality.threads)
     axes = {
         axis: encode(classified, colors, axis, **arguments) for axis in sorted({plane.axis for plane in planes} or {0})
     }

@@ -75,7 +75,7 @@ def told_steps(steps, quality: Quality):
     Raises RleSplatError, caused by the MemoryError, when memory runs out half-way.
     """
     kernels: set[str] = set()
-    first_ever = compiled(quality.backend) and nothing_compiled_yet()
+    first_ever = compiled() and nothing_compiled_yet()
     steps = within(steps, lambda: NotingKernels(kernels))
     if first_ever:
         steps = mapped(steps, _told_of_compiling)

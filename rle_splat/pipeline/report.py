@@ -7,7 +7,7 @@ import math
 from ..effects.analyze import EffectSet
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
-from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, thread_count
 from ..runtime.steps import Clock
 from ..scene import NO_DEPTH, Scene, truth_of
 from ..view.ray_intervals import box_depths
@@ -48,7 +48,7 @@ def report_of(
         "error": {
             "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
         },
-        "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
+        "threads": thread_count(quality.threads) if compiled() else 1,
         "remarks": [*source.remarks, *remarks, *_remarks(source, view, medium)],
     }
 
@@ -84,6 +84,7 @@ def _memory_report(held: dict) -> dict:
 def _plan_report(source: Source, view: View) -> dict:
     knobs = dict(vars(source.quality))  # flat; ``asdict`` would copy every value in depth
     knobs["quality"] = knobs.pop("name")
+    knobs["backend"] = "numba" if compiled() else "numpy"
     knobs["pooled"] = source.node_size
     knobs["base_planes"] = [
         {
@@ -105,7 +106,7 @@ def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
         )
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
-    if source.quality.backend == "numpy":
+    if not compiled():
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
     elif PLAIN_NUMBA:

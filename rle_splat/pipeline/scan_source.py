@@ -72,7 +72,7 @@ class LitVolume:
 
         def write(positions, records):
             lit = self.classified, self.normals, self.falling
-            return light_records(*lit, model, positions, records, **self.source.machine)
+            return light_records(*lit, model, positions, records, threads=self.source.threads)
 
         return write
 
@@ -97,13 +97,13 @@ class ScanSource(Source):
         return Visibility(self.scene.volume, self.scene.transfer_function)
 
     def count_steps(self, shown, blocks):
-        return count_steps(shown, blocks, **self.machine)
+        return count_steps(shown, blocks, threads=self.threads)
 
     def fill_steps(self, shown, blocks, counted):
-        return fill_steps(shown, blocks, counted, **self.machine)
+        return fill_steps(shown, blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return classified(shown, voxels, length, **self.machine)
+        return classified(shown, voxels, length, threads=self.threads)
 
     def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
         """An estimate of memory with what only this kind of scan takes."""
@@ -115,7 +115,7 @@ class ScanSource(Source):
         return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
 
     def normals(self, voxels) -> np.ndarray:
-        return normals(voxels, self.scene.volume, self.scene.index_to_world, **self.machine)
+        return normals(voxels, self.scene.volume, self.scene.index_to_world, threads=self.threads)
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
@@ -137,7 +137,7 @@ class ScanSource(Source):
         matrix = scene.index_to_world
         length = unit_length(scene.volume, matrix)
         # A cache without room needs no content key, and large volumes no second reading for it.
-        voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
+        voxels_key = scene.volume.key if job.cache.keeps else ""
         shown = self.shown
         visible_key = (voxels_key, shown.key)
         falling = scene_lighting(scene, matrix)
@@ -154,11 +154,11 @@ class ScanSource(Source):
             directions = job.get("normals", normals_key, lambda: self.normals(voxels))
 
         def tables_of(axis):
-            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
+            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, threads=self.threads))
 
         around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, lambda: found.extinction, tables_of, *around, key, boxed=False, **self.machine
+            voxels, lambda: found.extinction, tables_of, *around, key, boxed=False, threads=self.threads
         )  # fmt: skip
         shadowed, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
         key = (key, *lighting_key(scene, matrix, falling), shadows_key)
@@ -178,7 +178,7 @@ class ScanSource(Source):
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
-        blocks_of = partial(block_steps, self.scene.volume, **self.machine)
+        blocks_of = partial(block_steps, self.scene.volume, threads=self.threads)
         steps = timed(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         steps = timed(self.count_steps(shown, blocks), clock, self.stage)
@@ -204,7 +204,7 @@ class ScanSource(Source):
         """
         job, clock, quality, voxels = work.job, work.clock, self.quality, lit.classified.voxels
         with clock.stage("encode"):
-            tables = job.get("runs", (lit.visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
+            tables = job.get("runs", (lit.visible_key, axis), lambda: run_tables(voxels, axis, threads=self.threads))
         write = clock.timing("shade", lit.write_records(quality.model))
 
         def key_of(axis):
@@ -214,7 +214,7 @@ class ScanSource(Source):
             work.claim(lit.estimate.one_axis())
             if job.has("records", key_of(IN_ORDER)):
                 in_order = job.get("records", key_of(IN_ORDER), None)
-                return (yield from reorder_steps(tables, voxels, in_order, **self.machine))
+                return (yield from reorder_steps(tables, voxels, in_order, threads=self.threads))
             decoding = None
             if quality.record != 16:
                 brightest = lit.color_bound
@@ -222,7 +222,7 @@ class ScanSource(Source):
                     brightest = yield from brightest_steps(voxels, write)
                 density = lit.classified.properties[:, DENSITY[quality.model]].max(initial=0.0)
                 decoding = decoding_of(quality.record, float(density), brightest)
-            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **self.machine)
+            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, threads=self.threads)
             return (yield from steps)
 
         steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
@@ -242,13 +242,13 @@ class MixedSource(ScanSource):
         return Mixture(scene.volume, scene.transfer_function, scene.labels, scene.channels)
 
     def count_steps(self, shown, blocks):
-        return shown.count_steps(**self.machine)
+        return shown.count_steps(threads=self.threads)
 
     def fill_steps(self, shown, blocks, counted):
-        return shown.fill_steps(blocks, counted, **self.machine)
+        return shown.fill_steps(blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return shown.classified(voxels, length, **self.machine)
+        return shown.classified(voxels, length, threads=self.threads)
 
     def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
         return needed.with_work(mixed_work_bytes(self.scene.volume.shape_xyz))
@@ -299,5 +299,5 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     source = scan_source(scene, quality)
     lit = drain(source.lit_steps(Work(StageCache(0).job(), clock)))
     with clock.stage("shade"):
-        colors = shaded_colors(lit.classified, lit.normals, lit.falling, **source.machine)
+        colors = shaded_colors(lit.classified, lit.normals, lit.falling, threads=source.threads)
     return lit.classified, colors

@@ -95,7 +95,7 @@ class Source(ABC):
     scene : Scene
         Without the effects that are off; its volume is the grid that is splatted.
     quality : Quality
-        With a backend that is settled.
+        With the classification that the volume and the effects need.
     """
 
     scene: Scene
@@ -107,9 +107,9 @@ class Source(ABC):
     node_size = 1  # voxels of the scan along each side of what is splatted
 
     @property
-    def machine(self) -> dict:
-        """Keyword arguments of every function with kernels."""
-        return dict(backend=self.quality.backend, threads=self.quality.threads)
+    def threads(self) -> int:
+        """Number of threads; 0 for one per core."""
+        return self.quality.threads
 
     @property
     def depth_rule(self) -> str:

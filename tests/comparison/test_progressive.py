@@ -14,11 +14,10 @@ from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import ScanSource
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError
+from tests.ways import both
 
-BACKENDS = ["numpy", pytest.param("numba", marks=pytest.mark.skipif(numba is None, reason="numba is not installed"))]
 # What the renderer itself may be off by, in a preview and in the picture: its filter rings beside sharp edges.
 SLACK, SHARP_SLACK = 2.5 / 255.0, 6.0 / 255.0
 
@@ -37,7 +36,7 @@ def speckled(n=37, seed=5):
     return np.where(filled, random.random(filled.shape) ** 3, 0.0)
 
 
-def nodes_of(stand, field, level, backend):
+def nodes_of(stand, field, level):
     """(Nodes, dense records (nz, ny, nx, 4), brightest) of a field."""
     medium = scene_medium(stand.scene(field), stand.quality)
     records = np.concatenate(
@@ -48,7 +47,7 @@ def nodes_of(stand, field, level, backend):
         first, last = positions.span
         out[: last - first] = records[first:last]
 
-    made = drain(nodes.node_steps(medium.classified.voxels, write, level, brightest, backend))
+    made = drain(nodes.node_steps(medium.classified.voxels, write, level, brightest))
     return made, medium.field[1:-1, 1:-1, 1:-1], brightest
 
 
@@ -56,11 +55,10 @@ def extended(records, brightest):
     return np.concatenate((records, brightest * records[..., 3:] - records[..., :3]), axis=-1)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("level", (1, 2, 3))
-def test_nodes_against_brute_force(stand, monkeypatch, backend, level):
+def test_nodes_against_brute_force(stand, monkeypatch, way, level):
     monkeypatch.setattr(nodes, "VOXELS_AT_ONCE", 1000)  # several pieces of work
-    made, dense, brightest = nodes_of(stand, speckled(19), level, backend)
+    made, dense, brightest = nodes_of(stand, speckled(19), level)
     for step in range(2):  # the level itself, and the one that is made of it
         side = 2 ** (level + step)
         shape = tuple(-(-n // side) for n in dense.shape[:3])
@@ -86,11 +84,10 @@ def trilinear(values, points):
     return total
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("level", (1, 2))
-def test_stored_errors_bound_the_difference_of_the_media_everywhere(stand, backend, level):
-    made, dense, brightest = nodes_of(stand, speckled(19), level, backend)
-    errors = nodes.node_errors(made, backend)
+def test_stored_errors_bound_the_difference_of_the_media_everywhere(stand, way, level):
+    made, dense, brightest = nodes_of(stand, speckled(19), level)
+    errors = nodes.node_errors(made)
     random = np.random.default_rng(1)
     points = random.uniform(-1.0, np.array(dense.shape[:3]), (200000, 3))  # z, y, x, the ramps outside included
     at = (points - 0.5 * (2**level - 1)) / 2**level
@@ -170,11 +167,9 @@ def test_errors_hold_for_sharp_edges_and_bright_colors(stand, lit):
         assert off.mean() <= preview.mean_error and off.max() > 0.1
 
 
-def test_both_backends_preview_alike(stand):
-    pytest.importorskip("numba")
+def test_both_ways_preview_alike(stand):
     scene = stand.scene(speckled(), size=(32, 30))
-    one, other = (
-        list(progressive.previews(scene, replace(stand.quality, backend=backend))) for backend in ("numpy", "numba"))
+    one, other = both(lambda: list(progressive.previews(scene, stand.quality)))
     for a, b in zip(one, other, strict=True):
         np.testing.assert_allclose(a.rendering.rgba, b.rendering.rgba, atol=2e-4)
         np.testing.assert_allclose(a.error, b.error, atol=5e-3)
