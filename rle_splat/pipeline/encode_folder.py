@@ -326,7 +326,7 @@ class _ClassifiedSlabs(_Slabs):
         voxels = self.in_volume(local, first)
         found = self.source.classified(self.source.shown, voxels, self.length)
         directions = None if self.falling is None else self.source.normals(voxels)
-        return local, LitVolume(found, directions, self.falling, (), (), None, self.source)
+        return local, LitVolume(self.source, found, self.falling, normals=directions)
 
     def encoded(self, first: int, last: int) -> _SlabTables:
         """The tables of planes [first, last)."""
