@@ -2,10 +2,11 @@
 
     source -> plan -> view -> classify -> shade -> encode -> splat -> warp -> rays -> report
 
-The paper is "Fast rendering of volumes by splatting run-length encoded voxels into sheet buffers": it classifies and
-shades the voxels of a scan, encodes those that are visible by their run lengths, splats them sheet by sheet on to a base
-plane in index space, and warps the intermediate image to the picture.  Before that comes what a scene is (source) and
-how well it is to be drawn (plan); after it, single rays where sheets and warp err most, and the report.
+The paper (Zhang, Sun and Sun, "Accelerate Volume Splatting by Using Run Length Encoding", 2003) classifies and shades
+the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet.  Here sheets lie on
+base planes in index space, and a warp makes the picture of them (algorithm.md 1.3).  Before that comes what the scene
+is (source) and how finely it is drawn (plan).  After it come single rays, where sheets and warp err most, and the
+report.
 
 Each stage is a generator of Progress, so that whoever asks for the picture can show how far it is, and can cancel it by
 closing the generator.  Each is timed by a Clock, and what it makes is kept in a StageCache under all that it was made
@@ -25,7 +26,7 @@ from .medium import Medium
 from .picture import Picture, begin_picture
 from .preset_plan import choose_plan
 from .report import make_report
-from .single_rays import steep_steps
+from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels
 from .source import Source
 from .stage_cache import StageCache
 from .views import Fade
@@ -55,7 +56,8 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, cache: S
     RleSplatError
         With one sentence, where the scene cannot be rendered.
     """
-    return drain(render_steps(scene, quality or Quality(), cache), progress)
+    steps = render_steps(scene, quality or Quality(), cache)
+    return drain(steps, progress)
 
 
 def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None, *, refuse_empty_view: bool = True):
@@ -80,18 +82,18 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
         # Source: what the volume is (a scan, several channels, or tables of a file), whether it is classified before
         # it is interpolated, as in the paper, or afterwards, and which effects the scene has.
         source = choose_source(scene, quality)
-        pictures = exposures(source.scene)
-        if cache is None:  # the pictures of a blur have most stages in common
-            cache = StageCache(0) if len(pictures) == 1 else StageCache()
         # Plan: sheets a voxel, filters and single rays.  A preset takes the cheapest plan that keeps its error.
         with clocks[0].stage("plan"):
-            source = choose_plan(source, cache)
+            kept = StageCache(0) if cache is None else cache
+            source = choose_plan(source, kept)
+        pictures = exposures(source.scene)
+        if cache is None and len(pictures) > 1:  # the pictures of a blur have most stages in common
+            kept = StageCache()
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
 
     def sharp_steps(sharp: Scene):
         clock = clocks.pop() if clocks else Clock()
-        of_sharp = source if sharp is source.scene else replace(source, scene=sharp)
-        return within(_sharp_steps(of_sharp, cache, refuse, clock), clock.running)
+        return within(_sharp_steps(replace(source, scene=sharp), kept, refuse, clock), clock.running)
 
     return exposure_steps(source.scene, pictures, sharp_steps)
 
@@ -169,5 +171,7 @@ def _fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, span
 
 def ray_steps(picture: Picture, medium: Medium, rgba, depth):
     """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
+    if not traces_steep_pixels(picture.source):
+        return rgba, depth, NO_PIXELS
     steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
     return (yield from portion(timed(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

@@ -128,8 +128,6 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
         The report's ``rays``: pixels, their share, and slabs per voxel.
     """
     scene, quality = source.scene, source.quality
-    if not traces_steep_pixels(source):
-        return rgba, depth, NO_PIXELS
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
     most = most_in_tile(scene.width, scene.height, quality.rays)
