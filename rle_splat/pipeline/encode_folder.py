@@ -129,7 +129,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     _check(scene, quality)
     scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
-    vars(volume)["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
+    volume.measured["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
     kind = _ClassifiedSlabs if quality.classification == "pre" else _ScalarSlabs
     slabs = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
