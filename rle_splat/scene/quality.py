@@ -40,7 +40,7 @@ CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
-REMOVED_VALUES = {"classification": {"refined": "post"}}
+REMOVED_VALUES = {"classification": {"refined": "post"}, "record": {6: 8, 4: 8}}
 REMOVED_FIELDS = ("refinement", "backend")  # fields of earlier versions, which are left out without a word
 # Of the option and the setting "backend": the rest of a sentence for who gives them.
 REMOVED_BACKEND = "was removed; numba is used where it can be loaded, and numpy elsewhere"
@@ -58,7 +58,7 @@ FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
 MINIFICATIONS = ("off", "widen", "pool")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
-RECORDS = (16, 8, 6, 4)  # bytes of a voxel record in the run-length tables; see encode/records.py
+RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and color: before or after interpolation",
@@ -200,7 +200,7 @@ class Quality:
         What overlapping footprints add up.
     length_correction : bool
         Whether the opacity of a sheet depends on the obliquity of the ray. False is the paper's literal reading.
-    record : {16, 8, 6, 4}
+    record : {16, 8}
         Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
     threads : int
         Number of threads; 0 for one per core.

@@ -57,8 +57,10 @@ def test_a_machine_is_measured_once(folder):
     for _ in range(3):
         assert drain(profile_steps(Quality(classification="post"))) == PROFILE
     assert len(measured) == 1
-    for other in (Quality(classification="pre"), Quality(classification="pre", record=4)):
+    for other in (Quality(classification="pre"), Quality(classification="pre", record=8)):
         drain(profile_steps(other))
+    with use_reference():
+        drain(profile_steps(Quality()))
     with use_reference():
         drain(profile_steps(Quality()))
     assert len(measured) == 4
