@@ -347,7 +347,7 @@ class Mixture:
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             begin, end = max(first - 1, 0), min(last + 1, nz)
-            edges, offset = own.edges(begin, end, dict(threads=threads)), begin * ny * nx
+            edges, offset = own.edges(begin, end, threads), begin * ny * nx
             seen = ~own.hides(slice(offset, end * ny * nx))
             sources = np.arange(len(seen))
             at = edges.at[edges.voxel]
@@ -390,7 +390,7 @@ class Mixture:
             begin, end = row_start[[0, -1]]
             rows = np.repeat(np.arange((last - first) * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
             share = (~own.hides(slice(first * ny * nx, last * ny * nx))).astype(np.float64)
-            edges = own.edges(first, last, dict(threads=threads))
+            edges = own.edges(first, last, threads)
             share[edges.at] = edges.summed(edges.share)
             share, deep = share[rows], depth[begin:end].astype(np.float64)
             thinned = -np.log1p(np.maximum(share * np.expm1(-deep), -ALPHA_CAP))

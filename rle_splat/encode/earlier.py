@@ -50,8 +50,8 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     decoding = decoding_of(8, float(scales[3:].max() if record == 6 else scales[4:].max()), most_color)
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
-        part = words[first : first + AT_ONCE]
-        pack_numpy(_numbers(part, record, scales), 1.0 / decoding.astype(np.float64), voxel_data[first : first + AT_ONCE])
+        part = slice(first, first + AT_ONCE)
+        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 
