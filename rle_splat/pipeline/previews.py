@@ -184,7 +184,7 @@ def _lit_steps(source: Source, door: Settled, job: Job, axes: int):
     try:
         return (yield from scan_source(door.scene, door.quality).lit_steps(Work(job, Clock(), axes)))
     except RleSplatError:
-        if source.sheets.scalar_sheets:
+        if source.scalar_sheets:
             return None
         raise
 

@@ -19,7 +19,7 @@ from ..splat.splat import LOADING
 from ..volume.mapped_files import whole_steps
 from ..warp.warp import warp_steps
 from .choose_source import Settled, choose_source, settled
-from .memory_estimate import picture_bytes, refuse_too_large
+from .memory_estimate import refuse_too_large
 from .preset_plan import with_plan
 from .report import report_of
 from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbors
@@ -201,11 +201,7 @@ def drawn_steps(drawing: Drawing, medium: Medium, tables: dict, splat):
 def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cache: StageCache, clock: Clock) -> Work:
     """The work for a picture, or a RleSplatError where its pixels alone need more memory than there is."""
     left, top, right, bottom = source.scene.region
-    scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
-    needed = picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
-        meshes=source.scene.hides_volume, scratch=scratch, traced=traced,
-    )  # fmt: skip
+    needed = source.picture_bytes(view.planes, shortened=rays.shorten_rays, traced=traced)
     if not cache.has_plenty(needed):
         cache.make_room(needed)
         refuse_too_large(needed, right - left, bottom - top)

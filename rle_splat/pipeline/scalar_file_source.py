@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
@@ -18,24 +17,16 @@ from ..splat.scalar_splat import scalar_splat_steps
 from ..view.projection import world_to_camera
 from .file_source import FileSource
 from .lighting import eye_of
-from .quick_estimate import ScalarSheets
 from .source import Medium, Work
 
 VALUES_ALREADY = "A .rle folder holds the voxels that its transfer function needs, and their light: post."
-
-
-@dataclass(frozen=True)
-class StoredScalarSheets(ScalarSheets):
-    """As ScalarSheets, of voxels that single rays cannot be followed through."""
-
-    traces_rays: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, eq=False)
 class ScalarFileSource(FileSource):
     """The tables of a folder, whose transfer function is what it is."""
 
-    sheets = StoredScalarSheets
+    scalar_sheets = True
 
     @classmethod
     def of(cls, scene: Scene, quality: Quality) -> ScalarFileSource:

@@ -18,8 +18,7 @@ from ..scene import Quality, Scene
 from ..splat.scratch import scratch_bytes
 from ..view.base_plane import BasePlane
 from ..volume.axes import AXES
-from .memory_estimate import MemoryEstimate, refuse_too_much
-from .quick_estimate import ClassifiedSheets
+from .memory_estimate import MemoryEstimate, picture_bytes, refuse_too_much
 from .stage_cache import Job
 
 ALL_TRANSPARENT = "The transfer function makes every voxel transparent, so the picture is empty."
@@ -47,7 +46,7 @@ class Work:
     picture: int = 0
 
     def claim(self, needed: MemoryEstimate) -> None:
-        """Make room for what is needed; RleSplatError, with what would fit, where there is not enough."""
+        """Make room for what is needed; RleSplatError, with what to do, where there is not enough."""
         self.job.cache.make_room(needed.needed)
         refuse_too_much(needed)
 
@@ -101,7 +100,8 @@ class Source(ABC):
     scene: Scene
     quality: Quality
 
-    sheets: ClassVar[type[ClassifiedSheets]] = ClassifiedSheets  # what its sheets are made of
+    scalar_sheets: ClassVar[bool] = False  # whether sheets hold the scalar; the medium then fills the box by itself
+    traces_rays: ClassVar[bool] = False  # whether single rays can go through the medium
     preview_stages = ()  # names of stages that previews share with the picture; empty where there are none
     bounds_previews = False  # whether the error of a preview can be bounded
     node_size = 1  # voxels of the scan along each side of what is splatted
@@ -130,9 +130,16 @@ class Source(ABC):
         """Sentences on what became of it."""
         return () if medium.visible_voxels else (ALL_TRANSPARENT,)
 
-    def splat_bytes(self, plane: BasePlane, shortened: bool) -> int:
-        """Scratch memory of the splat on to a base plane; ``shortened``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.sheets.scalar_sheets, shortened)
+    def picture_bytes(self, planes: list[BasePlane], *, shortened: bool, traced: bool) -> int:
+        """What the picture of the scene's region takes; for the arguments see ``memory_estimate.picture_bytes``."""
+        scene, quality = self.scene, self.quality
+        left, top, right, bottom = scene.region
+        knobs = scene.volume.shape_xyz, quality, self.scalar_sheets, shortened
+        scratch = max((scratch_bytes(plane, *knobs) for plane in planes), default=0)
+        return picture_bytes(
+            planes, right - left, bottom - top, quality, shortened=shortened, meshes=scene.hides_volume,
+            scratch=scratch, traced=traced,
+        )  # fmt: skip
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""
@@ -142,7 +149,7 @@ class Source(ABC):
     def medium_steps(self, work: Work):
         """Generator of Progress: the Medium, its tables still to be made.
 
-        Says what memory is about to be taken; raises RleSplatError, with what would fit, when there is not enough.
+        Says what memory is about to be taken; raises RleSplatError, with what to do, when there is not enough.
         """
 
 

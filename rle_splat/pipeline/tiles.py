@@ -13,9 +13,8 @@ import numpy as np
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Progress, part
 from ..scene import Quality, Rendering, RleSplatError, Scene
-from ..warp.sizes import PICTURE_PIXEL, WRITTEN
 from .choose_source import choose_source, settled
-from .memory_estimate import picture_bytes
+from .memory_estimate import PICTURE_PIXEL, WRITTEN
 from .render import render_steps
 from .report import image_report
 from .single_rays import traces_steep_pixels, with_neighbors
@@ -91,11 +90,8 @@ def _picture_bytes(scene: Scene, quality: Quality) -> int:
     traced = traces_steep_pixels(source)
     source, view = seen(with_neighbors(source) if traced else source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
-    scratch = max((source.splat_bytes(plane, True) for plane in view.planes), default=0)
-    return WRITTEN * (right - left) * (bottom - top) + picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=True, meshes=scene.hides_volume,
-        scratch=scratch, traced=traced,
-    )  # fmt: skip
+    pictured = source.picture_bytes(view.planes, shortened=True, traced=traced)
+    return WRITTEN * (right - left) * (bottom - top) + pictured
 
 
 class Strip:

@@ -82,11 +82,11 @@ def view_of(source: Source, refuse_empty: bool) -> View:
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
-    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.sheets.scalar_sheets else footprint.radius)
+    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.scalar_sheets else footprint.radius)
     in_sight = furthest > scene.camera.clip_start and nearest < scene.camera.clip_end
 
     def planes_of(*pyramids):
-        knobs = source.depth_rule, quality.sheet_density, footprint, source.sheets.scalar_sheets, warp_reach(quality)
+        knobs = source.depth_rule, quality.sheet_density, footprint, source.scalar_sheets, warp_reach(quality)
         planes = [base_plane(view, shape_xyz, *pyramid, *knobs) for pyramid in pyramids if in_sight]
         return [plane for plane in planes if plane is not None]
 
@@ -99,7 +99,7 @@ def view_of(source: Source, refuse_empty: bool) -> View:
     else:
         fades = [Fade(planes_of(*candidate_pyramids(view)))]
     # Nothing is between the voxels of a volume that is one voxel thick: the report says so, from wherever it is seen.
-    is_thick = min(shape_xyz) > 1 or not source.sheets.scalar_sheets
+    is_thick = min(shape_xyz) > 1 or not source.scalar_sheets
     if not fades[0].planes and refuse_empty and is_thick:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."

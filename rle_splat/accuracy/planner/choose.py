@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...pipeline.memory_estimate import SPARE
+from ...pipeline.memory_estimate import COEFFICIENTS, SHEET_PIXEL, SPARE
 from ...scene import Quality
-from ...splat.sizes import SHEET_PIXEL
-from ...warp.sizes import COEFFICIENTS
 from .candidates import DEPTH_RULES, candidates, family_of
 from .error_estimate import ErrorEstimate
 from .features import LEVELS, PILOTS, Features
