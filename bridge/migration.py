@@ -1,7 +1,7 @@
 """Migration of .blend files of earlier versions.
 
-Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  A classification that was removed
-is replaced.
+Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
+removed are replaced.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ def _on_load_post(*_):
 
 @persistent
 def _replace_removed(*_):
-    """Replace a removed classification by the one that is used instead."""
+    """Replace removed values of the knobs by those that are used instead."""
     for own in (scene.rle_splat for scene in bpy.data.scenes if scene.library is None):
-        if own.classification == "":
-            others = {name: getattr(own, name) for name in settings.OF_PRE if settings.not_in_post(own, name)}
-            knobs, (sentence,) = without_removed({"classification": settings.REMOVED, **others})
-            own.classification = knobs["classification"]  # which sets the others, too
-            messages.complain(own, sentence)
+        if removed := [name for name in settings.REMOVED_NUMBERS if getattr(own, name) == ""]:
+            others = [name for name in settings.OF_PRE if settings.not_in_post(own, name)]
+            saved = {name: settings.saved_value(own, name) for name in (*removed, *others)}
+            knobs, sentences = without_removed(saved)
+            for name in removed:  # the classification first, which sets the others, too
+                setattr(own, name, str(knobs[name]))
+            messages.complain(own, " ".join(sentences))
 
 
 HANDLERS = (("load_post", _on_load_post), ("blend_import_post", _replace_removed))

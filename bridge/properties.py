@@ -48,7 +48,7 @@ CLASSIFICATION_TEXTS = {
     "post": ("Post-Classified", "Interpolate the values, then look up color and opacity. Edges are as sharp as with "
                                 "ray casting. Errors are measured against truth T2"),
 }
-# The numbers are those of saved files, where 1 was an item that was removed (see migration.py).
+# The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
 ]

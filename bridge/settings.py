@@ -4,7 +4,6 @@ from ..rle_splat.scene import (
     DEFAULT_QUALITY,
     NO_RAYS,
     POST_ONLY,
-    REMOVED_CLASSIFICATIONS,
     Quality,
     preintegrated_of,
     preset_knobs,
@@ -15,7 +14,9 @@ from .decimals import typed
 # Millimeters per unit.  A VDB states no unit; Blender takes its world units as meters.
 MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
-(REMOVED,) = REMOVED_CLASSIFICATIONS  # its number in a file or a keyframe has no item now, which reads as ""
+# Property -> number in files and keyframes of earlier versions -> the value that was removed, a key of
+# rle_splat.scene.REMOVED_VALUES.  The number has no item now, which reads as "".
+REMOVED_NUMBERS = {"classification": {1: "refined"}}
 OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification
 
 
@@ -41,18 +42,24 @@ def quality_of(scene) -> Quality:
     """
     settings = scene.rle_splat
     threads = settings.threads or preferences.threads()
-    common = dict(threads=threads, backend=settings.backend, record=int(settings.record))
+    common = dict(threads=threads, backend=settings.backend, record=saved_value(settings, "record"))
     if settings.quality == "paper":
         return Quality.paper(**common)
-    common |= dict(classification=settings.classification or REMOVED)
+    common |= dict(classification=saved_value(settings, "classification"))
     if settings.quality == "custom":
-        knobs = {name: getattr(settings, name) for name in KNOBS}
+        knobs = {name: saved_value(settings, name) for name in KNOBS}
         return Quality(
             name="custom", sheet_density=typed(settings.sheet_density), termination=typed(settings.termination),
             rays=typed(settings.rays) if settings.classification == "post" else NO_RAYS,
             axis_fade=typed(settings.axis_fade), **knobs, **common,
         )
     return Quality.preset(settings.quality, **common)
+
+
+def saved_value(settings, name: str) -> str | int:
+    """The value of a knob that is an enum, as Quality has it; one that was removed is the one that it was."""
+    value = getattr(settings, name) or REMOVED_NUMBERS.get(name, {}).get(settings.get(name), "")
+    return int(value) if name == "record" else value
 
 
 def not_in_post(settings, name: str) -> bool:

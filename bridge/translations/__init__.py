@@ -45,7 +45,7 @@ COMPOSED = (
     "{volume} is disabled in viewports or excluded from this view layer, so Blender does not update its place; "
     "enable it in the Outliner.",
     # What earlier versions had.
-    "The classification {removed} was removed; {used} is used instead.",
+    "The {knob} {removed} was removed; {used} is used instead.",
 )
 REASONS = ("reason", "side", "work")
 # Those that it says as they stand.

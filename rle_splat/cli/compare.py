@@ -16,6 +16,7 @@ from .options import (
     add_volume_argument,
     quality_from,
     read_input,
+    removed_remarks,
     scene_inputs,
 )
 from .output import check_outputs
@@ -66,7 +67,8 @@ def run(args) -> None:
             report = line.follow(compare_steps(scene, quality, args.system, args.probes, args.repeats), start=0.05)
         report = {
             "command": "compare", "input": {"path": str(args.volume)}, **report,
-            "transfer_function": {"name": function.name, "reason": reason}, "remarks": list(volume.remarks),
+            "transfer_function": {"name": function.name, "reason": reason},
+            "remarks": [*volume.remarks, *removed_remarks(args)],
             "total_ms": 1e3 * (perf_counter() - start),
         }
         with whole_files(outputs) as parts:

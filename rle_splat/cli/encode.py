@@ -8,7 +8,7 @@ from time import perf_counter
 
 from ..runtime.memory import bytes_text
 from ..runtime.whole_files import whole_files, writing
-from ..scene import Cancelled, RleSplatError
+from ..scene import CLASSIFICATIONS, Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
@@ -21,6 +21,7 @@ from .options import (
     add_volume_argument,
     encoding_quality,
     read_input,
+    removed_remarks,
     scene_inputs,
 )
 from .output import check_outputs
@@ -29,7 +30,6 @@ from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"
-CLASSIFICATIONS = ("pre", "post")
 
 
 def add_arguments(parser) -> None:
@@ -40,7 +40,7 @@ def add_arguments(parser) -> None:
         help="write a folder of tables, slab by slab, for a volume larger than memory; the same command goes on where "
         "it was killed")
     parser.add_argument(
-        "--classification", choices=CLASSIFICATIONS, default="pre",
+        "--classification", metavar="|".join(CLASSIFICATIONS), default="pre",
         help="pre (the default), or post, which a folder of tables alone can hold")
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
     add_report_options(parser)
@@ -55,9 +55,10 @@ def run(args) -> None:
     if Path(args.output).suffix.lower() != SUFFIX:
         raise RleSplatError(f"{args.output} does not have the suffix {SUFFIX}; end the name in {SUFFIX}.")
     axes = _axes(args.axes)
-    if args.classification != "pre" and not args.folder:
+    classification = encoding_quality(args).classification
+    if classification != "pre" and not args.folder:
         raise RleSplatError(
-            f"A .rle file holds no {args.classification} classification; add --folder, or leave --classification out."
+            f"A .rle file holds no {classification} classification; add --folder, or leave --classification out."
         )
     reports = [args.json] if args.json else []
     check_outputs([*([] if args.folder else [args.output]), *reports], inputs=scene_inputs(args))
@@ -92,7 +93,7 @@ def run(args) -> None:
                 },
                 "transfer_function": {"name": function.name, "reason": reason},
                 "lighting": stored.lighting,
-                "remarks": list(volume.remarks),
+                "remarks": [*volume.remarks, *removed_remarks(args)],
             }
             if args.json:
                 write_report(parts[1], report)
@@ -148,7 +149,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
     """Encode into the folder of a FolderWriter; return the report."""
     from ..pipeline.encode_folder import write_folder_steps
 
-    quality, given = encoding_quality(args).classified(args.classification), _given(args)
+    quality, given = encoding_quality(args), _given(args)
     with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
         level = {"level": 0} if args.level is None else {}
         scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
@@ -159,7 +160,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
         report = {
             "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
             **report, "transfer_function": {"name": function.name, "reason": reason},
-            "remarks": list(scene.volume.remarks),
+            "remarks": [*scene.volume.remarks, *removed_remarks(args)],
         }  # fmt: skip
         report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
         if args.json:

@@ -361,9 +361,9 @@ def quality_from(args, usual: str | None = None) -> Quality:
 
 
 def _given_knobs(args) -> dict:
-    """Field of Quality -> value, of the knobs and the record that are given."""
+    """Field of Quality -> value, of those knobs that the command has and that are given, and the record."""
     names = (*(name for name, _, _ in KNOBS.values()), "record")
-    return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    return {name: value for name in names if (value := getattr(args, name, None)) is not None}
 
 
 def _default_classification(args) -> str:
@@ -375,8 +375,13 @@ def _default_classification(args) -> str:
     return default_classification()
 
 
+def removed_remarks(args) -> tuple[str, ...]:
+    """A remark for the report for each given value of a knob that was removed."""
+    return without_removed(_given_knobs(args))[1]
+
+
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
-    """Remarks for the report on a classification that was removed, or that a knob has changed.
+    """Remarks for the report on values that were removed, and on a classification that a knob has changed.
 
     Parameters
     ----------
@@ -388,13 +393,14 @@ def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        At most one sentence.
+        Sentences.
     """
-    of_pre = not_in_post(asdict(quality))
+    removed, of_pre = removed_remarks(args), not_in_post(asdict(quality))
     if args.classification is not None or args.paper or not of_pre:
-        return without_removed(_given_knobs(args))[1]
+        return removed
     option, value = f"--{of_pre[0]}", getattr(quality, of_pre[0])
     return (
+        *removed,
         f"Classified by {quality.classification}, because {DEFAULT_CLASSIFICATION} does not support {option} {value}.",
     )
 
@@ -411,11 +417,9 @@ def _check_tolerance(args, knobs) -> None:
 
 
 def encoding_quality(args) -> Quality:
-    """The knobs that encoding depends on: model, record, threads and backend."""
-    return Quality(
-        classification="pre", model=args.model or MODELS[0], threads=args.threads, backend=args.backend,
-        record=RECORDS[0] if args.record is None else args.record,
-    )
+    """The knobs that encoding depends on: classification, model, record, threads and backend."""
+    knobs, _ = without_removed(_given_knobs(args))
+    return Quality(**knobs, threads=args.threads, backend=args.backend)
 
 
 def memory_size(text: str) -> int:

@@ -38,6 +38,7 @@ from .options import (
     quality_from,
     quality_remarks,
     read_input,
+    removed_remarks,
     scene_inputs,
     volume_options,
 )
@@ -376,9 +377,8 @@ def _prepare_tables(args, quality) -> Prepared:
     quality = replace(quality, record=stored.record)
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
-    remarks = () if args.classification is None else quality_remarks(args, quality)
     described = {"name": function.name, "reason": "stored in the .rle file"}
-    return Prepared(scene, quality, read_ms, described, (*remarks, remark))
+    return Prepared(scene, quality, read_ms, described, (*removed_remarks(args), remark))
 
 
 def _report(args, prepared: Prepared, rendered: dict, write_ms: float, start: float) -> dict:

@@ -38,7 +38,10 @@ DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
 CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
-REMOVED_CLASSIFICATIONS = {"refined": "post"}  # of earlier versions -> the one that is used instead
+# What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
+# classification is the first, because the one that is used instead can change the others.
+REMOVED_VALUES = {"classification": {"refined": "post"}}
+REMOVED_FIELDS = ("refinement",)  # fields of earlier versions, which are left out without a word
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
 MOST_MIDPOINTS = 64
@@ -124,7 +127,7 @@ def not_in_post(knobs: dict) -> list[str]:
 
 
 def without_removed(knobs: dict) -> tuple[dict, tuple[str, ...]]:
-    """Replace what earlier versions had: a classification of REMOVED_CLASSIFICATIONS, and its refinement.
+    """Replace the values of REMOVED_VALUES, and leave out the fields of REMOVED_FIELDS.
 
     Parameters
     ----------
@@ -136,17 +139,20 @@ def without_removed(knobs: dict) -> tuple[dict, tuple[str, ...]]:
     dict
         The knobs as Quality has them now.
     tuple of str
-        A sentence for the user where the classification was replaced.
+        A sentence for the user for each value that was replaced.
     """
-    knobs = {name: value for name, value in knobs.items() if name != "refinement"}
-    removed = knobs.get("classification")
-    if removed not in tuple(REMOVED_CLASSIFICATIONS):
-        return knobs, ()
-    instead, others = REMOVED_CLASSIFICATIONS[removed], not_in_post(knobs)
-    knobs |= {"classification": instead, **{name: POST_ONLY[name] for name in others}}
-    beside = " and ".join(f"the {name.replace('_', ' ')} {POST_ONLY[name]}" for name in others)
-    used = f"{instead!r} with {beside}" if others else repr(instead)
-    return knobs, (f"The classification {removed!r} was removed; {used} is used instead.",)
+    knobs, sentences = dict(knobs), []
+    for field, values in REMOVED_VALUES.items():
+        removed = knobs.get(field)
+        if removed not in tuple(values):
+            continue
+        knobs[field] = values[removed]
+        used = repr(knobs[field])
+        if field == "classification" and (others := not_in_post(knobs)):
+            knobs |= {name: POST_ONLY[name] for name in others}
+            used += " with " + " and ".join(f"the {name.replace('_', ' ')} {POST_ONLY[name]}" for name in others)
+        sentences.append(f"The {field.replace('_', ' ')} {removed!r} was removed; {used} is used instead.")
+    return {name: value for name, value in knobs.items() if name not in REMOVED_FIELDS}, tuple(sentences)
 
 
 def midpoints_of(depth_rule: str) -> int | None:
@@ -236,12 +242,11 @@ class Quality:
     name: str = DEFAULT_QUALITY
 
     def __post_init__(self, refinement):
-        if self.classification not in CLASSIFICATIONS:
-            knobs, sentences = without_removed(vars(self))
+        knobs, sentences = without_removed(vars(self))
+        for sentence in sentences:
+            warnings.warn(sentence, FutureWarning, stacklevel=3)
             for knob, value in knobs.items():
                 object.__setattr__(self, knob, value)
-            for sentence in sentences:
-                warnings.warn(sentence, FutureWarning, stacklevel=3)
         for knob, value in preset_knobs(DEFAULT_QUALITY, self.classification).items():
             if getattr(self, knob) is None:
                 object.__setattr__(self, knob, value)
