@@ -27,7 +27,6 @@ LEAST_ROUGHNESS = 0.1  # levels: the model of errors is not extrapolated to smoo
 OF_999 = "at 999 of 1000 pixels"
 AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is kept."
 BY_PRE = "The qualities of classified voxels have one plan for all scenes."
-HELD = ", held"  # after the name of a preset whose plan is kept from picture to picture
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
     """
     quality = door.quality
     if not quality.is_preset or quality.classification != "post":
-        why = FIRST_FRAMES if quality.name.endswith(HELD) else BY_PRE if quality.is_preset else AS_GIVEN
+        why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(door, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
     said = f"{name} aims at an error of at most {aim:g} levels {OF_999}"
@@ -171,8 +170,8 @@ def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[Candidat
     return usual, usual if chosen.knobs == seen else chosen
 
 
-def held(quality: Quality, plan: dict) -> Quality:
-    """The quality with the plan of a picture for good, so that an animation keeps the plan of its first frame.
+def hold_plan(quality: Quality, plan: dict) -> Quality:
+    """Keep the plan of a picture for good, so that an animation has the plan of its first frame.
 
     Parameters
     ----------
@@ -188,16 +187,15 @@ def held(quality: Quality, plan: dict) -> Quality:
     """
     if plan["expected"] is None or plan["classification"] != quality.classification:
         return quality
-    return replace(quality, name=f"{quality.name}{HELD}", **{knob: plan[knob] for knob in PRESET_KNOBS})
+    return replace(quality, held=True, **{knob: plan[knob] for knob in PRESET_KNOBS})
 
 
-def held_for(scene: Scene, quality: Quality, cache: StageCache | None = None) -> Quality:
-    """``held``, from the scene of a picture that need not be rendered."""
+def hold_plan_of(scene: Scene, quality: Quality, cache: StageCache | None = None) -> Quality:
+    """``hold_plan``, from the scene of a picture that need not be rendered."""
     door = with_plan(settled(scene, quality), StageCache(0) if cache is None else cache)
     if door.plan["expected"] is None or door.quality.classification != quality.classification:
         return quality
-    knobs = {knob: getattr(door.quality, knob) for knob in PRESET_KNOBS}
-    return replace(quality, name=f"{quality.name}{HELD}", **knobs)
+    return replace(quality, held=True, **{knob: getattr(door.quality, knob) for knob in PRESET_KNOBS})
 
 
 def _why_not(scene: Scene) -> str:

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.plans import BEFORE, Judge, plan_of, vessels
 from rle_splat.classify.roughness import roughness
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.preset_plan import CANDIDATES, EQUAL_COSTS, Candidate, choose, held
+from rle_splat.pipeline.preset_plan import CANDIDATES, EQUAL_COSTS, Candidate, choose, hold_plan
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -147,12 +147,12 @@ def test_an_animation_keeps_the_plan_of_its_first_frame(thin):
     volume, function = thin
     cache = StageCache()
     first = render(scene_of(volume, function, size=24), Quality(), cache=cache).report["plan"]
-    kept = held(Quality(), first)
+    kept = hold_plan(Quality(), first)
     later = render(scene_of(volume, RAMP, size=24), kept, cache=cache).report["plan"]
     assert [later[knob] for knob in PRESET_KNOBS] == [first[knob] for knob in PRESET_KNOBS]
     assert "first frame" in later["why"] and cache.made["roughness"] == 1
     unplanned = render(scene_of(volume, RAMP, size=24), Quality.preset("draft"), cache=cache).report["plan"]
-    assert held(Quality.preset("draft"), unplanned) == Quality.preset("draft")
+    assert hold_plan(Quality.preset("draft"), unplanned) == Quality.preset("draft")
 
 
 def test_a_shadow_pass_has_no_single_rays(thin):

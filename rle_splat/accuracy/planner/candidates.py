@@ -49,7 +49,7 @@ def candidates(base: Quality) -> list[Quality]:
 
 def candidate(base: Quality, **knobs) -> Quality:
     """One of them, with these knobs."""
-    return replace(base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, **knobs)
+    return replace(base, name=PLANNED, held=False, axis_fade=0.0, rays=NO_RAYS, **knobs)
 
 
 def name_of(plan: Quality) -> str:
