@@ -11,79 +11,21 @@ has another name, is rendered as it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from ..classify.roughness import LEVELS, roughness
+from ..classify.roughness import roughness
 from ..effects.mixing import is_mixed
 from ..scene import MODES, NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Quality, Scene
-from ..warp.steep import UNLIMITED
 from .choose_source import Settled, choose_source, settled
+from .plan_model import PresetPlan, preset_plans
 from .single_rays import can_trace
 from .stage_cache import StageCache
 
 # Costs this near to each other are equal: what they are depends that much on the day and on the scene.
 EQUAL_COSTS = 1.05
-LEAST_ROUGHNESS = 0.1  # levels: the model of errors is not extrapolated to smoother media
 OF_999 = "at 999 of 1000 pixels"
 AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is kept."
 BY_PRE = "The qualities of classified voxels have one plan for all scenes."
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A plan, its cost and its expected error.
-
-    Attributes
-    ----------
-    knobs : tuple
-        Values of PRESET_KNOBS.
-    cost : float
-        The time of a frame over that of the knobs of ``standard``, the geometric mean over scenes.
-    factor, power : float
-        The error that 999 of 1000 pixels stay below, in levels, is expected to be ``factor * roughness ** power``.
-    """
-
-    knobs: tuple
-    cost: float
-    factor: float
-    power: float
-
-    def error(self, rough: float) -> float:
-        """The expected error in levels, for a roughness in levels."""
-        return min(self.factor * max(rough, LEAST_ROUGHNESS) ** self.power, LEVELS)
-
-    @property
-    def rays(self) -> float:
-        """The threshold of single rays; 0 for none."""
-        return self.knobs[-1]
-
-    def describe(self) -> str:
-        """In words for a person."""
-        rule, density, _, _, rays = self.knobs
-        text = f"{rule} sheets of density {density:g}"
-        if rays == NO_RAYS:
-            return text
-        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f} %"
-        return f"{text} and single rays {where}"
-
-
-# Measured on the synthetic volumes of the planner's calibration, whose walls are soft or steps to opaque, by
-# `dev.py bench plans --calibrate`, which prints this table.  Half of the errors there were smaller than expected.
-CANDIDATES = (
-    Candidate(("preintegrated", 1.0, "cubic", 1 / 1024, NO_RAYS), 1.0, 1.2, 1.16),
-    Candidate(("preintegrated", 1.0, "cubic", 1 / 1024, 0.6), 1.21, 1.53, 0.85),
-    Candidate(("gauss2", 1.25, "cubic", 1 / 2048, NO_RAYS), 1.16, 0.8, 1.2),
-    Candidate(("gauss2", 1.25, "cubic", 1 / 2048, 0.6), 1.39, 0.44, 1.09),
-    Candidate(("gauss2", 1.25, "cubic", 1 / 2048, 0.3), 1.78, 0.42, 1.04),
-    Candidate(("simpson", 1.5, "cubic", 1 / 2048, 0.3), 2.17, 0.41, 1.01),
-    Candidate(("midpoint-4", 1.5, "cubic", 1 / 8192, 0.4), 2.79, 0.33, 0.94),
-    Candidate(("midpoint-4", 2.0, "cubic", 1 / 8192, NO_RAYS), 3.63, 0.43, 1.2),
-    Candidate(("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45), 4.0, 0.26, 1.02),
-    Candidate(("midpoint-4", 2.0, "cubic", 1 / 8192, 0.2), 4.76, 0.26, 0.91),
-    Candidate(("preintegrated", 0.7, "cubic", 1 / 1024, UNLIMITED), 8.75, 0.55, 0.69),
-    Candidate(("midpoint-4", 1.0, "cubic", 1 / 8192, UNLIMITED), 11.18, 0.35, 0.61),
-    Candidate(("midpoint-8", 1.0, "cubic", 1 / 8192, UNLIMITED), 15.11, 0.43, 0.49),
-)
 
 
 def with_plan(door: Settled, cache: StageCache) -> Settled:
@@ -107,7 +49,7 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
     aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
     said = f"{name} aims at an error of at most {aim:g} levels {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
-    is_known = any(one.knobs == own for one in CANDIDATES)
+    is_known = any(one.knobs == own for one in preset_plans())
     why_not = _why_not(door.scene) if is_known else "it has one plan for all scenes"
     if why_not:
         return replace(door, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
@@ -133,7 +75,7 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
     return replace(door, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 
 
-def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[Candidate, Candidate]:
+def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[PresetPlan, PresetPlan]:
     """Choose the plan of a preset.
 
     Parameters
@@ -149,15 +91,15 @@ def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[Candidat
 
     Returns
     -------
-    usual : Candidate
+    usual : PresetPlan
         The usual plan; without single rays where the scene has none.
-    chosen : Candidate
+    chosen : PresetPlan
         The cheapest one that is expected to keep the error, of several equally cheap ones the most accurate; without
         one, the one with the least expected error.
     """
     seen = own if traces else (*own[:-1], NO_RAYS)
-    usual = next(one for one in CANDIDATES if one.knobs == seen)
-    possible = [one for one in CANDIDATES if traces or one.rays == NO_RAYS]
+    usual = next(one for one in preset_plans() if one.knobs == seen)
+    possible = [one for one in preset_plans() if traces or one.rays == NO_RAYS]
     enough = [one for one in possible if one.error(rough) <= aim]
     if usual in enough:
         chosen = usual
