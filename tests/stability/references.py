@@ -32,7 +32,7 @@ NUDGE = 2.0**-22
 ROUNDING = 2.0**-20  # of color and transmittance: so much to begin with, and a sixteenth more for each sheet
 END = 2.0**-20  # of the transmittance at which a ray ends, for each sheet
 # A code's step, of the largest color and of the density itself, by the bytes of a record (encode/records.py).
-STEPS = {8: (2.0**-11, 2.0**-11), 6: (1 / 1023, 2.0**-11), 4: (1 / 127, 4.8e-3)}
+STEPS = {8: (2.0**-11, 2.0**-11)}
 ALMOST = 1e-4  # as good as the same, of what a moved ray shows
 
 

@@ -153,3 +153,9 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ma
     with pytest.warns(FutureWarning) as found:
         assert make() == quality
     assert [str(one.message) for one in found] == [f"The classification 'refined' was removed; {used} is used instead."]
+
+
+@pytest.mark.parametrize("record", (6, 4))
+def test_a_record_that_was_removed_is_replaced_and_a_sentence_says_so(record):
+    with pytest.warns(FutureWarning, match=f"^The record {record} was removed; 8 is used instead.$"):
+        assert Quality(classification="pre", record=record).record == 8
