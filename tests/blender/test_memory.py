@@ -91,7 +91,7 @@ def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, mon
     settings = bpy.context.scene.rle_splat
     settings.classification = "pre"
     first, share = told(monkeypatch)
-    settings.record = "4"
+    settings.record = "8"
     assert told(monkeypatch)[0] < first
     settings.record = "16"
     bpy.context.scene.render.resolution_x = 2000
