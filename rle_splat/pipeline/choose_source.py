@@ -8,9 +8,7 @@ from functools import lru_cache
 from ..effects.analyze import EffectSet, analyzed
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
-from ..view.base_plane import BasePlane
 from .file_source import FileSource
-from .pooled_source import pooled
 from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
 from .scan_source import scan_source
@@ -72,10 +70,5 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
     """The source of a scene's voxels; both arguments as ``settled`` returns them."""
     if scene.volume.holds_values:
         return SOURCES[quality.classification](scene, quality)
-    kind = ScalarFileSource if scene.volume.classification == "post" else FileSource
-    return kind.of(scene, quality)
-
-
-def minified(source: Source, planes: list[BasePlane]) -> Source:
-    """The source with voxels pooled for some base planes where the quality wants it."""
-    return pooled(source, planes) if source.quality.minification == "pool" else source
+    make = ScalarFileSource.of if scene.volume.classification == "post" else FileSource
+    return make(scene, quality)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.transfer_function import TransferFunction
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from .scan_source import classified_sheets
 from .source import Source, Work
@@ -17,16 +17,6 @@ CLASSIFIED_ALREADY = "A .rle file holds voxels that are classified already, so t
 @dataclass(frozen=True, eq=False)
 class FileSource(Source):
     """The tables of a ``.rle`` file, whose classification, colors and model are what they are."""
-
-    @classmethod
-    def of(cls, scene: Scene, quality: Quality) -> FileSource:
-        """The source of a scene whose volume is a StoredVolume; RleSplatError where the quality asks for another."""
-        if quality.minification == "pool":
-            raise RleSplatError(
-                "A .rle file holds voxels that are encoded already, of which no averages are made; choose the "
-                "minification widen or off."
-            )
-        return cls(scene, quality)
 
     @property
     def axes(self):

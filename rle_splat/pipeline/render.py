@@ -25,7 +25,7 @@ from .report import report_of
 from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbors
 from .source import Medium, Source, Work
 from .stage_cache import StageCache
-from .views import Fade, View, seen
+from .views import Fade, View, view_of
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
@@ -155,7 +155,8 @@ def begun(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Cloc
     """The Drawing of a scene, with its source and its view."""
     source = choose_source(door.scene, door.quality)
     traced = traces_steep_pixels(source)
-    source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
+    source = with_neighbors(source) if traced else source
+    view = view_of(source, refuse_empty_view)
     rays = RayEffects(source.scene, view.index_view, door.quality, door.effects, clock)
     return Drawing(door, source, view, rays, _begin_work(source, view, rays, traced, cache, clock), traced)
 

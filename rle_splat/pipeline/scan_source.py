@@ -87,7 +87,6 @@ class ScanSource(Source):
     """A scan whose voxels are classified by one transfer function."""
 
     stage = "classify"  # of the clock, the work of classifying
-    preview_stages, bounds_previews = ("visible", "properties", "normals"), True
 
     # --- what differs between kinds of scans ----------------------------------------------------------------------
 
@@ -234,7 +233,6 @@ class MixedSource(ScanSource):
     """A scan with labels or channels, which several transfer functions classify."""
 
     stage = "mixing"
-    preview_stages, bounds_previews = (), False
 
     @property
     def shown(self) -> Mixture:

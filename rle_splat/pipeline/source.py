@@ -1,6 +1,6 @@
 """Interfaces of the pipeline: a source of voxels, the medium that it becomes, and the work that both are part of.
 
-A source says what the volume is (a scan, a ``.rle`` file, pooled nodes) and how it is classified
+A source says what the volume is (a scan, a ``.rle`` file) and how it is classified
 (classified or scalar sheets).  ``choose_source`` picks one; no later stage asks again.
 """
 
@@ -102,9 +102,6 @@ class Source(ABC):
     quality: Quality
 
     sheets: ClassVar[type[ClassifiedSheets]] = ClassifiedSheets  # what its sheets are made of
-    preview_stages = ()  # names of stages that previews share with the picture; empty where there are none
-    bounds_previews = False  # whether the error of a preview can be bounded
-    node_size = 1  # voxels of the scan along each side of what is splatted
 
     @property
     def machine(self) -> dict:

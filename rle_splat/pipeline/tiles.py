@@ -20,7 +20,7 @@ from .render import render_steps
 from .report import image_report
 from .single_rays import traces_steep_pixels, with_neighbors
 from .stage_cache import StageCache
-from .views import seen
+from .views import view_of
 
 SIDES = (1024, 512, 256, 128, 64)  # pixels; the first that fits
 SHARE = 0.5  # of the free memory is for the picture; the other half is for what is made of the volume
@@ -89,7 +89,8 @@ def _picture_bytes(scene: Scene, quality: Quality) -> int:
     """What the sheets and the pixels of the scene's crop take; the quality as ``settled`` returns it."""
     source = choose_source(scene, quality)
     traced = traces_steep_pixels(source)
-    source, view = seen(with_neighbors(source) if traced else source, refuse_empty=False)
+    source = with_neighbors(source) if traced else source
+    view = view_of(source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
     scratch = max((source.splat_bytes(plane, True) for plane in view.planes), default=0)
     return WRITTEN * (right - left) * (bottom - top) + picture_bytes(
@@ -165,7 +166,7 @@ def check_view(scene: Scene, quality: Quality) -> None:
     """RleSplatError where the camera sees nothing of the volume: a tile alone may be empty, the picture may not."""
     door = settled(scene, quality)
     if not door.scene.motion:
-        seen(choose_source(door.scene, door.quality), refuse_empty=True)
+        view_of(choose_source(door.scene, door.quality), refuse_empty=True)
 
 
 class Total:

@@ -13,7 +13,6 @@ from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
 from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
-from .choose_source import minified
 from .source import Source
 
 
@@ -62,23 +61,14 @@ class View:
         return replace(self, fades=[fade.window(scene, quality) for fade in self.fades])
 
 
-def seen(source: Source, refuse_empty: bool) -> tuple[Source, View]:
-    """The source, its voxels pooled where the quality wants it, and the part of its view that the picture needs.
+def view_of(source: Source, refuse_empty: bool) -> View:
+    """The part of the view of a source by its scene's camera that the wanted pixels need.
 
     Raises
     ------
     RleSplatError
         Where ``refuse_empty`` is set and the camera sees nothing of the volume.
     """
-    view = view_of(source, refuse_empty)
-    coarser = minified(source, view.planes)
-    if coarser is not source:
-        source, view = coarser, view_of(coarser, refuse_empty)
-    return source, view.window(source.scene, source.quality)
-
-
-def view_of(source: Source, refuse_empty: bool) -> View:
-    """The view of a source by its scene's camera; see ``seen``."""
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
@@ -104,4 +94,4 @@ def view_of(source: Source, refuse_empty: bool) -> View:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
-    return View(view, fades)
+    return View(view, fades).window(scene, quality)
