@@ -65,8 +65,9 @@ def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_e
     if of_frame > QUICK:
         yield Draft(draft)
     rendering = yield from part(render_steps(plain, quality, cache, refuse_empty_view=refuse_empty_view), SHARE, 1.0)
-    own = rendering.report["stages_ms"]
-    stages = {stage: own[stage] + (0.0 if stage in FRAME else spent[stage]) for stage in own}
-    stages |= {"draft": of_frame, "total": own["total"] + spent["total"]}
+    own = dict(rendering.report["stages_ms"])
+    total = own.pop("total") + spent["total"]
+    stages = {stage: ms + (0.0 if stage in FRAME else spent[stage]) for stage, ms in own.items()}
+    stages |= {"draft": of_frame, "total": total}
     kernels = sorted({*rendering.report["kernels"], *draft.report["kernels"]})
     return replace(rendering, report={**rendering.report, "stages_ms": stages, "kernels": kernels})

@@ -16,7 +16,7 @@ MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
 # Property -> number in files and keyframes of earlier versions -> the value that was removed, a key of
 # rle_splat.scene.REMOVED_VALUES.  The number has no item now, which reads as "".
-REMOVED_NUMBERS = {"classification": {1: "refined"}, "minification": {2: "pool"}}
+REMOVED_NUMBERS = {"classification": {1: "refined"}, "minification": {2: "pool"}, "record": {2: 6, 3: 4}}
 # Property of scenes of earlier versions -> the end of the sentence that a user reads who sets it, or has set it.
 REMOVED_PROPERTIES = {"use_previews": "pictures that take long show a draft first"}
 OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification

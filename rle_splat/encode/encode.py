@@ -47,7 +47,7 @@ def encode(
         Principal axis: x, y or z.
     model : {"extinction", "opacity"}
         Store (extinction * RGB, extinction) or (alpha * RGB, alpha).
-    record : {16, 8, 6, 4}
+    record : {16, 8}
         Bytes of a voxel record.
     backend : {"auto", "numba", "numpy"}
     threads : int
@@ -140,7 +140,7 @@ def record_steps(
         ``write(positions, records)`` writes the records of some voxels (RecordPositions) to their positions in
         ``records`` (n, 4) float32, and returns the largest channel of their colors.
     model : {"extinction", "opacity"}
-    record : {16, 8, 6, 4}
+    record : {16, 8}
         Bytes of a voxel record.
     decoding : ndarray of float32 or None
         As of ``records.decoding_of``.

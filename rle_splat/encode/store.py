@@ -23,6 +23,7 @@ from ..runtime.memory import refuse_beyond
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
+from . import earlier
 from .stored_folder import FolderVolume, load_folder
 from .tables import TABLES, RunLengthVolume
 from .validate import DAMAGE, checked_color, checked_header, reason_of, scanline_data_pointers
@@ -205,9 +206,11 @@ def _read(archive: zipfile.ZipFile, file_bytes: int) -> StoredVolume:
     for axis in facts.pop("axes"):
         tables = [_read_array(archive, _member(axis, table), file_bytes) for table in TABLES]
         decoding = None if record == 16 else _read_array(archive, _member(axis, DECODING), file_bytes)
+        if record in earlier.TYPES:
+            tables[-1], decoding = earlier.lengthen(tables[-1], decoding)
         derived = scanline_data_pointers(axis, shape, model, *tables, decoding)
         encoded[axis] = RunLengthVolume(axis, shape, model, *tables, derived, decoding)
-        if encoded[axis].record != record:
+        if encoded[axis].record != earlier.RECORDS.get(record, record):
             raise ValueError("its voxel data do not have the stated record size")
         checked_color(encoded[axis].most_color)
     return StoredVolume(encoded, **facts, key=_key_of(archive))

@@ -94,7 +94,7 @@ class RunLengthVolume(_OnAxis):
         is; a trailing transparent run is stored; they sum to ``width``.
     voxel_data : ndarray
         Records of visible voxels: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
-        (alpha * RGB, alpha) per opacity unit distance; or the same in 8, 6 or 4 bytes, as codes (see ``records``).
+        (alpha * RGB, alpha) per opacity unit distance; or the same in 8 bytes, as codes (see ``records``).
     scanline_data_pointers : (n_slices, n_scanlines) ndarray of int64
         Index into ``voxel_data`` of a scanline's first voxel. Derived from the other tables and not stored in files; it
         allows bands of the image to begin at any scanline.

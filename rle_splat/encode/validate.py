@@ -17,8 +17,9 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES
+from . import earlier
 from .folder import COUNTS, ORDER_OF, ROWS, RUNS
-from .records import TYPES, WORDS, decoding_size
+from .records import SCALES, TYPES, WORDS
 from .scalars import OWN_TYPES
 from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 
@@ -98,7 +99,7 @@ def checked_header(header: dict) -> dict:
         isinstance(names, list) and names and set(map(str, names)) <= set(AXIS_NAMES), "it names no principal axis"
     )
     _require(header["model"] in MODELS, "there is no model of that name")
-    _require(header["record"] in RECORDS, "its voxel records have an unknown size")
+    _require(header["record"] in (*RECORDS, *earlier.RECORDS), "its voxel records have an unknown size")
     _require(_is_number(header["unit_length"], 0.0), "its unit length is not a positive number")
     _require(
         isinstance(header["unit"], str) and isinstance(header["source"], str), "its unit or its source is not text"
@@ -287,7 +288,7 @@ def check_records(axis, voxel_data, decoding) -> None:
     kinds = {np.dtype(kind): (WORDS[record], record) for record, kind in TYPES.items()}
     words, record = kinds.get(voxel_data.dtype, (None, None))
     if words is None or voxel_data.shape[1:] != words or voxel_data.ndim != 1 + len(words):
-        raise _broken(axis, "the voxel data are neither rows of four float32 numbers nor shorter records")
+        raise _broken(axis, "the voxel data are neither rows of four float32 numbers nor records of 8 bytes")
     if not voxel_data.flags.c_contiguous:
         raise _broken(axis, "a table is not contiguous in memory")
     if record == 16:
@@ -296,7 +297,7 @@ def check_records(axis, voxel_data, decoding) -> None:
             raise _broken(axis, "its voxel data have scales, and are not codes")
     else:
         numbers = decoding
-        if decoding is None or decoding.dtype != np.float32 or decoding.shape != (decoding_size(record),):
+        if decoding is None or decoding.dtype != np.float32 or decoding.shape != (SCALES,):
             raise _broken(axis, "the scales of the voxel data are missing or of the wrong type or size")
     # One pass each and no copy: NaN fails both comparisons. Codes are valid whatever their bits.
     if numbers.size and not (numbers.min() >= 0.0 and numbers.max() <= MOST):

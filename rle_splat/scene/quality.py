@@ -40,7 +40,9 @@ CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
-REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}}
+REMOVED_VALUES = {
+    "classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8},
+}
 REMOVED_FIELDS = ("refinement",)  # fields of earlier versions, which are left out without a word
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
@@ -56,7 +58,7 @@ FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
 MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
-RECORDS = (16, 8, 6, 4)  # bytes of a voxel record in the run-length tables; see encode/records.py
+RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
 BACKENDS = ("auto", "numba", "numpy")
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
@@ -199,7 +201,7 @@ class Quality:
         What overlapping footprints add up.
     length_correction : bool
         Whether the opacity of a sheet depends on the obliquity of the ray. False is the paper's literal reading.
-    record : {16, 8, 6, 4}
+    record : {16, 8}
         Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
     threads : int
         Number of threads; 0 for one per core.

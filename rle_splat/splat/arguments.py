@@ -19,26 +19,22 @@ from ..volume.triples import dot
 
 
 class Records(NamedTuple):
-    """Voxel records in the flat array of their length; the arrays of the other lengths are empty (``encode.records``).
+    """Voxel records in the flat array of their length; the array of the other length is empty (``encode.records``).
 
-    So one kernel serves all lengths, and a run of voxels has one branch more.
+    So one kernel serves both lengths, and a run of voxels has one branch more.
 
     Attributes
     ----------
     bytes16 : (4 * m,) float32
         Four channels each: extinction (or opacity) times linear RGB, and extinction per world length (or opacity).
     bytes8 : (m,) uint64
-    bytes6 : (3 * m,) uint16
-    bytes4 : (m,) uint32
         Codes.
-    decoding : (k,) float32
-        What turns codes into channels.
+    decoding : (4,) float32
+        What turns codes into channels; empty for 16 bytes.
     """
 
     bytes16: np.ndarray
     bytes8: np.ndarray
-    bytes6: np.ndarray
-    bytes4: np.ndarray
     decoding: np.ndarray
 
     @classmethod

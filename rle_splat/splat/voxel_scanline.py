@@ -66,15 +66,8 @@ def _add_run(voxels, is_first, source, weight, line, to, stop):
 def _add_coded_run(voxels, source, weight, line, to, stop):
     """As ``_add_run``, of coded records."""
     ahead = source - to
-    if voxels.bytes8.size > 0:
-        for i in range(to, stop):
-            add_coded(voxels.bytes8, ahead + i, voxels.decoding, weight, line, 4 * i)
-    elif voxels.bytes6.size > 0:
-        for i in range(to, stop):
-            add_coded(voxels.bytes6, ahead + i, voxels.decoding, weight, line, 4 * i)
-    else:
-        for i in range(to, stop):
-            add_coded(voxels.bytes4, ahead + i, voxels.decoding, weight, line, 4 * i)
+    for i in range(to, stop):
+        add_coded(voxels.bytes8, ahead + i, voxels.decoding, weight, line, 4 * i)
 
 
 @inner_loop
@@ -82,12 +75,8 @@ def fetch_records(voxels, first, count):
     """Ask for the memory of ``count`` records from number ``first`` on."""
     if voxels.decoding.size == 0:
         fetch_ahead(voxels.bytes16, 4 * first, 4 * count)
-    elif voxels.bytes8.size > 0:
-        fetch_ahead(voxels.bytes8, first, count)
-    elif voxels.bytes6.size > 0:
-        fetch_ahead(voxels.bytes6, 3 * first, 3 * count)
     else:
-        fetch_ahead(voxels.bytes4, first, count)
+        fetch_ahead(voxels.bytes8, first, count)
 
 
 @inner_loop

@@ -1,7 +1,6 @@
 """What record sizes cost, at a tiny size: what must hold whatever the machine does.  No time is asserted."""
 
 import json
-from itertools import pairwise
 
 import pytest
 
@@ -21,11 +20,10 @@ def rows():
     return records.compare_records(scenes, Quality.preset("standard", threads=1), probes=9, repeats=1)
 
 
-def test_shorter_records_err_more_and_little(rows):
-    assert [row["record"] for row in rows] == [16, 8, 6, 4]
-    largest = [row["against_16"]["largest"] for row in rows]
-    assert largest[0] == 0.0 and all(longer < shorter for longer, shorter in pairwise(largest))
-    assert largest[-1] < 1.0  # where a linear alpha of 8 bits is 59 levels off
+def test_shorter_records_err_little(rows):
+    assert [row["record"] for row in rows] == [16, 8]
+    best, short = (row["against_16"]["largest"] for row in rows)
+    assert best == 0.0 < short < 1.0  # where a linear alpha of 8 bits is 59 levels off
     assert rows[0]["frame"] == 1.0
 
 
@@ -47,6 +45,6 @@ def test_table_and_report(tmp_path, capsys, monkeypatch):
     report = tmp_path / "records.json"
     assert records.main(["--data", "--size", "16", "--views", "1", "--probes", "4", "--json", str(report)]) == 0
     (row,) = json.loads(report.read_text())["rows"]
-    assert row["volume"] == "thin medium" and [entry["record"] for entry in row["records"]] == [16, 8, 6, 4]
+    assert row["volume"] == "thin medium" and [entry["record"] for entry in row["records"]] == [16, 8]
     said = capsys.readouterr().out
-    assert "8 B against 16" in said and f"{row['records'][3]['against_16']['largest']:.2f}" in said
+    assert "8 B against 16" in said and f"{row['records'][1]['against_16']['largest']:.2f}" in said

@@ -120,3 +120,18 @@ def test_other_values_and_settings_that_were_removed(addon, tmp_path):
         bpy.ops.wm.save_as_mainfile(filepath=saved)
     settings.use_previews = True  # as a script does
     assert settings.message == "The setting 'use_previews' was removed; pictures that take long show a draft first."
+
+
+def test_records_that_were_removed_are_replaced_with_a_message(addon, tmp_path):
+    """Their numbers are those of earlier versions: 2 and 3."""
+    settings = bpy.context.scene.rle_splat
+    items = type(settings).bl_rna.properties["record"].enum_items
+    assert [(item.identifier, item.value) for item in items] == [("16", 0), ("8", 1)]
+    settings.classification = "pre"
+    for number, record in ((2, 6), (3, 4)):
+        settings["record"] = number
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+        settings = bpy.context.scene.rle_splat
+        assert (settings.record, settings.classification) == ("8", "pre")
+        assert settings.message == f"The record {record} was removed; 8 is used instead."

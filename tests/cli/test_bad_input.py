@@ -250,7 +250,7 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
         (("--tolerance", "1", "--quality", "fine"), "--quality"), (("--tolerance", "1", "--paper"), "--paper"),
         (("--tolerance", "1", "--depth-rule", "slice"), "--depth-rule"), (("--probes", "9"), "--tolerance"),
         (("--tolerance", "nan"), "above zero"), (("--tolerance", "1", "--probes", "-1"), "--probes"),
-        (("--record", "5"), "16, 8, 6, 4"), (("--record", "small"), "--record"),
+        (("--record", "5"), "16, 8 bytes"), (("--record", "small"), "--record"),
     ],
 )  # fmt: skip
 def test_quality_that_does_not_exist_or_contradicts(render_refused, options, expected):

@@ -56,7 +56,7 @@ def test_a_machine_is_measured_once(folder):
     for _ in range(3):
         assert drain(profile_steps(Quality(classification="post"))) == PROFILE
     assert len(measured) == 1
-    others = Quality(classification="pre"), Quality(classification="pre", record=4), Quality("post", backend="numpy")
+    others = Quality(classification="pre"), Quality(classification="pre", record=8), Quality("post", backend="numpy")
     for other in others:
         drain(profile_steps(other))
     assert len(measured) == 4

@@ -102,9 +102,9 @@ def test_a_prediction_alone_is_said_to_be_one():
 
 
 def test_what_is_not_reachable_is_said_with_its_floor():
-    rendering = render_within(scene_of("narrow", False, 24), 0.05, Quality(classification="pre", record=4), probes=200)
+    rendering = render_within(scene_of("narrow", False, 24), 0.01, Quality(classification="pre", record=8), probes=200)
     error = rendering.report["error"]
-    assert not error["kept"] and error["floor"] == error["measured"] > 0.05
+    assert not error["kept"] and error["floor"] == error["measured"] > 0.01
     assert any("not reachable for this scene; the floor is" in remark for remark in rendering.report["remarks"])
 
 

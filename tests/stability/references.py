@@ -22,9 +22,9 @@ from rle_splat.splat.splat import OPAQUE, splat_steps
 from rle_splat.warp.warp import warp_steps
 
 SPLATS = {
-    "rle_splat.pipeline.scan_source.splat_steps": splat_steps,
-    "rle_splat.pipeline.scalar_source.scalar_splat_steps": scalar_splat_steps,
-    "rle_splat.pipeline.scalar_source.value_splat_steps": value_splat_steps,
+    "rle_splat.pipeline.medium.splat_steps": splat_steps,
+    "rle_splat.pipeline.medium.scalar_splat_steps": scalar_splat_steps,
+    "rle_splat.pipeline.medium.value_splat_steps": value_splat_steps,
 }
 # No ray is known better than to this part of a voxel, and no value than to this part of the largest: shares of voxels
 # are float32.
@@ -32,7 +32,7 @@ NUDGE = 2.0**-22
 ROUNDING = 2.0**-20  # of color and transmittance: so much to begin with, and a sixteenth more for each sheet
 END = 2.0**-20  # of the transmittance at which a ray ends, for each sheet
 # A code's step, of the largest color and of the density itself, by the bytes of a record (encode/records.py).
-STEPS = {8: (2.0**-11, 2.0**-11), 6: (1 / 1023, 2.0**-11), 4: (1 / 127, 4.8e-3)}
+STEPS = {8: (2.0**-11, 2.0**-11)}
 ALMOST = 1e-4  # as good as the same, of what a moved ray shows
 
 

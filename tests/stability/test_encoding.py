@@ -316,7 +316,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
 
 
 @needs_kernels
-@pytest.mark.parametrize("record_bytes", (16, 4))
+@pytest.mark.parametrize("record_bytes", (16, 8))
 @every_axis
 def test_S5_tables_with_more_than_32_bits_of_runs_and_records(record, width, axis, record_bytes, tmp_path):
     """The tables of a small volume behind 2^31 runs and 2^31 records of holes: the picture keeps its bits."""
@@ -455,7 +455,7 @@ def test_S7_random_damage_never_passes_as_another_volume(record):
     record("S7", "random damages of 300 that pass", passed, 0, "either", TABLES_ARE_WHOLE)
 
 
-@pytest.mark.parametrize("record_bytes, scale", ((8, 1e38), (8, np.inf), (6, 1e38), (6, np.nan), (4, 1e30), (4, -1.0)))
+@pytest.mark.parametrize("record_bytes, scale", ((8, 1e38), (8, np.inf), (8, np.nan), (8, -1.0)))
 def test_S7_scales_that_overflow_are_refused(record, tmp_path, record_bytes, scale):
     """Short records are codes times scales: each a number of its own, and their product one that float32 holds."""
     e = encoded(record_bytes=record_bytes)

@@ -401,7 +401,7 @@ def rendered(stored):
     return render(scene, quality)
 
 
-@pytest.mark.parametrize("record_bytes", (16, 8, 6, 4))
+@pytest.mark.parametrize("record_bytes", (16, 8))
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
 def test_R3_rle_files(record, tmp_path, model, record_bytes):
     whole = rle_file(tmp_path, record_bytes, model)

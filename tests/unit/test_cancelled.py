@@ -37,7 +37,7 @@ def two_pictures():
     return first, Scene(volume, brighter, wide, 40, 40, headlight=False)
 
 
-@pytest.mark.parametrize("record", (16, 4))
+@pytest.mark.parametrize("record", (16, 8))
 def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, monkeypatch):
     """Cancelled at every step there is; then both the picture that was kept and the cancelled one keep their bits."""
     monkeypatch.setattr(sys.modules[encode.__module__], "VOXELS_AT_ONCE", 1500)  # more steps, as large volumes have

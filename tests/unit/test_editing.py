@@ -273,7 +273,7 @@ def test_a15_a_cancelled_job_leaves_what_is_kept_as_it_was(classification, messa
 # --- three axes -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("record", (16, 8, 6, 4))
+@pytest.mark.parametrize("record", (16, 8))
 def test_three_axes_are_shaded_once(record, monkeypatch):
     shaded = []
 

@@ -137,7 +137,7 @@ def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
 
 
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
-@pytest.mark.parametrize("size, record", ((64, 16), (64, 4), (900, 16)))
+@pytest.mark.parametrize("size, record", ((64, 16), (64, 8), (900, 16)))
 def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     scene, quality = scene_of(noise(dtype=dtype), size), replace(QUALITY, record=record)
     render(scene, quality)  # whatever is made once

@@ -55,10 +55,9 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
 @pytest.mark.parametrize(
     "share, axes, words",
     (
-        (0.95, 1, "voxel records of 8 bytes would fit"), (0.66, 1, "voxel records of 4 bytes would fit"),
+        (0.95, 1, "voxel records of 8 bytes would fit"),
         (0.4, 1, "a narrower transfer function"), (0.001, 1, "crop or downsample the volume"),
         (0.67, 3, "voxel records of 8 bytes would fit"),
-        (0.45, 3, "two principal axes at a time with voxel records of 4 bytes would fit"),
         (0.38, 3, "one principal axis at a time with voxel records of 8 bytes would fit"),
     ),
 )
@@ -108,7 +107,7 @@ def test_what_is_said_to_fit_speaks_of_scalars(share, words, monkeypatch):
     """There are no voxel records to make smaller; what a narrower function leaves is counted in scalars."""
     volume = blobs()
     wanted = estimate.estimate_scalars(found_in_rows(volume, 48), 3, True, 1000)
-    assert wanted.with_record(4) == wanted
+    assert wanted.with_record(8) == wanted
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: int(share * wanted.needed))
     with pytest.raises(RleSplatError, match=words) as problem:
         estimate.refuse_too_much(wanted)
@@ -127,10 +126,10 @@ def test_what_is_said_to_fit_fits(monkeypatch):
     scene = scene_of(noise())
     short_of_memory(monkeypatch, 0)
     needed = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
-    short_of_memory(monkeypatch, int(0.66 * needed / estimate.SPARE))
-    with pytest.raises(RleSplatError, match="records of 4 bytes would fit"):
+    short_of_memory(monkeypatch, int(0.95 * needed / estimate.SPARE))
+    with pytest.raises(RleSplatError, match="records of 8 bytes would fit"):
         encode_scene(scene, QUALITY, (0,))
-    assert encode_scene(scene, replace(QUALITY, record=4), (0,)).axes[0].visible_voxels > 0
+    assert encode_scene(scene, replace(QUALITY, record=8), (0,)).axes[0].visible_voxels > 0
 
 
 @pytest.mark.parametrize("picture", (0, 20_000))
@@ -153,7 +152,7 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
         return estimate.estimate_of(volume, (counts, counts), quality, axes=axes, picture=picture)
 
     for short in (0.25, 0.4, 0.6):
-        all_shown = wanted(n, axes, 4)
+        all_shown = wanted(n, axes, 8)
         free = short * all_shown.needed + (1.0 - short) * picture
         short_of_memory(monkeypatch, round(free / estimate.SPARE))
         with pytest.raises(RleSplatError) as problem:
@@ -161,11 +160,11 @@ def test_a_share_of_voxels_that_is_said_to_fit_fits(n, classification, dtype, ax
         sentence = str(problem.value)
         one_by_one = "one principal axis at a time" in sentence
         if "at most" not in sentence:
-            fits = one_by_one and wanted(n, 1, 4).needed <= free
+            fits = one_by_one and wanted(n, 1, 8).needed <= free
             assert fits or (n == 16 and "crop or downsample" in sentence)
             continue
         share = float(sentence.split("at most ")[1].split(" %")[0]) / 100.0
-        needed = wanted(share * n, 1 if one_by_one else axes, 4).needed
+        needed = wanted(share * n, 1 if one_by_one else axes, 8).needed
         assert 0.85 * free < needed <= free and one_by_one == (axes == 3 and not picture)
 
 

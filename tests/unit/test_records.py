@@ -1,4 +1,4 @@
-"""Voxel records of 8, 6 and 4 bytes: what each code keeps, and what the picture loses by it."""
+"""Voxel records of 8 bytes: what a code keeps, and what the picture loses by it."""
 
 import sys
 from dataclasses import replace
@@ -10,7 +10,7 @@ from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.records import decoding_of, empty_records, pack, record_bytes, unpack
+from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
 from rle_splat.encode.store import StoredVolume, load, save
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
@@ -23,13 +23,12 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.encoded import to_volume_order, validate
 
-SHORT = (8, 6, 4)
+SHORT = 8
 MOST_DENSITY, MOST_COLOR = 16.6, 1.3
 QUALITY = Quality.preset("standard", classification="pre")
 # Largest difference of any channel to 16 bytes, in levels of 1/255: a homogeneous thin medium, whose errors all go
 # the same way; and a lit ball with hard and soft parts.
-THIN_LEVELS = {8: 0.05, 6: 0.1, 4: 1.0}
-LIT_LEVELS = {8: 0.1, 6: 0.2, 4: 1.3}
+THIN_LEVELS, LIT_LEVELS = 0.05, 0.1
 
 
 def random_records(n=20001, seed=3):
@@ -42,55 +41,40 @@ def random_records(n=20001, seed=3):
     return np.concatenate((density[:, None] * color, density[:, None]), axis=1), color
 
 
-def packed(record, records, backend="numba", most=(MOST_DENSITY, MOST_COLOR)):
-    decoding = decoding_of(record, *most)
-    codes = empty_records(record, len(records))
+def packed(records, backend="numba", most=(MOST_DENSITY, MOST_COLOR)):
+    decoding = decoding_of(SHORT, *most)
+    codes = empty_records(SHORT, len(records))
     pack(records, decoding, codes, backend=backend)
     return codes, decoding
 
 
-@pytest.mark.parametrize("record", SHORT)
-def test_each_record_has_the_bytes_it_says(record):
-    codes = empty_records(record, 100)
-    assert codes.nbytes == 100 * record and record_bytes(codes) == record
-
-
-@pytest.mark.parametrize("record", SHORT)
-def test_kernel_and_reference_agree_to_the_bit(record):
+def test_kernel_and_reference_agree_to_the_bit():
     records, _ = random_records()
-    np.testing.assert_array_equal(*(packed(record, records, backend)[0] for backend in ("numba", "numpy")))
+    np.testing.assert_array_equal(*(packed(records, backend)[0] for backend in ("numba", "numpy")))
 
 
-@pytest.mark.parametrize("record", SHORT)
-def test_what_a_code_keeps(record):
+def test_what_a_code_keeps():
     records, color = random_records()
     density = records[:, 3].astype(np.float64)
-    got = unpack(*packed(record, records)).astype(np.float64)
-    if record == 4:  # relative above 2^-14 of the largest, absolute below
-        step = np.log1p(2.0**14) / 2047
-        bound = 0.55 * step * (density + MOST_DENSITY * 2.0**-14)
-    else:
-        bound = density * 2.0**-12 * 1.01 + MOST_DENSITY * 2.0**-30
+    got = unpack(*packed(records)).astype(np.float64)
+    bound = density * 2.0**-12 * 1.01 + MOST_DENSITY * 2.0**-30
     assert (np.abs(got[:, 3] - density) <= bound).all()
     assert got[0].tolist() == [0.0, 0.0, 0.0, 0.0] and got[1, 3] == pytest.approx(MOST_DENSITY, rel=1e-3)
     seen = got[:, 3] > 0.0
-    # In 8 bytes color times density is a number of its own, good to 2^-12; in 6 and 4 a step of the color.
+    # Color times density is a number of its own, good to 2^-12.
     error = np.abs(got[seen, :3] / got[seen, 3:] - color[seen])
-    vanished = MOST_COLOR * MOST_DENSITY * 2.0**-30 / density[seen, None]
-    step = {8: 2.1 * 2.0**-12 * color[seen] + vanished, 6: np.full(3, 0.51 * MOST_COLOR) / (2047, 2047, 1023),
-            4: 0.51 * MOST_COLOR / 127}[record]
+    step = 2.1 * 2.0**-12 * color[seen] + MOST_COLOR * MOST_DENSITY * 2.0**-30 / density[seen, None]
     usual = density[seen] > MOST_DENSITY * 1e-6
     assert (error <= step + 1e-6)[usual].all()
 
 
-@pytest.mark.parametrize("record", SHORT)
-def test_any_scale_is_met(record):
+def test_any_scale_is_met():
     records, _ = random_records(500)
     for density, color in ((1e-12, 1.0), (1e12, 1.0), (1.0, 1e4), (1e-36, 1e-6), (0.0, 0.0)):
         scaled = records.astype(np.float64)
         scaled[:, 3] *= density / MOST_DENSITY
         scaled[:, :3] = scaled[:, :3] * (color / MOST_COLOR) * (density / MOST_DENSITY)
-        got = unpack(*packed(record, scaled.astype(np.float32), most=(density, color)))
+        got = unpack(*packed(scaled.astype(np.float32), most=(density, color)))
         assert np.isfinite(got).all() and (got >= 0.0).all()
         np.testing.assert_allclose(got[1, 3], density, rtol=1e-3)
 
@@ -104,14 +88,13 @@ def block(alpha):
     return Scene(volume, function, camera, 16, 16, matrix, headlight=False)
 
 
-@pytest.mark.parametrize("record", SHORT)
-def test_thin_media_keep_their_depth(record):
+def test_thin_media_keep_their_depth():
     for alpha in (0.0005, 0.001, 0.002, 0.003, 0.01):
         scene = block(alpha)
         best = render(scene, QUALITY).rgba
         np.testing.assert_allclose(best[4:-4, 4:-4, 3], 1.0 - (1.0 - alpha) ** 256, atol=2e-3)
-        short = render(scene, replace(QUALITY, record=record)).rgba
-        assert 255.0 * np.abs(short - best).max() <= THIN_LEVELS[record]
+        short = render(scene, replace(QUALITY, record=SHORT)).rgba
+        assert 255.0 * np.abs(short - best).max() <= THIN_LEVELS
         linear = 1.0 - (1.0 - np.rint(alpha * 255.0) / 255.0) ** 256  # what a linear alpha of 8 bits would make of it
         if alpha <= 0.002:
             assert 255.0 * abs(linear - best[8, 8, 3]) > 25.0
@@ -134,38 +117,36 @@ def lit_scene(azimuth, elevation=10, lights=()):
 
 
 @pytest.mark.parametrize("view", ((10, 10), (80, 10), (10, 80)))
-@pytest.mark.parametrize("record", SHORT)
-def test_pictures_of_short_records(record, view):
+def test_pictures_of_short_records(view):
     scene = lit_scene(*view)
     best = render(scene, QUALITY).rgba
-    short = render(scene, replace(QUALITY, record=record))
-    assert 255.0 * np.abs(short.rgba - best).max() <= LIT_LEVELS[record]
+    short = render(scene, replace(QUALITY, record=SHORT))
+    assert 255.0 * np.abs(short.rgba - best).max() <= LIT_LEVELS
     memory = short.report["memory_bytes"]
-    assert memory["voxel_data"] == record * short.report["volume"]["visible_voxels"]
-    assert short.report["plan"]["record"] == record
+    assert memory["voxel_data"] == SHORT * short.report["volume"]["visible_voxels"]
+    assert short.report["plan"]["record"] == SHORT
     # The same codes by kernels and by their reference implementation.  (Their shading may round a color to the next
     # code.)
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     axis = "xyz".index(memory["axes_held"][0])
-    stored = StoredVolume({axis: encode(classified, colors, axis, record=record)}, scene.volume.affine)
+    stored = StoredVolume({axis: encode(classified, colors, axis, record=SHORT)}, scene.volume.affine)
     pictures = [
-        render(replace(scene, volume=stored), replace(QUALITY, record=record, backend=backend)).rgba
+        render(replace(scene, volume=stored), replace(QUALITY, record=SHORT, backend=backend)).rgba
         for backend in ("numba", "numpy")
     ]
     assert np.abs(pictures[0] - pictures[1]).max() < 2e-5
 
 
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
-@pytest.mark.parametrize("record", SHORT)
-def test_the_three_axes_hold_the_same_records(record, model):
+def test_the_three_axes_hold_the_same_records(model):
     scene = lit_scene(20)
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     grids = []
     for axis in (0, 1, 2):
         for backend in ("numba", "numpy"):
-            encoded = encode(classified, colors, axis, model, record=record, backend=backend)
+            encoded = encode(classified, colors, axis, model, record=SHORT, backend=backend)
             validate(encoded)
-            assert encoded.record == record
+            assert encoded.record == SHORT
             grids.append(to_volume_order(decode(encoded, backend=backend), axis))
     for other in grids[1:]:
         np.testing.assert_array_equal(other, grids[0])
@@ -174,11 +155,10 @@ def test_the_three_axes_hold_the_same_records(record, model):
 
 
 @pytest.mark.parametrize("at_once", ((1 << 22, 1), (1000, 300), (1, 1 << 18)))
-@pytest.mark.parametrize("record", SHORT)
-def test_the_pieces_that_records_are_packed_in_leave_no_trace(record, at_once, monkeypatch):
+def test_the_pieces_that_records_are_packed_in_leave_no_trace(at_once, monkeypatch):
     """Between two chances to cancel, and within: pieces of one plane, of some, and of all."""
     near = Light("POINT", energy=400000.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)))
-    lit, quality = lit_scene(20, lights=(near,)), replace(QUALITY, record=record)
+    lit, quality = lit_scene(20, lights=(near,)), replace(QUALITY, record=SHORT)
     whole = encode_scene(lit, quality).axes
     for name, voxels in zip(("VOXELS_AT_ONCE", "PACKED_AT_ONCE"), at_once):
         monkeypatch.setattr(sys.modules[encode.__module__], name, voxels)
@@ -193,9 +173,8 @@ def test_lights_among_the_voxels_are_measured_first():
     scene = lit_scene(10, lights=(near,))
     best = render(scene, QUALITY).rgba
     assert best[..., :3].max() > 1.0  # brighter than any color of the function
-    for record in SHORT:
-        short = render(scene, replace(QUALITY, record=record)).rgba
-        assert np.abs(short - best).max() <= 1.5 * LIT_LEVELS[record] / 255.0 * best.max()
+    short = render(scene, replace(QUALITY, record=SHORT)).rgba
+    assert np.abs(short - best).max() <= 1.5 * LIT_LEVELS / 255.0 * best.max()
 
 
 def test_the_bound_of_the_colors_holds_and_is_near():
@@ -216,14 +195,13 @@ def test_the_bound_of_the_colors_holds_and_is_near():
     assert color_bound(classified, None) == classified.color.max()
 
 
-@pytest.mark.parametrize("record", SHORT)
-def test_short_records_come_back_from_a_file(record, tmp_path):
+def test_short_records_come_back_from_a_file(tmp_path):
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
-    axes = {axis: encode(classified, colors, axis, record=record) for axis in (0, 2)}
+    axes = {axis: encode(classified, colors, axis, record=SHORT) for axis in (0, 2)}
     path = tmp_path / "v.rle"
     save(path, StoredVolume(axes, np.eye(4)))
     back = load(path)
-    assert back.record == record
+    assert back.record == SHORT
     for axis, encoded in axes.items():
         np.testing.assert_array_equal(back.axes[axis].voxel_data, encoded.voxel_data)
         np.testing.assert_array_equal(back.axes[axis].decoding, encoded.decoding)
@@ -237,7 +215,7 @@ def test_short_records_come_back_from_a_file(record, tmp_path):
 
 
 def test_other_sizes_are_refused():
-    with pytest.raises(RleSplatError, match="16, 8, 6, 4"):
+    with pytest.raises(RleSplatError, match="16, 8 bytes"):
         Quality(classification="pre", record=5)
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
     with pytest.raises(RleSplatError, match="bytes"):

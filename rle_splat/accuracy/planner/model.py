@@ -30,7 +30,7 @@ CALIBRATION = Path(__file__).with_name("calibration.json")
 CUBIC = "cubic"
 # Bytes of a record -> the relative error of its density, and the error of a color channel as a share of the largest
 # color (encode/records.py).
-RECORD_ERRORS = {16: (0.0, 0.0), 8: (2.0**-12, 2.0**-12), 6: (2.0**-12, 0.5 / 1023), 4: (0.0024, 0.5 / 127)}
+RECORD_ERRORS = {16: (0.0, 0.0), 8: (2.0**-12, 2.0**-12)}
 LIGHT_ERRORS = (0.0, 2.0**-12)  # the same for post, which stores scalars exactly, and light as 16-bit floats
 FLOAT_ERROR = 2.0**-24  # of each sum and product in the splatter
 FLOAT_SHEETS = 1 << 14  # more sheets than this add up in float64
