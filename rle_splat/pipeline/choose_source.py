@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from ..effects.analyze import analyzed
 from ..scene import Quality, Scene
-from ..view.base_plane import BasePlane
 from .file_source import FileSource
-from .pooled_source import pooled
 from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
 from .scan_source import scan_source
@@ -37,10 +35,5 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
         effects, left = analyzed(scene, quality)
     if left.volume.holds_values:
         return SOURCES[quality.classification](left, quality, effects, notes)
-    kind = ScalarFileSource if left.volume.classification == "post" else FileSource
-    return kind.of(left, quality, effects, notes)
-
-
-def minified(source: Source, planes: list[BasePlane]) -> Source:
-    """The source with voxels pooled for some base planes where the quality wants it."""
-    return pooled(source, planes) if source.quality.minification == "pool" else source
+    make = ScalarFileSource.of if left.volume.classification == "post" else FileSource
+    return make(left, quality, effects, notes)
