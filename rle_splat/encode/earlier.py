@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .records import decoding_of, empty_records, float_of, pack_numpy
+from .records import decoding_of, empty_records, float_of
+from .reference import pack
 
 RECORDS = {6: 8, 4: 8}  # bytes of a stored record -> bytes of the record that it is opened as
 TYPES = {6: np.uint16, 4: np.uint32}  # bytes of a record -> dtype of the array
@@ -51,7 +52,7 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
+        pack(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 
