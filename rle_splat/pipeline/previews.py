@@ -15,7 +15,7 @@ import numpy as np
 from ..encode.encode import brightest_steps, encode
 from ..encode.nodes import NODE_BYTES, Nodes, node_errors, node_steps
 from ..encode.pooling import classified_nodes, node_lists, node_to_voxel, nodes_shape
-from ..encode.store import StoredVolume
+from ..encode.stored import StoredVolume
 from ..runtime.jit import compiled, thread_count
 from ..runtime.memory import available_bytes
 from ..runtime.steps import Clock, Progress, mapped, portion
@@ -266,5 +266,5 @@ def _scene_of(scene: Scene, lit: LitVolume, level: int, records: np.ndarray, mar
     axes = {
         axis: encode(classified, colors, axis, **arguments) for axis in sorted({plane.axis for plane in planes} or {0})
     }
-    volume = StoredVolume(axes, scene.volume.affine @ to_voxels, scene.volume.unit, classified.unit_length)
+    volume = StoredVolume.of(axes, scene.volume.affine @ to_voxels, scene.volume.unit, classified.unit_length)
     return replace(scene, volume=volume, lights=(), headlight=False, effects={})

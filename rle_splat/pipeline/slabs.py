@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.exposure import exposures
-from ..encode.stored_folder import FolderVolume
 from ..runtime.steps import Clock, within
 from ..scene import Quality, RleSplatError, Scene
 from ..scene.changed import changed
@@ -98,7 +97,7 @@ def over(front: SlabImages, back: SlabImages) -> SlabImages:
 
 def _check(scene: Scene) -> None:
     """RleSplatError for a scene whose picture is not made in slabs."""
-    if not isinstance(scene.volume, FolderVolume):
+    if scene.volume.holds_values or scene.volume.mapped is None:
         raise RleSplatError(
             "Slabs are parts of a folder of tables; encode the volume with rle-splat encode --folder, and render that."
         )

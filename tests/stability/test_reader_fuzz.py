@@ -21,7 +21,8 @@ from rle_splat.classify.default import default_transfer_function
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import StoredVolume, load, save
+from rle_splat.encode.store import load, save
+from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.read.vdb_header import MAGIC, check_header
@@ -330,7 +331,8 @@ def rle_file(folder, record_bytes, model) -> bytes:
     classified = classified_from(mask, 4)
     axes = {axis: encode(classified, classified.color, axis, model, record=record_bytes) for axis in (1, 2)}
     path = folder / "whole.rle"
-    save(path, StoredVolume(axes, np.diag((0.5, 0.5, 2.0, 1.0)), "mm", 0.001, GOOD_FUNCTION, {}, "head.raw", ("one",)))
+    place = np.diag((0.5, 0.5, 2.0, 1.0)), "mm", 0.001
+    save(path, StoredVolume.of(axes, *place, GOOD_FUNCTION, {}, "head.raw", ("one",)))
     return path.read_bytes()
 
 

@@ -10,7 +10,7 @@ from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import difference
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.encode.pooling import pooled_steps
-from rle_splat.encode.store import StoredVolume
+from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import scan_source
