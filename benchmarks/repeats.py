@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rle_splat.accuracy.planner.session import session_steps
-from rle_splat.pipeline.choose_source import settled
-from rle_splat.pipeline.preset_plan import with_plan
+from rle_splat.pipeline.choose_source import choose_source
+from rle_splat.pipeline.preset_plan import choose_plan
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import PRESET_KNOBS, QUALITY_PRESETS, Quality, Scene
@@ -51,7 +51,7 @@ def plans_of(scene: Scene) -> dict[str, tuple]:
             knobs = tuple(getattr(choice.plan, knob) for knob in PRESET_KNOBS)
             found[f"{classification}, {tolerance:g} levels"] = *knobs, choice.rays, choice.slabs
     for name in QUALITY_PRESETS:
-        planned = with_plan(settled(scene, Quality.preset(name)), StageCache()).quality
+        planned = choose_plan(choose_source(scene, Quality.preset(name)), StageCache()).quality
         found[name] = tuple(getattr(planned, knob) for knob in PRESET_KNOBS)
     return found
 

@@ -208,12 +208,12 @@ MUTANTS = (
     ),
     _left_out(
         "shadows, of post-classified light,", "pipeline/scalar_source.py",
-        "light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)",
-        "light_key = (key, *lighting_key(self.scene, matrix, falling))",
+        "return (self.key, *lighting_key(scene, scene.index_to_world, self.falling), self.shadows_key)",
+        "return (self.key, *lighting_key(scene, scene.index_to_world, self.falling))",
     ),
     _left_out(
         "the extinction that casts shadows", "pipeline/scan_source.py",
-        "tables_of, *around, key, boxed=False,", "tables_of, *around, visible_key, boxed=False,",
+        "tables_of, *around, unlit.key, boxed=False,", "tables_of, *around, visible_key, boxed=False,",
     ),
     _left_out(
         "the eye that sees highlights", "pipeline/lighting.py",
@@ -221,7 +221,7 @@ MUTANTS = (
     ),
     _left_out(
         "the model of records", "pipeline/scan_source.py",
-        "return (lit.key, quality.model, quality.record, axis)", "return (lit.key, quality.record, axis)",
+        "return (self.key, quality.model, quality.record, axis)", "return (self.key, quality.record, axis)",
     ),
     _left_out(
         "clips that cast no shadow", "effects/shadows.py",

@@ -41,6 +41,7 @@ _HOME = {
     "save_encoded": ("encode.store", "save"),
     "render": ("pipeline.render", "render"),
     "render_steps": ("pipeline.render", "render_steps"),
+    "StageCache": ("pipeline.stage_cache", "StageCache"),
     "render_within": ("accuracy.planner.tolerance", "render_within"),
     "tolerance_steps": ("accuracy.planner.tolerance", "tolerance_steps"),
     "turntable": ("view.turntable", "turntable"),

@@ -114,7 +114,7 @@ def describe(volume, choice, looked_at=None) -> dict:
     looked_at = looked_at or volume
     if looked_at is not volume and counts_values(volume.voxels.dtype):  # else all voxels would be read for them
         share = len(volume.voxels) / len(looked_at.voxels)
-        vars(volume)["value_counts"] = np.rint(share * looked_at.value_counts).astype(np.int64)
+        volume.measured["value_counts"] = np.rint(share * looked_at.value_counts).astype(np.int64)
     counted = histogram(looked_at, bins=REPORT_BINS)
     low, high = looked_at.value_range
     visible, needed = _needs(volume, function)

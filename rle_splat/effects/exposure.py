@@ -2,17 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from ..runtime.steps import part
 from ..scene import Rendering, Scene
-from ..scene.changed import changed
-from .lens import lens_pictures, lens_points, through_lens
-from .motion import at_time, motion_pictures
+from .lens import DEPTH_OF_FIELD, lens_pictures, lens_points, see_through_lens
+from .motion import MOTION_BLUR, at_time, motion_pictures
 
 # Spreads times evenly, and apart from the golden angles by which the lens's points turn.
 SILVER = 2.0**0.5 - 1.0
-LENS, SHUTTER = "depth of field", "motion blur"  # their names in the table of effects
+
+
+class Blur(NamedTuple):
+    """A cause of blur.
+
+    Attributes
+    ----------
+    name : str
+        In the table of effects.
+    pictures : callable
+        ``pictures(scene)``: how many sharp pictures it takes, 1 for no blur.
+    sharpen : callable
+        ``sharpen(scene, point, time)``: the sharp scene through a point of the lens at a time of the shutter.
+    remove : callable
+        ``remove(scene)``: the scene without it.
+    """
+
+    name: str
+    pictures: Callable
+    sharpen: Callable
+    remove: Callable
+
+
+# In the order in which they are taken out of a scene: the camera moves with its lens.
+BLURS = (
+    Blur("motion blur", motion_pictures, lambda scene, point, time: at_time(scene, time), MOTION_BLUR.without),
+    Blur("depth of field", lens_pictures, lambda scene, point, time: see_through_lens(scene, point),
+         DEPTH_OF_FIELD.without),
+)  # fmt: skip
 
 
 def exposures(scene: Scene) -> list[Scene]:
@@ -31,20 +61,22 @@ def exposures(scene: Scene) -> list[Scene]:
     -----
     Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
-    through, during = lens_pictures(scene), motion_pictures(scene)
-    count = max(through, during)
+    count = max(blur.pictures(scene) for blur in BLURS)
     if count == 1:
         return [scene]
     camera = scene.camera
     # The first is near the middle of both.
     times = (np.argsort(np.argsort((np.arange(count) * SILVER + 0.5) % 1.0)) + 0.5) / count
     points = lens_points(count, camera.aperture_blades, camera.aperture_rotation, camera.aperture_ratio, times)
-    sharp = []
-    for point, time in zip(points, times):
-        one = at_time(scene, time) if during > 1 else changed(scene, motion=())
-        seen = through_lens(one.camera, point) if through > 1 else changed(one.camera, aperture_radius=0.0)
-        sharp.append(changed(one, camera=seen))
-    return sharp
+    blurring = [blur.pictures(scene) > 1 for blur in BLURS]
+    return [_sharpen(scene, blurring, point, time) for point, time in zip(points, times)]
+
+
+def _sharpen(scene: Scene, blurring: list[bool], point, time: float) -> Scene:
+    """The sharp scene through a point of the lens at a time; ``blurring``: which BLURS take several pictures."""
+    for blur, is_on in zip(BLURS, blurring):
+        scene = blur.sharpen(scene, point, time) if is_on else blur.remove(scene)
+    return scene
 
 
 def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
@@ -71,7 +103,9 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
     """
     if len(scenes) == 1:
         return (yield from sharp_steps(scenes[0]))
-    still = changed(scene, motion=(), camera=changed(scene.camera, aperture_radius=0.0))
+    still = scene
+    for blur in BLURS:
+        still = blur.remove(still)
     made, count = [], len(scenes) + 1
     for number, sharp in enumerate((still, *scenes)):
         one = yield from part(sharp_steps(sharp), number / count, (number + 1) / count)
@@ -87,7 +121,7 @@ def _times(scene: Scene, reports: list[dict]) -> dict:
     """The stages' and the effects' milliseconds in all pictures; those after the first are counted for the blur."""
     stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
     extra = stages["total"] - reports[0]["stages_ms"]["total"]
-    blur = LENS if lens_pictures(scene) >= motion_pictures(scene) else SHUTTER  # the other shares its pictures
+    blur = max(reversed(BLURS), key=lambda one: one.pictures(scene)).name  # the other shares its pictures
     effects = []
     for rows in zip(*(report["effects"] for report in reports)):
         known = [row["ms"] for row in rows if row["ms"] is not None]

@@ -104,6 +104,11 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
     )  # fmt: skip
 
 
+def see_through_lens(scene: Scene, point: np.ndarray) -> Scene:
+    """The sharp scene that a point of its camera's lens sees; ``point``: see ``through_lens``."""
+    return changed(scene, camera=through_lens(scene.camera, point))
+
+
 def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
     """The diameter of the disk that a point is blurred to.
 

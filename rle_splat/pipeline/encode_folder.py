@@ -120,7 +120,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     _check(scene, quality)
     scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
-    vars(volume)["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
+    volume.measured["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
     kind = _ClassifiedSlabs if quality.classification == "pre" else _ScalarSlabs
     slabs = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
@@ -311,7 +311,7 @@ class _ClassifiedSlabs(_Slabs):
         voxels = self.in_volume(local, first)
         found = self.source.classified(self.source.shown, voxels, self.length)
         directions = None if self.falling is None else self.source.normals(voxels)
-        return local, LitVolume(found, directions, self.falling, (), (), None, self.source)
+        return local, LitVolume(self.source, found, self.falling, normals=directions)
 
     def encoded(self, first: int, last: int) -> _SlabTables:
         """The tables of planes [first, last)."""

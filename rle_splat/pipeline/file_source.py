@@ -8,7 +8,7 @@ from ..classify.classification import opacity_distance, unit_length
 from ..classify.transfer_function import TransferFunction
 from ..scene import Quality, RleSplatError, Scene
 from ..volume.axes import AXIS_NAMES
-from .scan_source import classified_sheets
+from .medium import ClassifiedVoxels
 from .source import Source, Work
 
 CLASSIFIED_ALREADY = "A .rle file holds voxels that are classified already, so they are splatted as they are: pre."
@@ -16,17 +16,23 @@ CLASSIFIED_ALREADY = "A .rle file holds voxels that are classified already, so t
 
 @dataclass(frozen=True, eq=False)
 class FileSource(Source):
-    """The tables of a ``.rle`` file, whose classification, colors and model are what they are."""
+    """The tables of a ``.rle`` file, whose classification, colors and model are what they are.
+
+    It is the ``voxels`` of its medium, too: its tables are read, and not made.
+    """
+
+    nan_voxels = 0
+    estimate = None
 
     @classmethod
-    def of(cls, scene: Scene, quality: Quality) -> FileSource:
+    def of(cls, scene: Scene, quality: Quality, *more) -> FileSource:
         """The source of a scene whose volume is a StoredVolume; RleSplatError where the quality asks for another."""
         if quality.minification == "pool":
             raise RleSplatError(
                 "A .rle file holds voxels that are encoded already, of which no averages are made; choose the "
                 "minification widen or off."
             )
-        return cls(scene, quality)
+        return cls(scene, quality, *more)
 
     @property
     def axes(self):
@@ -47,7 +53,12 @@ class FileSource(Source):
                 "encode the volume again with all three axes."
             )
 
-    def medium_steps(self, work: Work):
+    @property
+    def visible_voxels(self) -> int:
+        return self.scene.volume.visible_voxels
+
+    def classify_steps(self, work: Work):
+        """Generator of nothing: the file as it is; RleSplatError where it holds another model."""
         stored = self.scene.volume
         if self.quality.model != stored.model:
             raise RleSplatError(
@@ -55,15 +66,20 @@ class FileSource(Source):
                 "again."
             )
         yield from ()
+        return self
 
-        def encode_steps(axis: int):
-            self.refuse_without(axis)
-            return (yield from stored.tables_steps(axis))[0]
-
+    def shade_steps(self, voxels: FileSource, work: Work):
+        """Generator of nothing: the ClassifiedVoxels of the file, which are lit already."""
+        yield from ()
+        stored = self.scene.volume
         length = unit_length(stored, self.scene.index_to_world)
         if stored.model == "opacity":
             length = opacity_distance(stored, TransferFunction.from_json(stored.transfer_function), length)
         else:
             length /= stored.unit_length
-        counts = stored.visible_voxels
-        return classified_sheets(encode_steps, length, self.quality, self.scene.mist, counts)
+        return ClassifiedVoxels(voxels, self.quality, self.scene.mist, length)
+
+    def encode_steps(self, axis: int):
+        """Generator of fractions done: the tables of a principal axis; RleSplatError where the file has none."""
+        self.refuse_without(axis)
+        return (yield from self.scene.volume.tables_steps(axis))[0]

@@ -16,8 +16,7 @@ from ..encode.records import empty_records
 from ..runtime.steps import Clock, Progress, part
 from ..scene import MODES, Camera, Quality, RleSplatError, Scene
 from ..volume.reduced import factors_of
-from .choose_source import settled
-from .scan_source import scan_source
+from .choose_source import choose_source
 from .source import Work
 from .stage_cache import StageCache
 
@@ -155,13 +154,12 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
         raise RleSplatError("A .rle file holds no values to make a grid of; import the scan that it was made from.")
     cache = StageCache(0) if cache is None else cache
     machine = dict(backend=quality.backend, threads=quality.threads)
-    door = settled(for_any_view(scene), Quality.preset("standard", classification="pre", **machine))
-    source = scan_source(door.scene, door.quality)
+    source = choose_source(for_any_view(scene), Quality.preset("standard", classification="pre", **machine))
     work = Work(cache.job(), Clock())
-    lit = yield from part(source.lit_steps(work), 0.0, 0.6)
+    lit = (yield from part(source.medium_steps(work), 0.0, 0.6)).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
-    matrix = door.scene.index_to_world
-    kept = cover(door.scene.clips, voxels, matrix) if door.scene.clips else None
+    matrix = source.scene.index_to_world
+    kept = cover(source.scene.clips, voxels, matrix) if source.scene.clips else None
     thickest = np.float32(THICKEST / np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
     nz = -(-voxels.shape_xyz[2] // factors[2])
     for plane in range(nz):

@@ -15,7 +15,8 @@ from ..encode.encode import encode
 from ..encode.pooling import node_to_voxel, nodes_shape, pooled_steps
 from ..runtime.steps import timed
 from ..view.base_plane import BasePlane
-from .scan_source import ScanSource, classified_sheets
+from .medium import ClassifiedVoxels
+from .scan_source import LitVolume, ScanSource
 from .source import Source, Work
 
 
@@ -44,7 +45,7 @@ class PooledGrid:
 class PooledSource(Source):
     """Nodes of a scan's classified voxels.  ``scan``: the source of the voxels."""
 
-    scan: ScanSource
+    scan: ScanSource | None = None
 
     @property
     def level(self) -> int:
@@ -54,27 +55,49 @@ class PooledSource(Source):
     def node_size(self) -> int:
         return 2**self.level
 
-    def medium_steps(self, work: Work):
-        job, clock, quality = work.job, work.clock, self.quality
-        lit = yield from self.scan.lit_steps(work)
+    def classify_steps(self, work: Work):
+        return self.scan.classify_steps(work)
+
+    def shade_steps(self, voxels, work: Work):
+        lit = (yield from self.scan.shade_steps(voxels, work)).voxels
+        return ClassifiedVoxels(PooledVoxels(self, lit), self.quality, self.scene.mist, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PooledVoxels:
+    """The nodes of a lit volume, before they are encoded."""
+
+    source: PooledSource
+    lit: LitVolume
+
+    @property
+    def visible_voxels(self) -> int:
+        return self.lit.visible_voxels
+
+    @property
+    def nan_voxels(self) -> int:
+        return self.lit.nan_voxels
+
+    @property
+    def estimate(self):
+        return self.lit.estimate
+
+    def encode_steps(self, axis: int):
+        lit, source = self.lit, self.source
+        job, clock, record, machine = lit.work.job, lit.work.clock, source.quality.record, source.machine
         write = clock.timing("shade", lit.write_records("extinction"))
-        key = (lit.key, self.level)
+        key = (lit.key, source.level)
 
         def node_steps():
-            return pooled_steps(lit.classified.voxels, write, self.level, lit.classified, **self.machine)
+            return pooled_steps(lit.classified.voxels, write, source.level, lit.classified, **machine)
 
-        def tables(axis: int, nodes, colors):
+        def tables(nodes, colors):
             yield 1.0
-            return encode(nodes, colors, axis, record=quality.record, **self.machine)
+            return encode(nodes, colors, axis, record=record, **machine)
 
-        def encode_steps(axis: int):
-            nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode")
-            steps = job.steps("node records", (key, quality.record, axis), lambda: tables(axis, *nodes))
-            return (yield from timed(steps, clock, "encode"))
-
-        found = lit.classified
-        counts = found.visible_voxels, found.nan_voxels, lit.estimate
-        return classified_sheets(encode_steps, 1.0, quality, self.scene.mist, *counts)
+        nodes = yield from timed(job.steps("nodes", key, node_steps, _bytes_of), clock, "encode")
+        steps = job.steps("node records", (key, record, axis), lambda: tables(*nodes))
+        return (yield from timed(steps, clock, "encode"))
 
 
 def pooled(scan: ScanSource, planes: list[BasePlane]) -> Source:
@@ -88,7 +111,8 @@ def pooled(scan: ScanSource, planes: list[BasePlane]) -> Source:
     level = min(level, (max(shape_xyz) - 1).bit_length())
     if level == 0:
         return scan
-    return PooledSource(replace(scan.scene, volume=PooledGrid(scan.scene.volume, level)), scan.quality, scan)
+    scene = replace(scan.scene, volume=PooledGrid(scan.scene.volume, level))
+    return PooledSource(scene, scan.quality, scan.effects, scan.notes, scan.plan, scan)
 
 
 def _bytes_of(made) -> int:

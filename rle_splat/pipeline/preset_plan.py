@@ -17,8 +17,9 @@ from ..classify.roughness import LEVELS, roughness
 from ..effects.mixing import is_mixed
 from ..scene import MODES, NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Quality, Scene
 from ..warp.steep import UNLIMITED
-from .choose_source import Settled, choose_source, settled
+from .choose_source import choose_source
 from .single_rays import can_trace
+from .source import Source
 from .stage_cache import StageCache
 
 # Costs this near to each other are equal: what they are depends that much on the day and on the scene.
@@ -87,39 +88,39 @@ CANDIDATES = (
 )
 
 
-def with_plan(door: Settled, cache: StageCache) -> Settled:
+def choose_plan(source: Source, cache: StageCache) -> Source:
     """Replace the knobs of a preset by those of the plan that it takes for a scene.
 
     Parameters
     ----------
-    door : Settled
+    source : Source
     cache : StageCache
         Keeps the roughness of the volume under its transfer function.
 
     Returns
     -------
-    Settled
+    Source
         ``plan`` says why, and holds the error that is aimed at and the one that is expected.
     """
-    quality = door.quality
+    quality = source.quality
     if not quality.is_preset or quality.classification != "post":
         why = FIRST_FRAMES if quality.name.endswith(HELD) else BY_PRE if quality.is_preset else AS_GIVEN
-        return replace(door, plan={"why": why, "aim": None, "expected": None})
+        return replace(source, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
     said = f"{name} aims at an error of at most {aim:g} levels {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in CANDIDATES)
-    why_not = _why_not(door.scene) if is_known else "it has one plan for all scenes"
+    why_not = _why_not(source.scene) if is_known else "it has one plan for all scenes"
     if why_not:
-        return replace(door, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
-    job, volume, function = cache.job(), door.scene.volume, door.scene.transfer_function
+        return replace(source, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
+    job, volume, function = cache.job(), source.scene.volume, source.scene.transfer_function
     key = (volume.key, function.classification_key) if cache.keeps else ()
     rough = job.get("roughness", key, lambda: roughness(volume, function), lambda _: 8)
     job.keep()
     if rough is None:
         why = f"{said}; too little of the volume is visible to tell more, so it takes its usual plan."
-        return replace(door, plan={"why": why, "aim": aim, "expected": None})
-    usual, chosen = choose(own, aim, rough, can_trace(choose_source(door.scene, quality)))
+        return replace(source, plan={"why": why, "aim": aim, "expected": None})
+    usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
         why = f"{said}; its usual plan is expected to err by {expected:.2g} here."
@@ -131,7 +132,7 @@ def with_plan(door: Settled, cache: StageCache) -> Settled:
     if expected > aim:
         why += " No plan is expected to err less."
     knobs = dict(zip(PRESET_KNOBS, chosen.knobs, strict=True))
-    return replace(door, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
+    return replace(source, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 
 
 def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[Candidate, Candidate]:
@@ -193,10 +194,10 @@ def held(quality: Quality, plan: dict) -> Quality:
 
 def held_for(scene: Scene, quality: Quality, cache: StageCache | None = None) -> Quality:
     """``held``, from the scene of a picture that need not be rendered."""
-    door = with_plan(settled(scene, quality), StageCache(0) if cache is None else cache)
-    if door.plan["expected"] is None or door.quality.classification != quality.classification:
+    source = choose_plan(choose_source(scene, quality), StageCache(0) if cache is None else cache)
+    if source.plan["expected"] is None or source.quality.classification != quality.classification:
         return quality
-    knobs = {knob: getattr(door.quality, knob) for knob in PRESET_KNOBS}
+    knobs = {knob: getattr(source.quality, knob) for knob in PRESET_KNOBS}
     return replace(quality, name=f"{quality.name}{HELD}", **knobs)
 
 

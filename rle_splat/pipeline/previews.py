@@ -25,7 +25,7 @@ from ..view.eye import index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import candidate_pyramids
 from ..volume.mapped_files import whole_steps
-from .choose_source import Settled, choose_source, settled
+from .choose_source import choose_source
 from .memory_estimate import SPARE
 from .render import render_steps
 from .scan_source import LitVolume, scan_source
@@ -116,8 +116,8 @@ def progressive_steps(
     ``every``: show all of them, however little the picture takes.  The Rendering it returns is the same to the bit.
     """
     cache = cache if cache is not None else StageCache()
-    door = settled(scene, quality)
-    source, shown = choose_source(door.scene, door.quality), door.scene
+    source = choose_source(scene, quality)
+    door, shown = source, source.scene
     levels = preview_levels(shown.volume.shape_xyz)
     possible = levels and cache.keeps and source.preview_stages and quality.model == "extinction"
     planes = seen_planes(shown, shown.index_to_world, shown.volume.shape_xyz, door.quality) if possible else []
@@ -178,18 +178,18 @@ def seen_planes(scene: Scene, index_to_world, shape_xyz, quality: Quality) -> li
 # --- the previews ---------------------------------------------------------------------------------------------
 
 
-def _lit_steps(source: Source, door: Settled, job: Job, axes: int):
+def _lit_steps(source: Source, door: Source, job: Job, axes: int):
     """Generator: the LitVolume that nodes are averages of; None where its tables do not fit in memory, but those of
     scalar sheets may."""
     try:
-        return (yield from scan_source(door.scene, door.quality).lit_steps(Work(job, Clock(), axes)))
+        return (yield from scan_source(door.scene, door.quality).medium_steps(Work(job, Clock(), axes))).voxels
     except RleSplatError:
-        if source.sheets.scalar_sheets:
+        if source.scalar_sheets:
             return None
         raise
 
 
-def _preview_steps(source: Source, door: Settled, lit: LitVolume, levels, count: int, cache: StageCache):
+def _preview_steps(source: Source, door: Source, lit: LitVolume, levels, count: int, cache: StageCache):
     """Generator of Progress and, coarsest first, Previews of the ``count`` finest of the levels."""
     job, scene = cache.job(), door.scene
     steps = job.steps(

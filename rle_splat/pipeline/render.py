@@ -1,34 +1,36 @@
-"""The pipeline: the stages of the paper, in order, for one picture.
+"""The road of a picture: the stages of the paper, in order.
 
-    classify -> shade -> run-length encode -> splat into the sheet buffer -> warp
+    source -> plan -> view -> classify -> shade -> encode -> splat -> warp -> rays -> report
 
-``render`` is the public verb and ``render_steps`` its generator form.  What the volume is and how it is classified is
-decided once, by ``choose_source``; effects attach by the interfaces of ``effects.analyze`` and ``effects.ray_effects``.
+The paper (Zhang, Sun and Sun, "Accelerate Volume Splatting by Using Run Length Encoding", 2003) classifies and shades
+the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet.  Here sheets lie on
+base planes in index space, and a warp makes the picture of them (algorithm.md 1.3).  Before that comes what the scene
+is (source) and how finely it is drawn (plan).  After it come single rays, where sheets and warp err most, and the
+report.
+
+Each stage is a generator of Progress, so that whoever asks for the picture can show how far it is, and can cancel it by
+closing the generator.  Each is timed by a Clock, and what it makes is kept in a StageCache under all that it was made
+from: a frame makes anew only what changed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, exposures
-from ..effects.ray_effects import RayEffects
-from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
-from ..runtime.steps import Clock, Progress, drain, forward, mapped, portion, timed, within
-from ..scene import Quality, Rendering, RleSplatError, Scene
-from ..splat.splat import LOADING
-from ..volume.mapped_files import whole_steps
+from ..runtime.steps import Clock, Progress, drain, portion, timed, within
+from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
-from .choose_source import Settled, choose_source, settled
-from .memory_estimate import picture_bytes, refuse_too_large
-from .preset_plan import with_plan
-from .report import report_of
-from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels, with_neighbors
-from .source import Medium, Source, Work
+from .choose_source import choose_source
+from .medium import Medium
+from .picture import Picture, begin_picture
+from .preset_plan import choose_plan
+from .report import make_report
+from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels
+from .source import Source
 from .stage_cache import StageCache
-from .views import Fade, View, seen
-
-LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
-COMPILING = "; compiling kernels, the first time only"
+from .views import Fade
+from .watch_steps import watch_splat_steps, watch_steps
 
 
 def render(scene: Scene, quality: Quality | None = None, progress=None, cache: StageCache | None = None) -> Rendering:
@@ -54,7 +56,8 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, cache: S
     RleSplatError
         With one sentence, where the scene cannot be rendered.
     """
-    return drain(render_steps(scene, quality or Quality(), cache), progress)
+    steps = render_steps(scene, quality or Quality(), cache)
+    return drain(steps, progress)
 
 
 def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None, *, refuse_empty_view: bool = True):
@@ -64,194 +67,111 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
     as it was before.
     """
-    steps = whole_steps(_exposed_steps(scene, quality, cache, refuse_empty_view), scene)
-    rendering, kernels = yield from told_steps(steps, quality)
+    steps = _exposed_steps(scene, quality, cache, refuse_empty_view)
+    rendering, kernels = yield from watch_steps(steps, scene, quality)
     return replace(rendering, report={**rendering.report, "kernels": kernels})
 
 
-def told_steps(steps, quality: Quality):
-    """Generator of Progress, told in words for a person: what ``steps`` returns, and the names of its kernels.
-
-    Raises RleSplatError, caused by the MemoryError, when memory runs out half-way.
-    """
-    kernels: set[str] = set()
-    first_ever = compiled(quality.backend) and nothing_compiled_yet()
-    steps = within(steps, lambda: NotingKernels(kernels))
-    if first_ever:
-        steps = mapped(steps, _told_of_compiling)
-    try:
-        made = yield from forward(steps)  # of several axes or base planes each begins anew
-    except MemoryError as problem:
-        reason = f" ({problem})" if str(problem) else ""
-        raise RleSplatError(
-            f"Memory ran out half-way through the picture{reason}; free some, or make the picture, the sheet density "
-            "or the volume smaller."
-        ) from problem
-    return made, sorted(kernels)
-
-
-def _told_of_compiling(step: Progress) -> Progress:
-    """A step of the first picture ever, which compiles kernels; the last step and kernels' own say enough."""
-    if step.fraction >= 1.0 or step.message == LOADING_KERNELS:
-        return step
-    return step._replace(message=step.message + COMPILING)
-
-
 def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
-    """``render_steps``, the kernels aside: the mean of the sharp pictures that the scene's exposure takes."""
-    clocks = [Clock()]  # of the first picture, which the door belongs to
+    """Generator: choose source and plan, and take the mean of the sharp pictures that the scene's exposure takes.
+
+    That is one picture, unless depth of field or motion blurs it.
+    """
+    clocks = [Clock()]  # of the first picture, which the choices belong to
     with clocks[0].running():
-        door = settled(scene, quality)
-        pictures = exposures(door.scene)
-        if cache is None:  # the pictures of a blur have most stages in common
-            cache = StageCache(0) if len(pictures) == 1 else StageCache()
+        # Source: what the volume is (a scan, several channels, or tables of a file), whether it is classified before
+        # it is interpolated, as in the paper, or afterwards, and which effects the scene has.
+        source = choose_source(scene, quality)
+        # Plan: sheets a voxel, filters and single rays.  A preset takes the cheapest plan that keeps its error.
         with clocks[0].stage("plan"):
-            door = with_plan(door, cache)
-    refuse = refuse_empty_view and not door.scene.motion  # what moves may come into view
+            kept = StageCache(0) if cache is None else cache
+            source = choose_plan(source, kept)
+        pictures = exposures(source.scene)
+        if cache is None and len(pictures) > 1:  # the pictures of a blur have most stages in common
+            kept = StageCache()
+    refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
 
     def sharp_steps(sharp: Scene):
         clock = clocks.pop() if clocks else Clock()
-        steps = _sharp_steps(door if sharp is door.scene else replace(door, scene=sharp), cache, refuse, clock)
-        return within(steps, clock.running)
+        return within(_sharp_steps(replace(source, scene=sharp), kept, refuse, clock), clock.running)
 
-    return exposure_steps(door.scene, pictures, sharp_steps)
-
-
-def _sharp_steps(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Clock):
-    """Generator: the stages of one sharp picture, in the paper's order; returns its Rendering."""
-    drawing = begun(door, cache, refuse_empty_view, clock)
-    medium, tables = yield from encoded_steps(drawing)
-
-    def splat(plane, intervals):
-        return medium.splat_steps(tables[plane.axis], plane, intervals)
-
-    return (yield from drawn_steps(drawing, medium, tables, splat))
+    return exposure_steps(source.scene, pictures, sharp_steps)
 
 
-@dataclass(frozen=True, eq=False)
-class Drawing:
-    """A sharp picture that is being made.
-
-    Attributes
-    ----------
-    door : Settled
-    source : Source
-    view : View
-    rays : RayEffects
-    work : Work
-    is_traced : bool
-        Whether steep pixels are integrated by single rays.
-    """
-
-    door: Settled
-    source: Source
-    view: View
-    rays: RayEffects
-    work: Work
-    is_traced: bool
-
-
-def begun(door: Settled, cache: StageCache, refuse_empty_view: bool, clock: Clock) -> Drawing:
-    """The Drawing of a scene, with its source and its view."""
-    source = choose_source(door.scene, door.quality)
-    traced = traces_steep_pixels(source)
-    source, view = seen(with_neighbors(source) if traced else source, refuse_empty_view)
-    rays = RayEffects(source.scene, view.index_view, door.quality, door.effects, clock)
-    return Drawing(door, source, view, rays, _begin_work(source, view, rays, traced, cache, clock), traced)
-
-
-def encoded_steps(drawing: Drawing):
-    """Generator of Progress: classify, shade and encode; returns the Medium, and principal axis -> its tables."""
-    medium = yield from drawing.source.medium_steps(drawing.work)
-    tables = {}
-    for axis in drawing.view.axes:
-        tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
-    return medium, tables
-
-
-def drawn_steps(drawing: Drawing, medium: Medium, tables: dict, splat):
-    """Generator of Progress: splat and warp; returns the Rendering.
-
-    ``splat(plane, intervals)``: generator of fractions done; returns the IntermediateImage of a base plane.
-    """
-    door, source, view, rays = drawing.door, drawing.source, drawing.view, drawing.rays
-    clock, most_color = drawing.work.clock, medium.most_color(tables.values())
-    rays.inspect(view.planes)
-    picture = None
-    for n, fade in enumerate(view.fades):
-        span = 0.2 + 0.75 * n / len(view.fades), 0.75 / len(view.fades)
-        found = yield from _fade_steps(drawing, medium, most_color, fade, splat, span)
-        picture = fade.mixed(picture, found)
-    # Follow single rays where sheets and warp err most.
-    traced_pixels = NO_PIXELS
-    if drawing.is_traced:
-        steps = steep_steps(source.scene, door.scene.region, view.index_view, medium, door.quality, *picture)
-        steps = portion(timed(steps, clock, "rays"), 0.95, 0.99, "Following single rays")
-        *picture, traced_pixels = yield from steps
-    with clock.stage("report"):
-        remarks = (*door.remarks, *rays.remarks(picture, medium.visible_voxels > 0))
-        report = report_of(door.scene, source, view, medium, tables, rays.effects, traced_pixels, clock, remarks)
-        report["plan"] |= door.plan
-    drawing.work.job.keep()
-    report["stages_ms"] = clock.report()
+def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clock: Clock):
+    """Generator of Progress: the stages of one sharp picture, in the paper's order; returns its Rendering."""
+    # View: the principal axis that the camera looks along, the base plane in index space and its sheets.
+    picture = begin_picture(source, cache, refuse_empty_view, clock)
+    # Classify: which voxels the transfer function shows.
+    voxels = yield from picture.source.classify_steps(picture.work)
+    # Shade: their normals, and the light and the shadows that fall on them.
+    medium = yield from picture.source.shade_steps(voxels, picture.work)
+    # Encode: the paper's tables of runs, pointers and voxel records, along each principal axis of the view.
+    tables = yield from encode_steps(picture, medium)
+    # Splat, sheet by sheet on to the base planes, and warp these to the picture.
+    rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
+    # Rays: pixels where neighbors differ most are integrated again, one by one.
+    rgba, depth, traced = yield from ray_steps(picture, medium, rgba, depth)
+    # Report: what was made, how, and in which time.
+    report = make_report(picture, medium, tables, (rgba, depth), traced)
     yield Progress(1.0, "Done")
-    return Rendering(*picture, report)
+    return Rendering(rgba, depth, report)
 
 
-def _begin_work(source: Source, view: View, rays: RayEffects, traced: bool, cache: StageCache, clock: Clock) -> Work:
-    """The work for a picture, or a RleSplatError where its pixels alone need more memory than there is."""
-    left, top, right, bottom = source.scene.region
-    scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
-    needed = picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
-        meshes=source.scene.hides_volume, scratch=scratch, traced=traced,
-    )  # fmt: skip
-    if not cache.has_plenty(needed):
-        cache.make_room(needed)
-        refuse_too_large(needed, right - left, bottom - top)
-    return Work(cache.job(), clock, len(view.axes), needed)
+def encode_steps(picture: Picture, medium: Medium):
+    """Generator of Progress: encode the medium along the principal axes of a picture; returns axis -> tables."""
+    tables = {}
+    for axis in picture.view.axes:
+        tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
+    return tables
 
 
-def _fade_steps(drawing: Drawing, medium: Medium, most_color: float, fade: Fade, splat, span):
+def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
+    """Generator of Progress: splat and warp each part of the view; returns (rgba, depth).
+
+    There is one part, unless two principal axes fade into each other or the camera sees along several of them.
+    """
+    rays, fades = picture.rays, picture.view.fades
+    rays.inspect(picture.view.planes)
+    mixed = None
+    for n, fade in enumerate(fades):
+        span = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
+        mixed = fade.mixed(mixed, (yield from _fade_steps(picture, medium, tables, fade, span)))
+    return mixed
+
+
+def _fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, span):
     """Generator of Progress: splat the base planes of a part of the view and warp them; returns (rgba, depth).
 
-    ``splat``: see ``drawn_steps``.  ``span``: how much of the work is done before, and how much this is.
+    Effects that end rays inside the volume (clip distances, meshes, clip objects) may take several passes over them.
+    ``span``: how much of the work is done before, and how much this is.
     """
-    rays, clock = drawing.rays, drawing.work.clock
+    rays, clock, most_color = picture.rays, picture.work.clock, medium.most_color(tables.values())
     passes = rays.passes(fade.planes)
     parts, done = max(sum(len(one.planes) for one in passes), 1), 0
-    picture = None
+    mixed = None
     for ray_pass in passes:
         images = []
         for number, whole in ray_pass.planes:
             left = rays.intervals(ray_pass, number, whole)
             if left is not None:
-                begin = span[0] + span[1] * done / parts
-                image = yield from splatted_steps(splat(*left), clock, begin, span[1] / parts)
+                plane, intervals = left
+                steps = medium.splat_steps(tables.get(plane.axis), plane, intervals)
+                image = yield from watch_splat_steps(steps, clock, span[0] + span[1] * done / parts, span[1] / parts)
                 images.append(rays.drawn(ray_pass, number, image))
             done += 1
-        index_view, quality = drawing.view.index_view, drawing.source.quality
-        steps = warp_steps(images, index_view, ray_pass.region, quality, most_color)
+        steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, most_color)
         at = span[0] + span[1] * done / parts
         found = yield from portion(timed(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):
-            found = medium.picture(*found) if medium.picture else found
-            picture = rays.mixed(ray_pass, picture, found)
-    rgba, depth = picture
+            mixed = rays.mixed(ray_pass, mixed, medium.finish(*found))
+    rgba, depth = mixed
     return rgba, rays.within_clip(depth)
 
 
-def splatted_steps(steps, clock: Clock, begin: float, share: float):
-    """Generator of Progress from ``begin`` on: the splat of one base plane; returns the IntermediateImage.
-
-    Loading the kernel, or compiling it the first time ever, is told and timed apart.
-    """
-    stage, done = "splat", 0.0
-
-    def told(step) -> Progress:
-        nonlocal stage, done
-        stage, message = ("kernels", LOADING_KERNELS) if step is LOADING else ("splat", "Splatting")
-        done = done if step is LOADING else step
-        return Progress(begin + share * done, message)
-
-    return (yield from mapped(within(steps, lambda: clock.stage(stage)), told))
+def ray_steps(picture: Picture, medium: Medium, rgba, depth):
+    """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
+    if not traces_steep_pixels(picture.source):
+        return rgba, depth, NO_PIXELS
+    steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
+    return (yield from portion(timed(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

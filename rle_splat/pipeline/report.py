@@ -4,53 +4,57 @@ from __future__ import annotations
 
 import math
 
-from ..effects.analyze import EffectSet
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
 from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
-from ..runtime.steps import Clock
-from ..scene import NO_DEPTH, Scene, truth_of
+from ..scene import NO_DEPTH, truth_of
 from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
+from .medium import Medium
+from .picture import Picture
 from .scalar_source import ONE_VOXEL_THICK
-from .source import ALL_TRANSPARENT, Medium, Source
+from .source import ALL_TRANSPARENT, Source
 from .views import View
 
 EMPTY_REMARKS = (ONE_VOXEL_THICK, ALL_TRANSPARENT, NOTHING_LEFT)  # those that say why a picture is empty
 
 
-def report_of(
-    wanted: Scene, source: Source, view: View, medium: Medium, encodings: dict, effects: EffectSet, rays: dict,
-    clock: Clock, remarks,
-) -> dict:  # fmt: skip
-    """The JSON-ready report of a Rendering, without the times of its stages.
+def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: dict) -> dict:
+    """The JSON-ready report of a Rendering; ends the work on the picture, whose results are kept from now on.
 
     Parameters
     ----------
-    wanted : Scene
-        With the volume itself and the crop that was asked for.
-    encodings : dict
+    picture : Picture
+    medium : Medium
+    tables : dict
         Principal axis -> the tables that the picture was splatted from.
-    rays : dict
+    made : (rgba, depth)
+    traced : dict
         What ``single_rays`` says of its rays.
-    remarks : iterable of str
-        Sentences beside those on the source, the medium and the view.
     """
+    source, wanted, rays, clock = picture.source, picture.wanted, picture.rays, picture.work.clock
     quality = source.quality
-    return {
-        "image": image_report(wanted.crop, wanted.width, wanted.height),
-        "volume": _volume_report(wanted.volume.shape_xyz, medium),
-        "memory_bytes": _memory_report(source.tables_held(encodings)),
-        "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
-        "plan": _plan_report(source, view),
-        "rays": dict(rays),
-        "effects": effects.report(clock),
-        "error": {
-            "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
-        },
-        "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
-        "remarks": [*source.remarks, *remarks, *_remarks(source, view, medium)],
-    }
+    with clock.stage("report"):
+        report = {
+            "image": image_report(wanted.crop, wanted.width, wanted.height),
+            "volume": _volume_report(wanted.volume.shape_xyz, medium),
+            "memory_bytes": _memory_report(source.tables_held(tables)),
+            "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
+            "plan": _plan_report(source, picture.view) | source.plan,
+            "rays": dict(traced),
+            "effects": rays.effects.report(clock),
+            "error": {
+                "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
+            },
+            "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
+            "remarks": [
+                *source.remarks, *source.notes, *rays.remarks(made, medium.visible_voxels > 0),
+                *_remarks(source, picture.view, medium),
+            ],
+        }  # fmt: skip
+    picture.work.job.keep()
+    report["stages_ms"] = clock.report()
+    return report
 
 
 def image_report(crop, width: int, height: int) -> dict:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
@@ -14,66 +13,63 @@ from ..scene import Light, Quality, RleSplatError, Scene
 from ..shade.lighting import lighting
 from ..shade.normal_light import NormalLight, normal_light
 from ..shade.shading import refuse_too_bright
-from ..splat.scalar_splat import scalar_splat_steps
 from ..view.projection import world_to_camera
 from .file_source import FileSource
 from .lighting import eye_of
-from .quick_estimate import ScalarSheets
-from .source import Medium, Work
+from .medium import ScalarVoxels, mist_color
+from .source import Work
 
 VALUES_ALREADY = "A .rle folder holds the voxels that its transfer function needs, and their light: post."
-
-
-@dataclass(frozen=True)
-class StoredScalarSheets(ScalarSheets):
-    """As ScalarSheets, of voxels that single rays cannot be followed through."""
-
-    traces_rays: ClassVar[bool] = False
 
 
 @dataclass(frozen=True, eq=False)
 class ScalarFileSource(FileSource):
     """The tables of a folder, whose transfer function is what it is."""
 
-    sheets = StoredScalarSheets
+    scalar_sheets = True
+    light: NormalLight | None = None  # of a folder that holds normals, once it is shaded
 
     @classmethod
-    def of(cls, scene: Scene, quality: Quality) -> ScalarFileSource:
+    def of(cls, scene: Scene, quality: Quality, *more) -> ScalarFileSource:
         if quality.classification != "post":
             raise RleSplatError(
                 "This .rle folder holds values that are classified in the picture; render it with the classification "
                 "post, or encode the volume again."
             )
-        return cls(scene, quality)
+        return cls(scene, quality, *more)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         return (*self.scene.volume.remarks, VALUES_ALREADY)
 
-    def medium_steps(self, work: Work):
-        scene, stored, values = self.scene, self.scene.volume, self.scene.volume.values
+    @property
+    def nan_voxels(self) -> int:
+        return self.scene.volume.nan_voxels
+
+    def classify_steps(self, work: Work):
+        """Generator of nothing: the folder as it is, whose values are classified where they are interpolated."""
         yield from ()
-        length = unit_length(stored, scene.index_to_world)
+        return self
+
+    def shade_steps(self, voxels: ScalarFileSource, work: Work):
+        """Generator of nothing: the ScalarVoxels of the folder, under its own lights."""
+        yield from ()
+        scene, stored, values = self.scene, self.scene.volume, self.scene.volume.values
         volume, function = stored.stand_in, scene.transfer_function
+        length = unit_length(stored, scene.index_to_world)
         table = lookup_table(volume, function, values.ends, opacity_distance(volume, function, length))
         light = self._normal_light()
-
-        def encode_steps(axis: int):
-            self.refuse_without(axis)
-            tables, of_voxels = yield from stored.tables_steps(axis)
-            return self._with_light(tables, of_voxels, light)
-
-        def splat(tables, plane, intervals):
-            return scalar_splat_steps(tables, table, plane, self.quality, intervals, mist=scene.mist)
-
         shine = (1.0, 0.0) if values.light is None else values.light[1:]
         if light is not None:
             shine = light.most_light, light.most_highlight
         brightest = refuse_too_bright(table.most_color * shine[0] + shine[1] if values.ends[0] < values.ends[1] else
                                       table.most_color)  # fmt: skip
-        most_color = max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
-        counts = stored.visible_voxels, stored.nan_voxels
-        return Medium(encode_steps, splat, lambda tables: most_color, *counts)
+        most_color = max(brightest, *mist_color(scene.mist))
+        return ScalarVoxels(replace(voxels, light=light), self.quality, scene.mist, table, most_color)
+
+    def encode_steps(self, axis: int):
+        self.refuse_without(axis)
+        return self._with_light(*(yield from self.scene.volume.tables_steps(axis)), self.light)
 
     def _with_light(self, tables, of_voxels: dict, light: NormalLight | None) -> ScalarVolume:
         """The tables of a principal axis with their light, if there is any."""

@@ -19,8 +19,8 @@ What each stage result depends on, so that a change redoes no more than it must:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -47,15 +47,14 @@ from ..shade.lighting import Lighting
 from ..shade.normal_light import NormalLight, coded_normals, normal_light
 from ..shade.shading import normals, refuse_too_bright
 from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
-from ..splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from ..view.depth_rules import sheets_per_cell, value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import follows_view, lighting_key, scene_lighting, shadowed_steps
+from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import Found, MemoryEstimate, estimate_scalars
-from .quick_estimate import ScalarSheets
 from .shadows import shadow_count
-from .source import Medium, Source, Work, array_key
+from .source import Source, Work, array_key
 
 ONE_VOXEL_THICK = (
     "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "
@@ -94,6 +93,11 @@ class LitScalars:
 
     Attributes
     ----------
+    source : ScalarSource
+    work : Work
+        That its tables are part of.
+    volume : Volume
+        Whose values count: where labels hide, these are taken away from.
     voxels : VisibleVoxels
     key : tuple
         All that the voxels depend on.
@@ -101,42 +105,139 @@ class LitScalars:
         Smallest and largest stored value that is splatted.
     infinite : tuple of float
         Stored values that stand for minus and plus infinity; empty where nothing is infinite.
-    center : float
-        What is taken from stored values before they are splatted.
+    length : float
+        World length of a unit of the volume.
     transfer : LookupTable or ValueMap
         The lookup table of the transfer function; in a mode that shows values, how these are counted.
-    light : VoxelLight, NormalLight or None
-        None where nothing shines and nothing thins.
-    light_key : tuple
-        Of a VoxelLight, its own; of a NormalLight, that of the normals.
-    normals, coded_light : callable or None
-        ``normals()``: of the voxels; ``coded_light()``: the light as a VoxelLight, whatever it is.  None where nothing
-        shines.
-    thinned : bool
-        Whether the light's last channel is a factor of extinction.
     estimate : MemoryEstimate
         What all of it and its tables take.
+    falling : Lighting or None
+        With shadows once it is shaded; None where nothing shines.
+    shadows_key : tuple
+        All that the shadows depend on.
+    light : VoxelLight, NormalLight or None
+        None where nothing shines and nothing thins.  Before it is shaded, it is only the light that is made of normals.
+    light_key : tuple
+        Of a VoxelLight, its own; of a NormalLight, that of the normals.
+    thinned : bool
+        Whether the light's last channel is a factor of extinction.
     """
 
+    source: ScalarSource
+    work: Work
+    volume: object
     voxels: VisibleVoxels
     key: tuple
     ends: tuple
     infinite: tuple
-    center: float
+    length: float
     transfer: LookupTable | ValueMap
-    light: VoxelLight | NormalLight | None
-    light_key: tuple
-    normals: Callable | None
-    coded_light: Callable | None
-    thinned: bool
     estimate: MemoryEstimate
+    falling: Lighting | None
+    shadows_key: tuple = ()
+    light: VoxelLight | NormalLight | None = None
+    light_key: tuple = ()
+    thinned: bool = False
+
+    @property
+    def visible_voxels(self) -> int:
+        return len(self.voxels)
+
+    @property
+    def nan_voxels(self) -> int:
+        return self.voxels.nan_voxels
+
+    @property
+    def center(self) -> float:
+        """What is taken from stored values before they are splatted."""
+        return center_of(self.volume.voxels.dtype, self.ends)
+
+    @property
+    def normals_key(self) -> tuple:
+        return self.key, array_key(self.source.scene.index_to_world[:3, :3])
+
+    @property
+    def coded_key(self) -> tuple:
+        """Key of the coded light."""
+        scene = self.source.scene
+        return (self.key, *lighting_key(scene, scene.index_to_world, self.falling), self.shadows_key)
+
+    def normals(self) -> np.ndarray:
+        """(m, 3) float32 of the voxels, world space."""
+        scene, machine = self.source.scene, self.source.machine
+        made = partial(normals, self.voxels, scene.volume, scene.index_to_world, **machine)
+        return self.work.job.get("normals", self.normals_key, made)
+
+    def coded_light(self) -> VoxelLight:
+        """The light as a VoxelLight, where something shines, whatever ``light`` is."""
+
+        def made():
+            return voxel_light(self.voxels, self.normals(), self.falling, **self.source.machine)
+
+        return self.work.job.get("light", self.coded_key, made)
+
+    def extinction(self) -> np.ndarray:
+        """(m,) float32 of the voxels by the transfer function alone, 1 / world length."""
+        return extinction_of(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
+
+    def encode_steps(self, axis: int):
+        """Generator of fractions done: the ScalarVolume of one principal axis."""
+        voxels, job, clock, machine = self.voxels, self.work.job, self.work.clock, self.source.machine
+        kind = self.source.scene.volume.voxels.dtype
+        with clock.stage("encode"):
+            tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, **machine))
+        order = IN_ROWS if is_shared(axis) else axis
+
+        def placed_steps(words):
+            return in_scanlines(tables, voxels, words, **machine)
+
+        def scalars():
+            self.work.claim(self.estimate.one_axis())
+            return placed_steps(scalars_of(voxels, kind, self.infinite, self.center))
+
+        steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
+        placed = yield from timed(steps, clock, "encode")
+        if self.light is None:
+            return ScalarVolume(tables, placed, self.center)
+        if isinstance(self.light, NormalLight):
+            steps = job.steps("normal codes", (self.light_key, order), lambda: self._normal_steps(placed_steps))
+            codes = yield from timed(steps, clock, "shade")
+            none = self.light.no_codes
+            return ScalarVolume(tables, placed, self.center, none, lamps=self.light.lamps(codes, axis))
+        steps = job.steps("lights", (self.light_key, order), lambda: placed_steps(self.light.codes))
+        codes = yield from timed(steps, clock, "shade")  # as with classified voxels, whose records are lit already
+        return ScalarVolume(tables, placed, self.center, codes, self.light.unit, self.thinned)
+
+    def _normal_steps(self, placed_steps):
+        """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
+        codes = coded_normals(self.normals(), **self.source.machine)
+        for component in codes.view(np.uint16):
+            component[:] = yield from placed_steps(component)
+        return codes
+
+    def trace(self, rays, slabs: int, counts=None):
+        """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
+        scene, voxels, job = self.source.scene, self.voxels, self.work.job
+        light = self.coded_light() if isinstance(self.light, NormalLight) else self.light
+        shape, ends = scene.volume.shape_xyz, (self.infinite, self.center)
+        bricks = job.get("bricks", self.key, lambda: bricks_of(voxels.bits, shape))
+        key = (self.key, *ends, IN_ROWS)
+        scalars = job.get("scalars", key, lambda: scalars_of(voxels, scene.volume.voxels.dtype, *ends))
+        lights = (None, np.float32(1.0)) if light is None else (read_only(light.codes), np.float32(light.unit))
+        # Of the function as it is: what is kept may be more.
+        reach = Reach.of_values(scene.volume, shown_values(scene.transfer_function, scene.mode))
+        with np.errstate(over="ignore"):
+            shown = np.clip(reach.ends.astype(np.float64) - self.center, -LARGEST, LARGEST)
+        records = read_only(scalars), *lights
+        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
+        return trace_rays(rows, self.center, self.transfer, rays, slabs, self.source.quality, counts)
 
 
 @dataclass(frozen=True, eq=False)
 class ScalarSource(Source):
     """A scan whose values are interpolated inside each sheet and then classified."""
 
-    sheets = ScalarSheets
+    scalar_sheets, traces_rays = True, True
 
     @property
     def preview_stages(self) -> tuple[str, ...]:
@@ -164,36 +265,10 @@ class ScalarSource(Source):
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
-    def medium_steps(self, work: Work):
-        lit = yield from self.lit_steps(work)
-        voxels, quality, scene = lit.voxels, self.quality, self.scene
-        counts = (len(voxels), voxels.nan_voxels, lit.estimate)
-
-        def encode_steps(axis: int):
-            return self.axis_steps(lit, axis, work)
-
-        if self.shows_values:
-
-            def splat_values(tables, plane, intervals):
-                return value_splat_steps(tables, lit.transfer, plane, quality, intervals)
-
-            picture = lit.transfer.picture
-            return Medium(encode_steps, splat_values, lambda tables: lit.transfer.most, *counts, picture=picture)
-
-        def splat(tables, plane, intervals):
-            absorbs = scene.mode == "xray"
-            return scalar_splat_steps(tables, lit.transfer, plane, quality, intervals, absorbs, scene.mist)
-
-        def trace(rays, slabs, counts=None):
-            return self._traced(lit, work, rays, slabs, counts)
-
-        most_color = self._most_color(lit)
-        return Medium(encode_steps, splat, lambda tables: most_color, *counts, trace=trace)
-
-    def lit_steps(self, work: Work):
-        """Generator of Progress: the LitScalars of the scene."""
+    def classify_steps(self, work: Work):
+        """Generator of Progress: the LitScalars of the scene, without their light."""
         scene, job, clock = self.scene, work.job, work.clock
-        volume, tf = scene.volume, scene.transfer_function
+        volume = scene.volume
         length = unit_length(volume, scene.index_to_world)
         voxels_key = (volume.key if job.cache.keeps else "", self.quality.backend)
         if scene.labels is not None:
@@ -206,45 +281,52 @@ class ScalarSource(Source):
         by_normal = self._normal_light(falling)
         lit = falling is not None, by_normal is not None
         relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, *lit)
-        voxels, key = relevant.voxels, (voxels_key, relevant.key)
         with clock.stage("classify"):
-            ends, infinite = value_ends(volume, tf, blocks)
+            ends, infinite = value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
+        key = voxels_key, relevant.key
+        return LitScalars(
+            self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling, light=by_normal
+        )  # fmt: skip
+
+    def shade_steps(self, voxels: LitScalars, work: Work):
+        """Generator of Progress: the ScalarVoxels of the scene."""
+        scene, job, clock, unlit = self.scene, work.job, work.clock, voxels
+        tf, key, length = scene.transfer_function, unlit.key, unlit.length
         factor = hidden_key = None
         if scene.labels is not None:
-            step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
+            step = max(length * float(unlit.volume.spacing.min()), LEAST_DISTANCE)
             hidden_key = key, tf.classification_key, length
-            factor = yield from self._hidden_steps(
-                work, voxels, hidden_key,
-                lambda: extinction_of(transfer, voxels.stored, volume.voxels.dtype, infinite) * step,
-            )
+            factor = yield from self._hidden_steps(work, unlit.voxels, hidden_key, lambda: unlit.extinction() * step)
         if tf.gradient_opacity is not None and not self.shows_values:
             with clock.stage("gradients"):
-                by_gradient = self._factor(work, voxels, key)
+                by_gradient = self._factor(work, unlit.voxels, key)
                 factor = by_gradient if factor is None else factor * by_gradient
 
         def tables_of(axis):
-            return job.get("runs", (key, axis), lambda: scalar_tables(voxels, axis, **self.machine))
+            return job.get("runs", (key, axis), lambda: scalar_tables(unlit.voxels, axis, **self.machine))
 
         def extinction():
-            found = extinction_of(transfer, voxels.stored, volume.voxels.dtype, infinite)
-            return found if factor is None else found * factor
+            return unlit.extinction() if factor is None else unlit.extinction() * factor
 
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True, **self.machine
+            unlit.voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True,
+            **self.machine,
         )  # fmt: skip
-        falling, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
+        falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
         if falling is not None:
             yield Progress(0.1, "Shading")
+        lit = replace(unlit, falling=falling, shadows_key=shadows_key)
         with clock.stage("shade"):
-            light, light_key, *made = self._light(work, voxels, key, falling, shadows_key, by_normal)
+            light, light_key = self._light(lit)
         if factor is not None:
             light_key = (light_key, hidden_key, key, tf.gradient_opacity)
             light = job.get("thinned", light_key, lambda: with_factor(light, factor))
-        center = center_of(volume.voxels.dtype, ends)
-        thinned = factor is not None
-        return LitScalars(voxels, key, ends, infinite, center, transfer, light, light_key, *made, thinned, needed)
+        lit = replace(lit, light=light, light_key=light_key, thinned=factor is not None)
+        return ScalarVoxels(
+            lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray"
+        )  # fmt: skip
 
     def _relevant_steps(self, work: Work, volume, blocks: Blocks, voxels_key, lit: bool, by_normal: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
@@ -328,89 +410,26 @@ class ScalarSource(Source):
             return None
         return normal_light(falling, scene.volume.shape_xyz)
 
-    def _light(self, work: Work, voxels: VisibleVoxels, key, falling: Lighting | None, shadows_key, by_normal):
-        """``light``, ``light_key``, ``normals`` and ``coded_light`` of LitScalars."""
-        if falling is None:
-            return None, (), None, None
-        matrix, job = self.scene.index_to_world, work.job
-        normals_key = (key, array_key(matrix[:3, :3]))
-
-        def make_normals():
-            return normals(voxels, self.scene.volume, matrix, **self.machine)
-
-        def directions():
-            return job.get("normals", normals_key, make_normals)
-
-        def coded():
-            return job.get("light", light_key, lambda: voxel_light(voxels, directions(), falling, **self.machine))
-
-        light_key = (key, *lighting_key(self.scene, matrix, falling), shadows_key)
-        if by_normal is not None:
-            return by_normal, normals_key, directions, coded
-        directions()
-        return coded(), light_key, directions, coded
+    def _light(self, lit: LitScalars) -> tuple:
+        """``light`` and ``light_key`` of LitScalars."""
+        if lit.falling is None:
+            return None, ()
+        if lit.light is not None:
+            return lit.light, lit.normals_key
+        lit.normals()  # kept though the coded light may be there: another light is made of them
+        return lit.coded_light(), lit.coded_key
 
     def _most_color(self, lit: LitScalars) -> float:
         scene, light = self.scene, lit.light
+        if self.shows_values:
+            return lit.transfer.most
         if scene.mode != "composite":
             return 1.0
         # A volume of a single value has no normal anywhere, and shows the colors as they are.
         is_lit = light is not None and lit.ends[0] < lit.ends[1]
         shine = (light.most_light, light.most_highlight) if is_lit else (1.0, 0.0)
         brightest = refuse_too_bright(lit.transfer.most_color * shine[0] + shine[1])
-        return max(brightest, *(scene.mist.color if scene.mist else (0.0,)))
-
-    def axis_steps(self, lit: LitScalars, axis: int, work: Work):
-        """Generator of fractions done: the ScalarVolume of one principal axis."""
-        job, clock, voxels = work.job, work.clock, lit.voxels
-        kind = self.scene.volume.voxels.dtype
-        with clock.stage("encode"):
-            tables = job.get("runs", (lit.key, axis), lambda: scalar_tables(voxels, axis, **self.machine))
-        order = IN_ROWS if is_shared(axis) else axis
-
-        def placed_steps(words):
-            return in_scanlines(tables, voxels, words, **self.machine)
-
-        def scalars():
-            work.claim(lit.estimate.one_axis())
-            return placed_steps(scalars_of(voxels, kind, lit.infinite, lit.center))
-
-        steps = job.steps("scalars", (lit.key, lit.infinite, lit.center, order), scalars)
-        placed = yield from timed(steps, clock, "encode")
-        if lit.light is None:
-            return ScalarVolume(tables, placed, lit.center)
-        if isinstance(lit.light, NormalLight):
-            steps = job.steps("normal codes", (lit.light_key, order), lambda: self._normal_steps(lit, placed_steps))
-            codes = yield from timed(steps, clock, "shade")
-            none = lit.light.no_codes
-            return ScalarVolume(tables, placed, lit.center, none, lamps=lit.light.lamps(codes, axis))
-        steps = job.steps("lights", (lit.light_key, order), lambda: placed_steps(lit.light.codes))
-        codes = yield from timed(steps, clock, "shade")  # as with classified sheets, whose records are lit already
-        return ScalarVolume(tables, placed, lit.center, codes, lit.light.unit, lit.thinned)
-
-    def _normal_steps(self, lit: LitScalars, placed_steps):
-        """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
-        codes = coded_normals(lit.normals(), **self.machine)
-        for component in codes.view(np.uint16):
-            component[:] = yield from placed_steps(component)
-        return codes
-
-    def _traced(self, lit: LitScalars, work: Work, rays, slabs: int, counts):
-        """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
-        volume, voxels = self.scene.volume, lit.voxels
-        light = lit.coded_light() if isinstance(lit.light, NormalLight) else lit.light
-        shape, ends = volume.shape_xyz, (lit.infinite, lit.center)
-        bricks = work.job.get("bricks", lit.key, lambda: bricks_of(voxels.bits, shape))
-        key = (lit.key, *ends, IN_ROWS)
-        scalars = work.job.get("scalars", key, lambda: scalars_of(voxels, volume.voxels.dtype, *ends))
-        lights = (None, np.float32(1.0)) if light is None else (read_only(light.codes), np.float32(light.unit))
-        # Of the function as it is: what is kept may be more.
-        reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
-        with np.errstate(over="ignore"):
-            shown = np.clip(reach.ends.astype(np.float64) - lit.center, -LARGEST, LARGEST)
-        records = read_only(scalars), *lights
-        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
-        return trace_rays(rows, lit.center, lit.transfer, rays, slabs, self.quality, counts)
+        return max(brightest, *mist_color(scene.mist))
 
 
 def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:

@@ -13,7 +13,7 @@ What each stage result depends on, so that a change redoes no more than it must:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -30,13 +30,13 @@ from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed
 from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
 from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
-from ..splat.splat import splat_steps
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
+from .medium import ClassifiedVoxels
 from .memory_estimate import MemoryEstimate, estimate_of
 from .shadows import shadow_count
-from .source import Medium, Source, Work, array_key
+from .source import Source, Work, array_key
 from .stage_cache import StageCache
 
 IN_ORDER = 2  # the principal axis whose records are in the voxels' own order
@@ -48,24 +48,41 @@ class LitVolume:
 
     Attributes
     ----------
+    source : ScanSource
     classified : ClassifiedVolume
-    normals : (m, 3) float32 ndarray or None
-        Of the visible voxels, world space; None without ``falling``.
     falling : Lighting or None
+        None where nothing shines.
     visible_key, key : tuple
         All that the visible voxels, and all that their records, depend on.
     estimate : MemoryEstimate
         What all of it and its tables take.
-    source : ScanSource
+    work : Work
+        That its tables are part of.
+    normals : (m, 3) float32 ndarray or None
+        Of the visible voxels, world space; None without ``falling``, and before they are shaded.
     """
 
-    classified: ClassifiedVolume
-    normals: np.ndarray | None
-    falling: Lighting | None
-    visible_key: tuple
-    key: tuple
-    estimate: MemoryEstimate
     source: ScanSource
+    classified: ClassifiedVolume
+    falling: Lighting | None
+    visible_key: tuple = ()
+    key: tuple = ()
+    estimate: MemoryEstimate | None = None
+    work: Work | None = None
+    normals: np.ndarray | None = None
+
+    @property
+    def visible_voxels(self) -> int:
+        return self.classified.visible_voxels
+
+    @property
+    def nan_voxels(self) -> int:
+        return self.classified.nan_voxels
+
+    @property
+    def color_bound(self) -> float | None:
+        """A bound of every channel of the lit colors; None where there is none but by looking at all of them."""
+        return color_bound(self.classified, self.falling)
 
     def write_records(self, model: str):
         """For ``encode.record_steps``: a function that writes the records of some planes' voxels."""
@@ -76,10 +93,47 @@ class LitVolume:
 
         return write
 
-    @property
-    def color_bound(self) -> float | None:
-        """A bound of every channel of the lit colors; None where there is none but by looking at all of them."""
-        return color_bound(self.classified, self.falling)
+    def encode_steps(self, axis: int):
+        """Generator of fractions done: the RunLengthVolume of one principal axis.
+
+        Where all three are wanted, the one that the others take their records from comes first.
+        """
+        axes = tuple(dict.fromkeys((IN_ORDER, axis))) if self.work.axes == len(AXES) else (axis,)
+        for n, one in enumerate(axes):
+            tables = yield from mapped(self._axis_steps(one), lambda done, n=n: (n + done) / len(axes))
+        return tables
+
+    def _axis_steps(self, axis: int):
+        """``encode_steps`` of this axis alone.
+
+        Where the records of principal z, which are in the voxels' own order, are at hand, nothing is shaded again.
+        """
+        work, quality, voxels = self.work, self.source.quality, self.classified.voxels
+        job, clock, machine = work.job, work.clock, self.source.machine
+        with clock.stage("encode"):
+            tables = job.get("runs", (self.visible_key, axis), lambda: run_tables(voxels, axis, **machine))
+        write = clock.timing("shade", self.write_records(quality.model))
+
+        def key_of(axis):
+            return (self.key, quality.model, quality.record, axis)
+
+        def records():
+            work.claim(self.estimate.one_axis())
+            if job.has("records", key_of(IN_ORDER)):
+                in_order = job.get("records", key_of(IN_ORDER), None)
+                return (yield from reorder_steps(tables, voxels, in_order, **machine))
+            decoding = None
+            if quality.record != 16:
+                brightest = self.color_bound
+                if brightest is None:
+                    brightest = yield from brightest_steps(voxels, write)
+                density = self.classified.properties[:, DENSITY[quality.model]].max(initial=0.0)
+                decoding = decoding_of(quality.record, float(density), brightest)
+            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **machine)
+            return (yield from steps)
+
+        steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
+        return (yield from timed(steps, clock, "encode"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,37 +173,38 @@ class ScanSource(Source):
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
-    def medium_steps(self, work: Work):
-        lit = yield from self.lit_steps(work)
-        found = lit.classified
-
-        def encode_steps(axis: int):
-            # Where all three are wanted, the one that the others take their records from comes first.
-            return self.axes_steps(lit, (IN_ORDER, axis) if work.axes == len(AXES) else (axis,), work)
-
-        length = found.opacity_distance if self.quality.model == "opacity" else 1.0
-        counts = found.visible_voxels, found.nan_voxels, lit.estimate
-        return classified_sheets(encode_steps, length, self.quality, self.scene.mist, *counts)
-
-    def lit_steps(self, work: Work):
-        """Generator of Progress: the LitVolume of the scene."""
+    def classify_steps(self, work: Work):
+        """Generator of Progress: the LitVolume of the scene, without its light."""
         scene, job, clock = self.scene, work.job, work.clock
-        matrix = scene.index_to_world
-        length = unit_length(scene.volume, matrix)
+        length = unit_length(scene.volume, scene.index_to_world)
         # A cache without room needs no content key, and large volumes no second reading for it.
         voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
         shown = self.shown
         visible_key = (voxels_key, shown.key)
-        falling = scene_lighting(scene, matrix)
+        falling = scene_lighting(scene, scene.index_to_world)
         voxels, needed = yield from self._visible_steps(work, shown, voxels_key, visible_key, falling is not None)
         with clock.stage(self.stage):
             key = (visible_key, scene.transfer_function.classification_key, length)
             found = job.get(
                 "properties", key, lambda: self.classified(shown, voxels, length), lambda c: c.properties.nbytes
             )
-        if falling is None:
-            return LitVolume(found, None, None, visible_key, (key, "unshaded"), needed, self)
-        with clock.stage("shade"):
+        return LitVolume(self, found, falling, visible_key, key, needed, work)
+
+    def shade_steps(self, voxels: LitVolume, work: Work):
+        """Generator of Progress: the ClassifiedVoxels of the scene."""
+        scene, quality, found = self.scene, self.quality, voxels.classified
+        if voxels.falling is None:
+            lit = replace(voxels, key=(voxels.key, "unshaded"))
+        else:
+            lit = yield from self._lit_steps(voxels, work)
+        length = found.opacity_distance if quality.model == "opacity" else 1.0
+        return ClassifiedVoxels(lit, quality, scene.mist, length)
+
+    def _lit_steps(self, unlit: LitVolume, work: Work):
+        """Generator of Progress: the LitVolume with its normals and its shadows."""
+        scene, job, voxels = self.scene, work.job, unlit.classified.voxels
+        matrix, visible_key = scene.index_to_world, unlit.visible_key
+        with work.clock.stage("shade"):
             normals_key = (visible_key, array_key(matrix[:3, :3]))
             directions = job.get("normals", normals_key, lambda: self.normals(voxels))
 
@@ -158,11 +213,11 @@ class ScanSource(Source):
 
         around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, lambda: found.extinction, tables_of, *around, key, boxed=False, **self.machine
+            voxels, lambda: unlit.classified.extinction, tables_of, *around, unlit.key, boxed=False, **self.machine
         )  # fmt: skip
-        shadowed, shadows_key = yield from shadowed_steps(scene, falling, work, occluders)
-        key = (key, *lighting_key(scene, matrix, falling), shadows_key)
-        return LitVolume(found, directions, shadowed, visible_key, key, needed, self)
+        falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
+        key = (unlit.key, *lighting_key(scene, matrix, unlit.falling), shadows_key)
+        return replace(unlit, falling=falling, key=key, normals=directions)
 
     def _visible_steps(self, work: Work, shown, voxels_key, visible_key, shaded: bool):
         """Generator of Progress: the visible voxels, and the MemoryEstimate of all that is to come."""
@@ -189,44 +244,6 @@ class ScanSource(Source):
         yield Progress(0.06, message)
         steps = job.steps("visible", visible_key, lambda: self.fill_steps(shown, blocks, counted))
         return (yield from portion(timed(steps, clock, self.stage), 0.06, 0.1, message)), needed
-
-    def axes_steps(self, lit: LitVolume, axes, work: Work):
-        """Generator of fractions done: ``axis_steps`` of some principal axes, one after the other; returns the last."""
-        for n, axis in enumerate(axes):
-            steps = self.axis_steps(lit, axis, work)
-            tables = yield from mapped(steps, lambda done, n=n: (n + done) / len(axes))
-        return tables
-
-    def axis_steps(self, lit: LitVolume, axis: int, work: Work):
-        """Generator of fractions done: the RunLengthVolume of one principal axis.
-
-        Where the records of principal z, which are in the voxels' own order, are at hand, nothing is shaded again.
-        """
-        job, clock, quality, voxels = work.job, work.clock, self.quality, lit.classified.voxels
-        with clock.stage("encode"):
-            tables = job.get("runs", (lit.visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
-        write = clock.timing("shade", lit.write_records(quality.model))
-
-        def key_of(axis):
-            return (lit.key, quality.model, quality.record, axis)
-
-        def records():
-            work.claim(lit.estimate.one_axis())
-            if job.has("records", key_of(IN_ORDER)):
-                in_order = job.get("records", key_of(IN_ORDER), None)
-                return (yield from reorder_steps(tables, voxels, in_order, **self.machine))
-            decoding = None
-            if quality.record != 16:
-                brightest = lit.color_bound
-                if brightest is None:
-                    brightest = yield from brightest_steps(voxels, write)
-                density = lit.classified.properties[:, DENSITY[quality.model]].max(initial=0.0)
-                decoding = decoding_of(quality.record, float(density), brightest)
-            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **self.machine)
-            return (yield from steps)
-
-        steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
-        return (yield from timed(steps, clock, "encode"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,33 +275,10 @@ class MixedSource(ScanSource):
         return np.float32
 
 
-def classified_sheets(encode_steps, length_unit: float, quality: Quality, mist, *counts) -> Medium:
-    """The Medium of voxels that are classified before they are splatted.
-
-    Parameters
-    ----------
-    encode_steps, *counts
-        As Medium has them.
-    length_unit : float
-        World length in which the lengths of rays are counted.
-    mist : Mist or None
-        What the colors fade to.
-    """
-    mist_color = mist.color if mist else (0.0,)
-
-    def splat(tables, plane, intervals):
-        return splat_steps(tables, plane, quality, length_unit, intervals, mist)
-
-    def most_color(tables):
-        return max((*(each.most_color for each in tables), *mist_color))
-
-    return Medium(encode_steps, splat, most_color, *counts)
-
-
-def scan_source(scene: Scene, quality: Quality) -> ScanSource:
-    """The source of a scene's own voxels, classified before they are splatted."""
+def scan_source(scene: Scene, quality: Quality, *more) -> ScanSource:
+    """The source of a scene's own voxels, classified before they are splatted; ``more``: see Source."""
     kind = MixedSource if scene.labels is not None or scene.channels else ScanSource
-    return kind(scene, quality)
+    return kind(scene, quality, *more)
 
 
 def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
@@ -297,7 +291,7 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
         The lit colors of its visible voxels, scene-linear.
     """
     source = scan_source(scene, quality)
-    lit = drain(source.lit_steps(Work(StageCache(0).job(), clock)))
+    lit = drain(source.medium_steps(Work(StageCache(0).job(), clock))).voxels
     with clock.stage("shade"):
         colors = shaded_colors(lit.classified, lit.normals, lit.falling, **source.machine)
     return lit.classified, colors

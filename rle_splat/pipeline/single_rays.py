@@ -18,7 +18,8 @@ from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
 from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
-from .source import Medium, Source
+from .medium import Medium
+from .source import Source
 
 NO_PIXELS = {"pixels": 0, "share": 0.0, "slabs": 0}  # of a report, where there are no single rays
 LEAST_SLABS = 4
@@ -32,7 +33,7 @@ KNOWN = {
 def can_trace(source: Source) -> bool:
     """Whether pixels can be integrated by single rays: of post-classified values, and without meshes."""
     scene = source.scene
-    if not source.sheets.traces_rays or min(scene.volume.shape_xyz) < 2:
+    if not source.traces_rays or min(scene.volume.shape_xyz) < 2:
         return False
     if scene.transfer_function.gradient_opacity is not None:
         return False
@@ -54,9 +55,12 @@ def traces_steep_pixels(source: Source) -> bool:
 
 
 def with_neighbors(source: Source) -> Source:
-    """The source with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors."""
+    """The source with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors.
+
+    The source as it is where no steep pixels are traced.
+    """
     scene = source.scene
-    if scene.crop is None:
+    if scene.crop is None or not traces_steep_pixels(source):
         return source
     first = (max(side // TILE * TILE - AROUND, 0) for side in scene.crop[:2])
     ends = zip(scene.crop[2:], (scene.width, scene.height), strict=True)
@@ -105,12 +109,12 @@ def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns
     return rgba, depth
 
 
-def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: Quality, rgba, depth):
+def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth):
     """Generator of fractions done: integrate the steep pixels of a picture by single rays.
 
     Parameters
     ----------
-    scene : Scene
+    source : Source
         Of the picture.
     wanted : (left, top, right, bottom)
         The pixels of the whole frame that are returned.
@@ -123,6 +127,7 @@ def steep_steps(scene: Scene, wanted, view: IndexView, medium: Medium, quality: 
     dict
         The report's ``rays``: pixels, their share, and slabs per voxel.
     """
+    scene, quality = source.scene, source.quality
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
     most = most_in_tile(scene.width, scene.height, quality.rays)

@@ -7,20 +7,26 @@ sheet pixels.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..effects.exposure import exposures
-from ..runtime.steps import Clock, within
-from ..scene import Quality, RleSplatError, Scene
+from ..runtime.steps import Clock, Progress, within
+from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..scene.changed import changed
 from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
-from .choose_source import settled
-from .preset_plan import with_plan
-from .render import Drawing, begun, drawn_steps, encoded_steps, splatted_steps, told_steps
+from .choose_source import choose_source
+from .medium import Medium
+from .picture import Picture, begin_picture
+from .preset_plan import choose_plan
+from .render import encode_steps, splat_and_warp_steps
+from .report import make_report
+from .single_rays import NO_PIXELS
 from .stage_cache import StageCache
+from .watch_steps import watch_splat_steps, watch_steps
 
 ALONG_Z = 2
 
@@ -63,10 +69,10 @@ def slab_steps(scene: Scene, quality: Quality, number: int, count: int):
     RleSplatError
         Where the picture cannot be drawn in slabs.
     """
-    drawing = _begun(scene, quality)
-    steps = within(_slab_steps(drawing, number, count), drawing.work.clock.running)
-    (pixels, most_color), kernels = yield from told_steps(steps, quality)
-    return SlabImages(pixels, most_color, frozenset(kernels), drawing.work.clock.report())
+    picture = _begin(scene, quality)
+    steps = within(_slab_steps(picture, number, count), picture.work.clock.running)
+    (pixels, most_color), kernels = yield from watch_steps(steps, scene, quality)
+    return SlabImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
 
 
 def composited_steps(scene: Scene, quality: Quality, slabs: SlabImages):
@@ -79,9 +85,9 @@ def composited_steps(scene: Scene, quality: Quality, slabs: SlabImages):
     slabs : SlabImages
         Of all slabs.
     """
-    drawing = _begun(scene, quality)
-    steps = within(_composited_steps(drawing, slabs), drawing.work.clock.running)
-    rendering, kernels = yield from told_steps(steps, quality)
+    picture = _begin(scene, quality)
+    steps = within(_composited_steps(picture, slabs), picture.work.clock.running)
+    rendering, kernels = yield from watch_steps(steps, scene, quality)
     report = dict(rendering.report)
     del report["memory_bytes"]  # here are no tables
     times = _sum(report["stages_ms"], slabs.stages_ms)
@@ -107,20 +113,21 @@ def _check(scene: Scene) -> None:
         )
 
 
-def _begun(scene: Scene, quality: Quality) -> Drawing:
+def _begin(scene: Scene, quality: Quality) -> Picture:
     _check(scene)
     cache = StageCache(0)
-    return begun(with_plan(settled(scene, quality), cache), cache, False, Clock())
+    return begin_picture(choose_plan(choose_source(scene, quality), cache), cache, False, Clock())
 
 
-def _slab_steps(drawing: Drawing, number: int, count: int):
+def _slab_steps(picture: Picture, number: int, count: int):
     """Generator of Progress: returns the pixels of a slab, and the largest color."""
-    planes = {plane: plane.slab(number, count) for plane in drawing.view.planes}
-    drawing = _reading_only(drawing, [plane for plane in planes.values() if plane is not None])
-    medium, tables = yield from encoded_steps(drawing)
-    rays, clock, pixels = drawing.rays, drawing.work.clock, []
-    rays.inspect(drawing.view.planes)
-    for fade in drawing.view.fades:
+    planes = {plane: plane.slab(number, count) for plane in picture.view.planes}
+    picture = _read_only(picture, [plane for plane in planes.values() if plane is not None])
+    medium = yield from picture.source.medium_steps(picture.work)
+    tables = yield from encode_steps(picture, medium)
+    rays, clock, pixels = picture.rays, picture.work.clock, []
+    rays.inspect(picture.view.planes)
+    for fade in picture.view.fades:
         for ray_pass in rays.passes(fade.planes):
             for plane_number, whole in ray_pass.planes:
                 left = rays.intervals(ray_pass, plane_number, whole)
@@ -132,18 +139,18 @@ def _slab_steps(drawing: Drawing, number: int, count: int):
                     pixels.append(None)
                     continue
                 steps = medium.splat_steps(tables[plane.axis], slab, intervals)
-                image = yield from splatted_steps(steps, clock, 0.2, 0.8)
+                image = yield from watch_splat_steps(steps, clock, 0.2, 0.8)
                 pixels.append(None if image.filled_part(0) is None else image.pixels)
     return tuple(pixels), medium.most_color(tables.values())
 
 
-def _reading_only(drawing: Drawing, planes: list[BasePlane]) -> Drawing:
-    """The drawing with a source that reads no more of a folder than some base planes show."""
-    source = drawing.source
+def _read_only(picture: Picture, planes: list[BasePlane]) -> Picture:
+    """The picture with a source that reads no more of a folder than some base planes show."""
+    source = picture.source
     reads = [_slices_read(plane) for plane in planes if plane.axis == ALONG_Z]
     first, last = (min(first for first, _ in reads), max(last for _, last in reads)) if reads else (0, 0)
     volume = source.scene.volume.of_planes(first, last)
-    return replace(drawing, source=replace(source, scene=changed(source.scene, volume=volume)))
+    return replace(picture, source=replace(source, scene=changed(source.scene, volume=volume)))
 
 
 def _slices_read(plane: BasePlane) -> tuple[int, int]:
@@ -152,17 +159,37 @@ def _slices_read(plane: BasePlane) -> tuple[int, int]:
     return int(first.min()), int(first.max()) + plane.sheets.slice_weights.shape[1]
 
 
-def _composited_steps(drawing: Drawing, slabs: SlabImages):
+def _composited_steps(picture: Picture, slabs: SlabImages):
     """Generator of Progress: the Rendering of base planes whose pixels are there."""
-    medium = yield from drawing.source.medium_steps(drawing.work)
-    medium = replace(medium, most_color=lambda tables: slabs.most_color)
-    pixels = iter(slabs.pixels)
+    medium = yield from picture.source.medium_steps(picture.work)
+    medium = CompositedSlabs(medium.voxels, medium.quality, medium.mist, slabs.most_color, iter(slabs.pixels))
+    made = yield from splat_and_warp_steps(picture, medium, {})
+    report = make_report(picture, medium, {}, made, NO_PIXELS)
+    yield Progress(1.0, "Done")
+    return Rendering(*made, report)
 
-    def given(plane, intervals):
+
+@dataclass(frozen=True, eq=False)
+class CompositedSlabs(Medium):
+    """A medium that is splatted already.
+
+    Attributes
+    ----------
+    brightest : float
+        Largest channel of any unassociated color.
+    pixels : iterator of ndarray or None
+        Of each base plane, in the order that they are drawn.
+    """
+
+    brightest: float
+    pixels: Iterator
+
+    def splat_steps(self, tables, plane, intervals):
         yield from ()
-        return _image_of(plane, next(pixels))
+        return _image_of(plane, next(self.pixels))
 
-    return (yield from drawn_steps(drawing, medium, {}, given))
+    def most_color(self, tables) -> float:
+        return self.brightest
 
 
 def _image_of(plane: BasePlane, pixels: np.ndarray | None) -> IntermediateImage:

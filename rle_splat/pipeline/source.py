@@ -1,27 +1,28 @@
-"""Interfaces of the pipeline: a source of voxels, the medium that it becomes, and the work that both are part of.
+"""The source of a picture: what the volume is, how it is classified and lit, and the work that this is part of.
 
-A source says what the volume is (a scan, a ``.rle`` file, pooled nodes) and how it is classified
-(classified or scalar sheets).  ``choose_source`` picks one; no later stage asks again.
+A source is a scan, a scan with labels or channels, or stored tables.  ``choose_source`` picks one; no later stage asks
+again.  It makes a medium (see ``medium``), which is all that the stages after shading know of the volume.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
+from ..effects.analyze import EffectSet
 from ..runtime.steps import Clock
 from ..scene import Quality, Scene
 from ..splat.scratch import scratch_bytes
 from ..view.base_plane import BasePlane
 from ..volume.axes import AXES
+from .medium import Medium
 from .memory_estimate import MemoryEstimate, refuse_too_much
-from .quick_estimate import ClassifiedSheets
 from .stage_cache import Job
 
+NO_EFFECTS = EffectSet(())
 ALL_TRANSPARENT = "The transfer function makes every voxel transparent, so the picture is empty."
 
 
@@ -53,40 +54,6 @@ class Work:
 
 
 @dataclass(frozen=True, eq=False)
-class Medium:
-    """A volume whose voxels are classified and lit, ready to be encoded along a principal axis and splatted.
-
-    Attributes
-    ----------
-    encode_steps : callable
-        ``encode_steps(axis)``: generator of fractions done; returns the tables of a principal axis.
-    splat_steps : callable
-        ``splat_steps(tables, plane, intervals)``: generator of fractions done (see ``splat.splat.splat_steps``);
-        returns an IntermediateImage.
-    most_color : callable
-        ``most_color(tables)``: the largest channel of any unassociated color that a pixel may have.
-    visible_voxels, nan_voxels : int
-        Voxels that the tables hold, and voxels that are not numbers.
-    estimate : MemoryEstimate or None
-        None where nothing is left to be made.
-    picture : callable or None
-        ``picture(rgba, depth)``: what was warped as a picture, where it is not one yet.
-    trace : callable or None
-        ``trace(rays, slabs, work)``: color and half depths of single rays (see ``raycast.trace``), where there is a
-        way.
-    """
-
-    encode_steps: Callable
-    splat_steps: Callable
-    most_color: Callable
-    visible_voxels: int
-    nan_voxels: int = 0
-    estimate: MemoryEstimate | None = None
-    picture: Callable | None = None
-    trace: Callable | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Source(ABC):
     """Where sheets get their voxels from; the base class of all kinds.
 
@@ -95,13 +62,23 @@ class Source(ABC):
     scene : Scene
         Without the effects that are off; its volume is the grid that is splatted.
     quality : Quality
-        With a backend that is settled.
+        With a backend that is settled, and with the classification that the volume and the effects need.
+    effects : EffectSet
+        State of every effect; without any where the scene was not looked through for them.
+    notes : tuple of str
+        Sentences on what was asked for and could not be had, for the report.
+    plan : dict
+        For the report's plan: ``why`` in words, and the errors ``aim`` and ``expected`` (see ``preset_plan``).
     """
 
     scene: Scene
     quality: Quality
+    effects: EffectSet = NO_EFFECTS
+    notes: tuple[str, ...] = ()
+    plan: dict = field(default_factory=dict)
 
-    sheets: ClassVar[type[ClassifiedSheets]] = ClassifiedSheets  # what its sheets are made of
+    scalar_sheets: ClassVar[bool] = False  # whether sheets hold the scalar; the medium then fills the box by itself
+    traces_rays: ClassVar[bool] = False  # whether single rays can go through the medium
     preview_stages = ()  # names of stages that previews share with the picture; empty where there are none
     bounds_previews = False  # whether the error of a preview can be bounded
     node_size = 1  # voxels of the scan along each side of what is splatted
@@ -132,18 +109,30 @@ class Source(ABC):
 
     def splat_bytes(self, plane: BasePlane, shortened: bool) -> int:
         """Scratch memory of the splat on to a base plane; ``shortened``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.sheets.scalar_sheets, shortened)
+        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.scalar_sheets, shortened)
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""
         return encodings
 
     @abstractmethod
-    def medium_steps(self, work: Work):
-        """Generator of Progress: the Medium, its tables still to be made.
+    def classify_steps(self, work: Work):
+        """Generator of Progress: the voxels that are visible, or matter, classified and not lit yet.
 
         Says what memory is about to be taken; raises RleSplatError, with what would fit, when there is not enough.
         """
+
+    @abstractmethod
+    def shade_steps(self, voxels, work: Work):
+        """Generator of Progress: the Medium, lit, its tables still to be made.
+
+        ``voxels``: what ``classify_steps`` returned.
+        """
+
+    def medium_steps(self, work: Work):
+        """Generator of Progress: classify and shade; returns the Medium."""
+        voxels = yield from self.classify_steps(work)
+        return (yield from self.shade_steps(voxels, work))
 
 
 def array_key(*arrays) -> tuple:

@@ -28,7 +28,10 @@ MOST_RESULTS = {
 
 
 class StageCache:
-    """Results of stages, of which the least recently used leave first.
+    """Results of stages that are kept between pictures; the least recently used leave first.
+
+    Pass one cache to ``render`` for all pictures of a volume.  Each result is kept under all that it was made from, so
+    that a picture makes anew only what changed, and is the same to the bit as without the cache.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ class StageCache:
     Attributes
     ----------
     made : dict
-        Name of a stage -> how often it really ran, so that tests can tell work from reuse.
+        Name of a stage -> how often it really ran.
     """
 
     def __init__(self, most_bytes: int | None = None):
@@ -54,6 +57,7 @@ class StageCache:
 
     @property
     def nbytes(self) -> int:
+        """Bytes of all results that are kept."""
         return sum(size for _, size in self._results.copy().values())
 
     @property
@@ -66,9 +70,11 @@ class StageCache:
         return Job(self)
 
     def has(self, stage: str, key) -> bool:
+        """Whether a result of a stage is kept under a key."""
         return (stage, key) in self._results
 
     def clear(self) -> None:
+        """Forget all results, and give their memory back."""
         self._results.clear()
         forget()
 

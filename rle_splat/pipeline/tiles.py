@@ -14,13 +14,14 @@ from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Progress, part
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..warp.sizes import PICTURE_PIXEL, WRITTEN
-from .choose_source import choose_source, settled
+from .choose_source import choose_source
 from .memory_estimate import picture_bytes
 from .render import render_steps
 from .report import image_report
-from .single_rays import traces_steep_pixels, with_neighbors
+from .single_rays import traces_steep_pixels
+from .source import Source
 from .stage_cache import StageCache
-from .views import seen
+from .views import choose_view
 
 SIDES = (1024, 512, 256, 128, 64)  # pixels; the first that fits
 SHARE = 0.5  # of the free memory is for the picture; the other half is for what is made of the volume
@@ -60,15 +61,15 @@ def tile_side(scene: Scene, quality: Quality) -> int | None:
     RleSplatError
         Where not even the smallest tiles fit.
     """
-    door = settled(scene, quality)
+    source = choose_source(scene, quality)
     width = scene.region[2] - scene.region[0]
     free = SHARE * available_bytes()
-    if _picture_bytes(door.scene, door.quality) <= free:
+    if _picture_bytes(source) <= free:
         return None
     needed = 0
     for side in SIDES:
         some = _some_of(tiles_of(scene.region, side), -(-width // side))
-        needed = max(_picture_bytes(replace(door.scene, crop=tile), door.quality) for tile in some)
+        needed = max(_picture_bytes(replace(source, scene=replace(source.scene, crop=tile))) for tile in some)
         needed += 2 * PICTURE_PIXEL * width * side
         if needed <= free:
             return side
@@ -85,16 +86,14 @@ def _some_of(tiles: list, across: int) -> set:
     return {tiles[row * across + column] for row, column in places}
 
 
-def _picture_bytes(scene: Scene, quality: Quality) -> int:
-    """What the sheets and the pixels of the scene's crop take; the quality as ``settled`` returns it."""
-    source = choose_source(scene, quality)
-    traced = traces_steep_pixels(source)
-    source, view = seen(with_neighbors(source) if traced else source, refuse_empty=False)
+def _picture_bytes(source: Source) -> int:
+    """What the sheets and the pixels of the scene's crop take."""
+    source, view = choose_view(source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
     scratch = max((source.splat_bytes(plane, True) for plane in view.planes), default=0)
     return WRITTEN * (right - left) * (bottom - top) + picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=True, meshes=scene.hides_volume,
-        scratch=scratch, traced=traced,
+        view.planes, right - left, bottom - top, source.quality, shortened=True, meshes=source.scene.hides_volume,
+        scratch=scratch, traced=traces_steep_pixels(source),
     )  # fmt: skip
 
 
@@ -163,9 +162,9 @@ def tiled_steps(
 
 def check_view(scene: Scene, quality: Quality) -> None:
     """RleSplatError where the camera sees nothing of the volume: a tile alone may be empty, the picture may not."""
-    door = settled(scene, quality)
-    if not door.scene.motion:
-        seen(choose_source(door.scene, door.quality), refuse_empty=True)
+    source = choose_source(scene, quality)
+    if not source.scene.motion:
+        choose_view(source, refuse_empty=True)
 
 
 class Total:

@@ -14,6 +14,7 @@ from ..view.principal_axis import axis_shares, candidate_pyramids
 from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
 from .choose_source import minified
+from .single_rays import with_neighbors
 from .source import Source
 
 
@@ -62,14 +63,22 @@ class View:
         return replace(self, fades=[fade.window(scene, quality) for fade in self.fades])
 
 
-def seen(source: Source, refuse_empty: bool) -> tuple[Source, View]:
-    """The source, its voxels pooled where the quality wants it, and the part of its view that the picture needs.
+def choose_view(source: Source, refuse_empty: bool) -> tuple[Source, View]:
+    """Choose the base planes of a picture, and pool the voxels where the quality wants it.
+
+    Returns
+    -------
+    Source
+        With the voxels that are splatted, and with the pixels that are needed beside the wanted ones.
+    View
+        The part of its view that these pixels need.
 
     Raises
     ------
     RleSplatError
         Where ``refuse_empty`` is set and the camera sees nothing of the volume.
     """
+    source = with_neighbors(source)
     view = view_of(source, refuse_empty)
     coarser = minified(source, view.planes)
     if coarser is not source:
@@ -78,15 +87,15 @@ def seen(source: Source, refuse_empty: bool) -> tuple[Source, View]:
 
 
 def view_of(source: Source, refuse_empty: bool) -> View:
-    """The view of a source by its scene's camera; see ``seen``."""
+    """The view of a source by its scene's camera; see ``choose_view``."""
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
-    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.sheets.scalar_sheets else footprint.radius)
+    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.scalar_sheets else footprint.radius)
     in_sight = furthest > scene.camera.clip_start and nearest < scene.camera.clip_end
 
     def planes_of(*pyramids):
-        knobs = source.depth_rule, quality.sheet_density, footprint, source.sheets.scalar_sheets, warp_reach(quality)
+        knobs = source.depth_rule, quality.sheet_density, footprint, source.scalar_sheets, warp_reach(quality)
         planes = [base_plane(view, shape_xyz, *pyramid, *knobs) for pyramid in pyramids if in_sight]
         return [plane for plane in planes if plane is not None]
 
@@ -99,7 +108,7 @@ def view_of(source: Source, refuse_empty: bool) -> View:
     else:
         fades = [Fade(planes_of(*candidate_pyramids(view)))]
     # Nothing is between the voxels of a volume that is one voxel thick: the report says so, from wherever it is seen.
-    is_thick = min(shape_xyz) > 1 or not source.sheets.scalar_sheets
+    is_thick = min(shape_xyz) > 1 or not source.scalar_sheets
     if not fades[0].planes and refuse_empty and is_thick:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."

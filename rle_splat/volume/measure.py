@@ -22,5 +22,6 @@ def measured_steps(volume: Volume):
         "value_counts" if counted else "value_range": count_steps(volume.voxels) if counted else range_steps(volume),
     }
     for i, (name, steps) in enumerate(works.items()):
-        if name not in vars(volume):
-            vars(volume)[name] = yield from portion(steps, i / len(works), (i + 1) / len(works), "measuring the values")
+        if name not in volume.measured:
+            steps = portion(steps, i / len(works), (i + 1) / len(works), "measuring the values")
+            volume.measured[name] = yield from steps

@@ -117,5 +117,5 @@ def reduced_steps(volume: Volume, factors: tuple[int, int, int]):
     found = replace(volume, voxels=voxels, affine=volume.affine @ to_voxels)
     # Its own voxels need not be read for a hash of them.
     content = f"{volume.voxel_key} in blocks of {factors}"
-    vars(found)["voxel_key"] = hashlib.blake2b(content.encode(), digest_size=16).hexdigest()
+    found.measured["voxel_key"] = hashlib.blake2b(content.encode(), digest_size=16).hexdigest()
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -76,6 +77,8 @@ class Volume:
         Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
     data_files : tuple of Path
         The files of the voxels beside a header that names them; empty for other volumes.
+    measured : dict
+        What of ``value_range``, ``value_counts`` and ``voxel_key`` is known by now, which each read all voxels.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class Volume:
     series: str = ""
     levels: tuple = ()
     data_files: tuple = ()
+    measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
 
@@ -134,31 +138,37 @@ class Volume:
         """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
 
-    @cached_property
+    @property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest finite physical value; (0, 0) if no voxel is finite."""
-        return drain(range_steps(self))
+        return self._measure("value_range", lambda: drain(range_steps(self)))
 
     def _range(self, low, high) -> tuple[float, float]:
         """Physical (smallest, largest) of a stored range; a negative slope swaps the ends."""
         ends = sorted((float(low) * self.slope + self.intercept, float(high) * self.slope + self.intercept))
         return max(ends[0], -LARGEST_VALUE), min(ends[1], LARGEST_VALUE)
 
-    @cached_property
+    @property
     def value_counts(self) -> np.ndarray:
         """How often each stored value of an 8- or 16-bit volume occurs, ascending; (256,) or (65536,) int64."""
-        return count_values(self.voxels)
+        return self._measure("value_counts", lambda: count_values(self.voxels))
 
-    @cached_property
+    @property
     def voxel_key(self) -> str:
         """Hash of the stored voxels, their type and shape. The first use reads the whole volume."""
-        return drain(key_steps(self))
+        return self._measure("voxel_key", lambda: drain(key_steps(self)))
 
     @cached_property
     def key(self) -> str:
         """Hash of the voxels, slope, intercept and affine; cached stages use it as their key."""
         meaning = repr((self.voxel_key, self.slope, self.intercept)).encode() + self.affine.tobytes()
         return hashlib.blake2b(meaning, digest_size=16).hexdigest()
+
+    def _measure(self, name: str, make: Callable):
+        """What is known by the name; else ``make()``, which is known from now on."""
+        if name not in self.measured:
+            self.measured[name] = make()
+        return self.measured[name]
 
     def physical(self, stored) -> np.ndarray:
         """Convert stored values to physical values, float64."""

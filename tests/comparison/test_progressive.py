@@ -228,7 +228,7 @@ def test_a_preview_is_left_out_where_only_the_picture_fits(stand, monkeypatch):
         raise RleSplatError("This would not fit.")
         yield
 
-    monkeypatch.setattr(ScanSource, "lit_steps", refuse)
+    monkeypatch.setattr(ScanSource, "classify_steps", refuse)
     levels = [preview.level for preview in progressive.previews(scene, Quality())]
     assert levels == [0]
     with pytest.raises(RleSplatError, match="not fit"):

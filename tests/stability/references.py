@@ -22,9 +22,9 @@ from rle_splat.splat.splat import OPAQUE, splat_steps
 from rle_splat.warp.warp import warp_steps
 
 SPLATS = {
-    "rle_splat.pipeline.scan_source.splat_steps": splat_steps,
-    "rle_splat.pipeline.scalar_source.scalar_splat_steps": scalar_splat_steps,
-    "rle_splat.pipeline.scalar_source.value_splat_steps": value_splat_steps,
+    "rle_splat.pipeline.medium.splat_steps": splat_steps,
+    "rle_splat.pipeline.medium.scalar_splat_steps": scalar_splat_steps,
+    "rle_splat.pipeline.medium.value_splat_steps": value_splat_steps,
 }
 # No ray is known better than to this part of a voxel, and no value than to this part of the largest: shares of voxels
 # are float32.

@@ -53,7 +53,7 @@ def test_a_node_is_the_average_of_its_cube(stage, level, backend):
     field[field < 0.3] = 0.0
     scene = stage.on_turntable(field)
     quality = Quality(classification="pre", backend=backend, threads=2)
-    lit = drain(scan_source(scene, quality).lit_steps(Work(StageCache(0).job(), Clock())))
+    lit = drain(scan_source(scene, quality).medium_steps(Work(StageCache(0).job(), Clock()))).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
     nodes, colors = drain(pooled_steps(voxels, write, level, lit.classified, backend=backend, threads=2))
     side, extinction = 2**level, -np.log1p(-field.astype(np.float64))

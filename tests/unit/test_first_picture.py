@@ -117,7 +117,8 @@ def test_thumbnails_load_no_kernels_beside_those_of_a_viewports_drafts(stored, v
 def _said(first_ever, monkeypatch, classification, backend):
     """What is said of each step of a picture, in order."""
     pipeline = importlib.import_module("rle_splat.pipeline.render")
-    monkeypatch.setattr(pipeline, "nothing_compiled_yet", lambda: first_ever)
+    watch = importlib.import_module("rle_splat.pipeline.watch_steps")
+    monkeypatch.setattr(watch, "nothing_compiled_yet", lambda: first_ever)
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
     camera, matrix = turntable(volume, 20, 10, width=12, height=12)
     tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=Shade())
