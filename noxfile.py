@@ -164,7 +164,7 @@ def judges(parser, words) -> int:
 
 @job
 def calibrate(parser, words) -> int:
-    """Measure the planner's constants on scenes of formulas; arguments go to the benchmark."""
+    """Measure the constants of all plans on scenes of formulas; arguments go to the benchmark."""
     return _benchmarks("calibrate", *words)
 
 

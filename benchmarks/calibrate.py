@@ -1,9 +1,9 @@
-"""Fit the planner's constants, rle_splat/accuracy/planner/calibration.json, on synthetic scenes.
+"""Fit the constants of all plans, rle_splat/pipeline/calibration.json, on synthetic scenes.
 
-Errors are measured against the truth at probe pixels.  The error of a depth rule is measured with dense sheets, that of
-a warp filter and a sheet density with many sheets; both are divided by the difference of the scene's pilots.  The
-constants are the same quantile over all scenes, scaled together so that this share of all plans has an error no larger
-than predicted.
+The plans of the quality presets are measured by ``calibrate_presets``.  For the planner, errors are measured against
+the truth at probe pixels.  The error of a depth rule is measured with dense sheets, that of a warp filter and a sheet
+density with many sheets; both are divided by the difference of the scene's pilots.  The constants are the same quantile
+over all scenes, scaled together so that this share of all plans has an error no larger than predicted.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.planner import model as plan_model
 from rle_splat.accuracy.planner.candidates import WARP_FILTERS
 from rle_splat.accuracy.planner.error_estimate import largest_of
-from rle_splat.accuracy.planner.features import Features, difference_of, features_of, pilots
-from rle_splat.accuracy.planner.model import Model, splat_terms, warp_terms
+from rle_splat.accuracy.planner.features import difference_of, features_of, pilots
 from rle_splat.accuracy.probes import choose_probes, probe_errors
 from rle_splat.accuracy.truths import truth
+from rle_splat.pipeline import plan_model
+from rle_splat.pipeline.plan_model import Features, Model, splat_terms, warp_terms
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
+from .calibrate_presets import calibrate_presets
 from .frames import best_frame
 from .planning_scenes import calibration_scenes
 
@@ -43,6 +44,7 @@ DENSITIES = {
 DENSEST = {"bilinear": 2.0, "keys": 3.0, "cubic": 6.0}  # measured of each filter
 CARRIED = (3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # densities that constants are carried on to
 NO_TERMINATION = 1e-5
+PRESETS = "presets"
 FAINTEST = 0.02  # levels: pilots that differ by less tell nothing
 # Plans whose errors come from depth and density alike.
 VALIDATION = (
@@ -250,13 +252,13 @@ def _rounded(value: float) -> float:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py calibrate", description=__doc__)
-    parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=CLASSIFICATIONS)
+    parser.add_argument("--part", nargs="*", choices=(*CLASSIFICATIONS, PRESETS), default=(*CLASSIFICATIONS, PRESETS))
     parser.add_argument("--output", type=Path, default=plan_model.CALIBRATION)
     parser.add_argument("--observations", type=Path, help="write the measurements to this file too")
     options = parser.parse_args(arguments)
-    written = json.loads(options.output.read_text()) if options.output.exists() else {"classifications": {}, "fit": {}}
+    written = json.loads((options.output if options.output.exists() else plan_model.CALIBRATION).read_text())
     told, began = {}, time.perf_counter()
-    for classification in options.classification:
+    for classification in (part for part in CLASSIFICATIONS if part in options.part):
         base = Quality(classification=classification)
         told[classification] = []
         for name, scene in calibration_scenes():
@@ -268,6 +270,9 @@ def main(arguments) -> int:
         written["classifications"][classification], written["fit"][classification] = constants, fit
         for share, ratio in fit["measured_over_predicted"].items():
             print(f"{classification}: the error of {share} of the plans is at most {ratio:.2f} times the prediction")
+    if PRESETS in options.part:  # last, since it changes the clock
+        plans, told[PRESETS] = calibrate_presets()
+        written[PRESETS] = [plan.report() for plan in plans]
     if options.observations:
         options.observations.write_text(json.dumps(told))
     options.output.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")

@@ -1,8 +1,5 @@
 """Plans of the quality presets: errors against the truth, and times against `--tolerance` at the same error.
 
-`--calibrate` measures the constants of ``rle_splat/pipeline/preset_plan.py`` instead, on the synthetic scenes of the
-planner's calibration, and prints the table of candidates.
-
 Errors are levels at random probe pixels.  A picture to a tolerance counts as one of the same error where neither its
 RMSE nor its error at 999 of 1000 pixels is larger than the preset's.  Times of both are those of splat, warp and single
 rays, the least of a few pictures: processor time of the one thread that renders, which other programs disturb less.
@@ -12,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -22,27 +17,20 @@ from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.probes import stratified_pixels
 from rle_splat.accuracy.truths import truth
-from rle_splat.classify.roughness import LEVELS, roughness
+from rle_splat.classify.roughness import LEVELS
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline.preset_plan import CANDIDATES, Candidate
-from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import PRESET_KNOBS, QUALITY_PRESETS, Quality, Scene
 from rle_splat.volume.volume import Volume
 
 from .frames import Neighbors, best_frame, circumstances, describe, time_by_processor, view_scene
-from .planning_scenes import CALIBRATION_VIEWS, RAINBOW, calibration_scenes, calibration_volumes
 from .scenes import scenes
 
 SIZE, REPEATS, TOLERANCE = 384, 3, 1e-6
 # Of 4000 probes, 4 are above what 999 of 1000 pixels stay below: too few to compare presets by (some erred a tenth more
-# there and a tenth less at all pixels), enough for the middle of many scenes.
-PROBES, CALIBRATION_PROBES = 40_000, 4000
+# there and a tenth less at all pixels).
+PROBES = 40_000
 VIEW = (35, 25)  # azimuth and elevation, degrees
-QUANTILE = 0.5  # share of the calibration scenes whose errors are below the expected ones
-FAINTEST = 0.3  # levels: scenes below that are not fitted
-# Calibration volumes that are calibrated with a step to opaque too: vessels are rougher than all others.
-STEPPED = ("smooth", "thin", "blobs", "noise, bands", "cloud", "part", "signal")
 TOLERANCES = (64.0, 45.0, 32.0, 23.0, 16.0, 11.0, 8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0)
 BEATEN = 1.25  # the time of a preset over that of the quickest picture to a tolerance of the same error, at most
 ERRORS = ("rmse", "p999")
@@ -87,64 +75,6 @@ def plan_of(knobs, name: str = "as given") -> Quality:
     return Quality(name=name, threads=1, **dict(zip(PRESET_KNOBS, knobs, strict=True)))
 
 
-def observe(scene: Scene, probes: int) -> list[dict]:
-    """A row for each candidate: its error."""
-    judge, cache, rows = Judge(scene, probes), StageCache(), []
-    for one in CANDIDATES:
-        rows.append(judge.errors(render(scene, plan_of(one.knobs), cache=cache).rgba))
-    return rows
-
-
-def costs(options) -> list[float]:
-    """The time of a frame of each candidate over that of the first: geometric means over the calibration volumes."""
-    found = []
-    for _, volume, function, shaded in calibration_volumes():
-        for perspective in (False, True):
-            scene, cache = view_scene(volume, function, VIEW, options.size, perspective, shaded), StageCache()
-            spent = [best_frame(scene, plan_of(one.knobs), options.repeats, cache)[1] for one in CANDIDATES]
-            found.append(np.log(spent) - np.log(spent[0]))
-    return [float(cost) for cost in np.exp(np.mean(found, axis=0))]
-
-
-def steep_scenes():
-    """Yield name and scene for calibration volumes with a step to opaque in the middle of their values."""
-    for name, volume, _, _ in calibration_volumes():
-        if name in STEPPED:
-            low, high = volume.value_range
-            wall = 0.5 * (low + high)
-            color = tuple((low + (high - low) * position, *rgb) for position, *rgb in RAINBOW)
-            function = TransferFunction("step", None, ((low, 0.0), (wall, 0.0), (wall, 1.0)), color, None, Shade())
-            for number, view in enumerate(CALIBRATION_VIEWS):
-                yield f"{name}, step, view {number}", view.of(volume, function, True)
-
-
-def fitted(rough: list[float], observed: list[list[dict]], cost: list[float]) -> list[Candidate]:
-    """The candidates with constants fitted to scenes of these roughnesses."""
-    found = []
-    for number, one in enumerate(CANDIDATES):
-        errors = np.array([rows[number]["p999"] for rows in observed])
-        x, y = np.log(rough), np.log(np.maximum(errors, FAINTEST))
-        power = float(np.clip(np.polyfit(x, y, 1)[0], 0.0, 1.2))
-        factor = float(np.exp(np.quantile(y - power * x, QUANTILE)))
-        found.append(replace(one, cost=round(cost[number], 2), factor=round(factor, 2), power=round(power, 2)))
-    return found
-
-
-def calibrate(options) -> dict:
-    """Measure and print the candidates; returns JSON-ready rows."""
-    rough, observed, names = [], [], []
-    for name, scene in chain(calibration_scenes(), steep_scenes()):
-        value = roughness(scene.volume, scene.transfer_function)
-        if value is not None and value > FAINTEST:
-            names.append(name)
-            rough.append(value)
-            observed.append(observe(scene, options.probes or CALIBRATION_PROBES))
-            print(f"{name:<24}{value:6.1f}" + "".join(f"{row['p999']:7.1f}" for row in observed[-1]), flush=True)
-    for one in fitted(rough, observed, costs(options)):
-        print(f"    Candidate({one.knobs!r}, {one.cost}, {one.factor}, {one.power}),")
-    return {"scenes": names, "roughness": rough, "rows": observed}
-
-
 def against_tolerance(scene: Scene, judge: Judge, repeats: int) -> list[dict]:
     """A row for each of TOLERANCES: the error of the picture at the probes, and its milliseconds."""
     cache, rows = StageCache(), []
@@ -171,7 +101,7 @@ def compare(options) -> dict:
             continue
         for perspective in (False, True):
             scene = view_scene(volume, function, VIEW, options.size, perspective)
-            judge, cache = Judge(scene, options.probes or PROBES), StageCache()
+            judge, cache = Judge(scene, options.probes), StageCache()
             planned = against_tolerance(scene, judge, options.repeats)
             for preset in QUALITY_PRESETS:
                 before, ms_before = best_frame(scene, plan_of(BEFORE[preset]), options.repeats, cache)
@@ -212,20 +142,18 @@ def beaten_sentence(rows: list[dict], key: str, at: str) -> str:
 
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench plans", description=__doc__)
-    parser.add_argument("--calibrate", action="store_true", help="measure the constants of the candidates")
     parser.add_argument("--scene", nargs="*", help="only these scenes")
     parser.add_argument("--size", type=int, default=SIZE)
-    parser.add_argument("--probes", type=int, help=f"pixels of a picture: {PROBES}; {CALIBRATION_PROBES} to calibrate")
+    parser.add_argument("--probes", type=int, default=PROBES, help="pixels of a picture")
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     where, neighbors = circumstances(1), Neighbors()
     print(describe(where))
     time_by_processor()
-    if not options.calibrate:
-        said = "now: RMSE, 99.9 %, ms, and --tolerance at both, at 99.9 %"
-        print(f"\n{'':<25}{'before: RMSE, 99.9 %, ms':>21}{said:>58}")
-    found = calibrate(options) if options.calibrate else compare(options)
+    said = "now: RMSE, 99.9 %, ms, and --tolerance at both, at 99.9 %"
+    print(f"\n{'':<25}{'before: RMSE, 99.9 %, ms':>21}{said:>58}")
+    found = compare(options)
     print(neighbors.describe())
     if options.json:
         options.json.write_text(json.dumps({"circumstances": where, **found}, indent=1) + "\n", encoding="utf-8")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..rle_splat.pipeline.memory_estimate import MemoryEstimate, picture_bytes
-from ..rle_splat.pipeline.quick_estimate import ClassifiedSheets, estimate_from_histogram, likely_sides, sheet_kind
+from ..rle_splat.pipeline.quick_estimate import estimate_visible, likely_sides, visible_in_histogram
 from ..rle_splat.scene import NO_RAYS
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
@@ -181,10 +181,11 @@ class _LikelyPlane:
     axis: int = 2
 
     @classmethod
-    def of(cls, kind: ClassifiedSheets, shape_xyz, quality, width: int, height: int):
+    def of(cls, shape_xyz, quality, width: int, height: int):
         nx, ny, nz = shape_xyz
         sides = likely_sides(shape_xyz, quality, width, height)
-        sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], kind.scalar_sheets)
+        scalars = quality.classification == "post"
+        sheets = place_sheets(nz, 1, quality.depth_rule, None, FOOTPRINTS[quality.kernel], scalars)
         scale = np.array([[max(sides[0], 1) / nx, max(sides[1], 1) / ny]])
         return cls(*sides, scale, sheets)
 
@@ -214,20 +215,19 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     counted = stored_histogram(properties)
     if counted is None or counted.dtype is None:
         return ""
-    kind, shape = sheet_kind(quality), counted.shape_xyz
-    plane = _LikelyPlane.of(kind, shape, quality, width, height)
+    shape, scalars, shaded = counted.shape_xyz, quality.classification == "post", transfer_function.shade is not None
+    plane = _LikelyPlane.of(shape, quality, width, height)
+    found = visible_in_histogram(shape, counted.dtype, counted.centers, counted.counts, transfer_function)
 
     def wanted(meshes: bool = False, traced: bool = quality.rays > 0.0) -> MemoryEstimate:
-        scratch = scratch_bytes(plane, shape, quality, kind.scalar_sheets, meshes)
+        scratch = scratch_bytes(plane, shape, quality, scalars, meshes)
         picture = picture_bytes(
             (plane,), width, height, quality, shortened=meshes, meshes=meshes, scratch=scratch,
             traced=traced and not meshes)  # single rays are not used with meshes
-        return estimate_from_histogram(
-            shape, counted.dtype, counted.centers, counted.counts, transfer_function, quality,
-            shaded=transfer_function.shade is not None, picture=picture)
+        return estimate_visible(found, quality, shaded=shaded, picture=picture)
 
     alone, others = wanted(), []
-    if quality.is_preset and kind.traces_rays and quality.rays == NO_RAYS:
+    if quality.is_preset and scalars and quality.rays == NO_RAYS:
         others.append(filled("{memory} with single rays", memory=memory_text(wanted(traced=True).needed)))
     if meshes:
         others.append(filled("{memory} among meshes", memory=memory_text(wanted(meshes=True).needed)))

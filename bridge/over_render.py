@@ -14,7 +14,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from ..rle_splat.pipeline.preset_plan import held
+from ..rle_splat.pipeline.preset_plan import hold_plan
 from ..rle_splat.pipeline.report import EMPTY_REMARKS
 from ..rle_splat.pipeline.several import MOST_SLABS, several_steps
 from ..rle_splat.runtime.steps import drain
@@ -232,7 +232,7 @@ def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None,
         rendering = yield from render_scene.steps(
             plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False)
         plan = rendering.report["plan"]
-        log.plans[drawn_as] = held(quality, plan) if planned is quality else planned, plan
+        log.plans[drawn_as] = hold_plan(quality, plan) if planned is quality else planned, plan
         return rendering
 
     if len(scenes) == 1:

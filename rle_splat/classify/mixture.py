@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..runtime.jit import read_only
+from ..runtime.work_sizes import MIXED_AT_ONCE
 from ..volume.blocks import Blocks, slabs
 from ..volume.counts import counts_values
 from .classification import (
@@ -30,7 +31,6 @@ from .classification import (
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
 from .mixture_kernels import add_channel, count_seen, mark_seen, mix, put_columns
-from .sizes import MIXED_AT_ONCE
 from .visible import VisibleVoxels, row_offsets
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes
-from ..pipeline.quick_estimate import estimate, likely_sides
+from ..pipeline.quick_estimate import estimate_visible, likely_sides, visible_in_planes
 from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.whole_files import whole_files
 from ..scene import RECORDS, Quality
+from ..volume.axes import AXES
 from ..volume.counts import counts_values
 from ..volume.few_planes import few_planes
 from ..volume.histogram import histogram, percentiles
@@ -157,7 +156,13 @@ def _needs(volume, function) -> tuple[float, dict]:
     """The share of the voxels that are visible, and what the report says of the memory for them."""
     quality = Quality()  # the defaults of the command render
     picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
-    memory, classified = estimate(volume, function, quality, picture=picture), estimate(volume, function)
+    found, shaded = visible_in_planes(volume, function), function.shade is not None
+    memory = estimate_visible(found, quality, shaded=shaded, picture=picture)
+
+    def with_records(record: int, axes: int, picture: int) -> int:
+        of_record = Quality(classification="pre", record=record)
+        return estimate_visible(found, of_record, axes=axes, shaded=shaded, picture=picture).needed
+
     return memory.visible_fraction, {
         "memory_bytes": {
             "voxels": memory.volume,
@@ -169,8 +174,8 @@ def _needs(volume, function) -> tuple[float, dict]:
             "available": available_bytes(),
         },
         "records": {
-            record: {"render": replace(size, picture=picture).needed, "encode": size.three_axes().needed}
-            for record, size in ((record, classified.with_record(record)) for record in RECORDS)
+            record: {"render": with_records(record, 1, picture), "encode": with_records(record, len(AXES), 0)}
+            for record in RECORDS
         },
     }
 

@@ -370,7 +370,7 @@ def _default_classification(args) -> str:
     """The classification if none is given; with a tolerance, one that the planner supports."""
     if getattr(args, "tolerance", None) is None:
         return DEFAULT_CLASSIFICATION
-    from ..accuracy.planner.model import default_classification
+    from ..pipeline.plan_model import default_classification
 
     return default_classification()
 

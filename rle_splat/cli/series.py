@@ -88,9 +88,9 @@ class Series:
 
     def _settle(self, prepared: Prepared) -> None:
         """Keep the plan of the frame that all others are like."""
-        from ..pipeline.preset_plan import held_for
+        from ..pipeline.preset_plan import hold_plan_of
 
-        self._held = held_for(prepared.scene, prepared.quality, self._cache)
+        self._held = hold_plan_of(prepared.scene, prepared.quality, self._cache)
 
     def _like_frame(self, own):
         """The options of the frame that all others are like."""

@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, prange
+from ..runtime.work_sizes import MESH_SAMPLES as SAMPLES
 from ..scene import Camera, RleSplatError
 from ..view.projection import depth_row, world_to_pixel
-from .sizes import SAMPLES
 
 # Sixteen rays a pixel, one in each sixteenth of its width and of its height, so that an edge along either axis
 # is seen in sixteen steps.

@@ -13,11 +13,11 @@ from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, thread_count
 from ..runtime.steps import drain
+from ..runtime.work_sizes import RECORDS_AT_ONCE
 from ..scene import MODELS, RECORDS, RleSplatError
 from ..volume.axes import AXES
 from . import encode_kernels as passes
 from .records import decoding_of, empty_records, pack, words_of
-from .sizes import VOXELS_AT_ONCE
 from .tables import (
     RunLengthVolume,
     RunTables,
@@ -273,10 +273,10 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
 def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, last: int | None = None):
     """Yield (fraction done, first plane, last plane) for pieces of planes [first, last); None for all planes.
 
-    ``at_once``: approximate number of visible voxels of a piece; None for VOXELS_AT_ONCE.
+    ``at_once``: approximate number of visible voxels of a piece; None for RECORDS_AT_ONCE.
     """
     _, ny, nz = voxels.shape_xyz
-    at_once, end = at_once or VOXELS_AT_ONCE, nz if last is None else last
+    at_once, end = at_once or RECORDS_AT_ONCE, nz if last is None else last
     plane_start = voxels.row_start[::ny]
     while first < end:
         last = int(np.searchsorted(plane_start, plane_start[first] + at_once, side="right")) - 1

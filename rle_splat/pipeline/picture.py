@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..effects.ray_effects import RayEffects
 from ..runtime.steps import Clock
 from ..scene import Scene
-from .memory_estimate import picture_bytes, refuse_too_large
+from .memory_estimate import refuse_too_large
 from .single_rays import traces_steep_pixels
 from .source import Source, Work
 from .stage_cache import StageCache
@@ -49,11 +49,8 @@ def begin_picture(source: Source, cache: StageCache, refuse_empty_view: bool, cl
     source, view = choose_view(source, refuse_empty_view)
     rays = RayEffects(source.scene, view.index_view, source.quality, source.effects, clock)
     left, top, right, bottom = source.scene.region
-    scratch = max((source.splat_bytes(plane, rays.shorten_rays) for plane in view.planes), default=0)
-    needed = picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=rays.shorten_rays,
-        meshes=source.scene.hides_volume, scratch=scratch, traced=traces_steep_pixels(source),
-    )  # fmt: skip
+    traced = traces_steep_pixels(source)
+    needed = source.picture_bytes(view.planes, shortened=rays.shorten_rays, traced=traced)
     if not cache.has_plenty(needed):
         cache.make_room(needed)
         refuse_too_large(needed, right - left, bottom - top)

@@ -31,7 +31,6 @@ from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.mixture import Mixture
 from ..classify.points import LARGEST
 from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
-from ..classify.sizes import mixed_work_bytes
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, shown_values, value_map
@@ -52,7 +51,7 @@ from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import follows_view, lighting_key, scene_lighting, shadowed_steps
 from .medium import Medium, ScalarVoxels, mist_color
-from .memory_estimate import Found, MemoryEstimate, estimate_scalars
+from .memory_estimate import Found, MemoryEstimate, Tables, estimate_of
 from .shadows import shadow_count
 from .source import Source, Work, array_key
 
@@ -333,12 +332,11 @@ class ScalarSource(Source):
         job, clock = work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
+        labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
+        tables = Tables(0, work.axes, lit or labeled, by_normal, shadows, labeled)
+
         def needed_by(found: Found) -> MemoryEstimate:
-            labeled = self.scene.labels is not None
-            needed = estimate_scalars(found, work.axes, lit or labeled, work.picture, by_normal=by_normal)
-            if labeled:
-                needed = needed.with_work(mixed_work_bytes(volume.shape_xyz)).with_visible(volume.voxels.nbytes)
-            return needed.with_shadows(shadow_count(self.scene) if lit else 0)
+            return estimate_of(found, tables, work.picture)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
         # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.

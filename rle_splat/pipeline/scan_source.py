@@ -20,7 +20,6 @@ import numpy as np
 
 from ..classify.classification import ClassifiedVolume, classified, unit_length
 from ..classify.mixture import Mixture
-from ..classify.sizes import mixed_work_bytes
 from ..classify.visible import Visibility, count_steps, fill_steps
 from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
@@ -34,7 +33,7 @@ from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .medium import ClassifiedVoxels
-from .memory_estimate import MemoryEstimate, estimate_of
+from .memory_estimate import Found, MemoryEstimate, Tables, estimate_of
 from .shadows import shadow_count
 from .source import Source, Work, array_key
 from .stage_cache import StageCache
@@ -140,7 +139,7 @@ class LitVolume:
 class ScanSource(Source):
     """A scan whose voxels are classified by one transfer function."""
 
-    stage = "classify"  # of the clock, the work of classifying
+    stage, mixed = "classify", False  # of the clock, the work of classifying; whether labels or channels take part
     preview_stages, bounds_previews = ("visible", "properties", "normals"), True
 
     # --- what differs between kinds of scans ----------------------------------------------------------------------
@@ -158,10 +157,6 @@ class ScanSource(Source):
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return classified(shown, voxels, length, **self.machine)
-
-    def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
-        """An estimate of memory with what only this kind of scan takes."""
-        return needed
 
     @property
     def record_type(self):
@@ -223,12 +218,11 @@ class ScanSource(Source):
         """Generator of Progress: the visible voxels, and the MemoryEstimate of all that is to come."""
         job, clock = work.job, work.clock
 
+        shadows = shadow_count(self.scene) if shaded else 0
+        tables = Tables(self.quality.record, work.axes, shaded, False, shadows, self.mixed)
+
         def needed_by(counted) -> MemoryEstimate:
-            found = estimate_of(
-                self.scene.volume, counted, self.quality, axes=work.axes, shaded=shaded, picture=work.picture,
-                dtype=self.record_type,
-            )  # fmt: skip
-            return self.estimated(found.with_shadows(shadow_count(self.scene) if shaded else 0))
+            return estimate_of(Found.in_rows(self.scene.volume, counted, self.record_type), tables, work.picture)
 
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
@@ -250,7 +244,7 @@ class ScanSource(Source):
 class MixedSource(ScanSource):
     """A scan with labels or channels, which several transfer functions classify."""
 
-    stage = "mixing"
+    stage, mixed = "mixing", True
     preview_stages, bounds_previews = (), False
 
     @property
@@ -266,9 +260,6 @@ class MixedSource(ScanSource):
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return shown.classified(voxels, length, **self.machine)
-
-    def estimated(self, needed: MemoryEstimate) -> MemoryEstimate:
-        return needed.with_work(mixed_work_bytes(self.scene.volume.shape_xyz))
 
     @property
     def record_type(self):

@@ -9,7 +9,7 @@ import numpy as np
 from ..effects.analyze import analyzed
 from ..runtime.steps import part
 from ..scene import NO_RAYS, Quality, RleSplatError, Scene
-from .preset_plan import held
+from .preset_plan import hold_plan
 from .render import render_steps
 from .shadows import shadow_count, without_shadows
 from .stage_cache import StageCache
@@ -41,7 +41,7 @@ def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None =
     cache = StageCache() if cache is None else cache
     unshaded = without_shadows(scene)
     rendering = shaded = yield from part(render_steps(scene, quality, cache), 0.0, 0.5)
-    quality = replace(held(quality, rendering.report["plan"]), rays=NO_RAYS)
+    quality = replace(hold_plan(quality, rendering.report["plan"]), rays=NO_RAYS)
     if rendering.report["rays"]["pixels"]:
         shaded = yield from part(render_steps(scene, quality, cache), 0.5, 0.6)
     plain = yield from part(render_steps(unshaded, quality, cache), 0.6, 1.0)

@@ -11,8 +11,8 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 
 from ..raycast.scalar_rays import rays_through
-from ..raycast.sizes import AT_ONCE
 from ..runtime.figures import percent_text
+from ..runtime.work_sizes import RAYS_AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
@@ -75,9 +75,9 @@ def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, sl
     ``columns``, ``rows``: (n,) ints.  ``slabs``: at least as many per voxel of depth.
     """
     rgba, planes, work = np.empty((len(columns), 4), np.float32), {}, np.zeros((len(columns), 2), np.int32)
-    for first in range(0, len(columns), AT_ONCE):
+    for first in range(0, len(columns), RAYS_AT_ONCE):
         yield first / len(columns)
-        part = slice(first, first + AT_ONCE)
+        part = slice(first, first + RAYS_AT_ONCE)
         rgba[part], _ = _traced(scene, view, medium, planes, columns[part], rows[part], slabs, work[part])
     return rgba, work
 
@@ -134,9 +134,9 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
     steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.backend, quality.threads)[inner]
     rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
     where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
-    for first in range(0, len(where), AT_ONCE):
+    for first in range(0, len(where), RAYS_AT_ONCE):
         yield first / len(where)
-        rows, columns = np.divmod(where[first : first + AT_ONCE], steep.shape[1])
+        rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
         pixels = columns + inner[1].start, rows + inner[0].start
         rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}

@@ -19,7 +19,7 @@ from ..splat.scratch import scratch_bytes
 from ..view.base_plane import BasePlane
 from ..volume.axes import AXES
 from .medium import Medium
-from .memory_estimate import MemoryEstimate, refuse_too_much
+from .memory_estimate import MemoryEstimate, picture_bytes, refuse_too_much
 from .stage_cache import Job
 
 NO_EFFECTS = EffectSet(())
@@ -48,7 +48,7 @@ class Work:
     picture: int = 0
 
     def claim(self, needed: MemoryEstimate) -> None:
-        """Make room for what is needed; RleSplatError, with what would fit, where there is not enough."""
+        """Make room for what is needed; RleSplatError, with what to do, where there is not enough."""
         self.job.cache.make_room(needed.needed)
         refuse_too_much(needed)
 
@@ -107,9 +107,16 @@ class Source(ABC):
         """Sentences on what became of it."""
         return () if medium.visible_voxels else (ALL_TRANSPARENT,)
 
-    def splat_bytes(self, plane: BasePlane, shortened: bool) -> int:
-        """Scratch memory of the splat on to a base plane; ``shortened``: whether rays are shortened."""
-        return scratch_bytes(plane, self.scene.volume.shape_xyz, self.quality, self.scalar_sheets, shortened)
+    def picture_bytes(self, planes: list[BasePlane], *, shortened: bool, traced: bool) -> int:
+        """What the picture of the scene's region takes; for the arguments see ``memory_estimate.picture_bytes``."""
+        scene, quality = self.scene, self.quality
+        left, top, right, bottom = scene.region
+        knobs = scene.volume.shape_xyz, quality, self.scalar_sheets, shortened
+        scratch = max((scratch_bytes(plane, *knobs) for plane in planes), default=0)
+        return picture_bytes(
+            planes, right - left, bottom - top, quality, shortened=shortened, meshes=scene.hides_volume,
+            scratch=scratch, traced=traced,
+        )  # fmt: skip
 
     def tables_held(self, encodings: dict) -> dict:
         """Principal axis -> tables that are held in memory, given those that the picture needs."""
@@ -119,7 +126,7 @@ class Source(ABC):
     def classify_steps(self, work: Work):
         """Generator of Progress: the voxels that are visible, or matter, classified and not lit yet.
 
-        Says what memory is about to be taken; raises RleSplatError, with what would fit, when there is not enough.
+        Says what memory is about to be taken; raises RleSplatError, with what to do, when there is not enough.
         """
 
     @abstractmethod

@@ -13,9 +13,8 @@ import numpy as np
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Progress, part
 from ..scene import Quality, Rendering, RleSplatError, Scene
-from ..warp.sizes import PICTURE_PIXEL, WRITTEN
 from .choose_source import choose_source
-from .memory_estimate import picture_bytes
+from .memory_estimate import PICTURE_PIXEL, WRITTEN
 from .render import render_steps
 from .report import image_report
 from .single_rays import traces_steep_pixels
@@ -90,11 +89,8 @@ def _picture_bytes(source: Source) -> int:
     """What the sheets and the pixels of the scene's crop take."""
     source, view = choose_view(source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
-    scratch = max((source.splat_bytes(plane, True) for plane in view.planes), default=0)
-    return WRITTEN * (right - left) * (bottom - top) + picture_bytes(
-        view.planes, right - left, bottom - top, source.quality, shortened=True, meshes=source.scene.hides_volume,
-        scratch=scratch, traced=traces_steep_pixels(source),
-    )  # fmt: skip
+    pictured = source.picture_bytes(view.planes, shortened=True, traced=traces_steep_pixels(source))
+    return WRITTEN * (right - left) * (bottom - top) + pictured
 
 
 class Strip:

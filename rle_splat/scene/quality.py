@@ -208,6 +208,8 @@ class Quality:
         What runs the inner loops.
     name : str
         Name of the preset, for reports.
+    held : bool
+        Whether the knobs are the plan of an earlier picture, which is kept whatever the scene.
 
     Raises
     ------
@@ -240,6 +242,7 @@ class Quality:
     threads: int = 0
     backend: str = "auto"
     name: str = DEFAULT_QUALITY
+    held: bool = False
 
     def __post_init__(self, refinement):
         knobs, sentences = without_removed(vars(self))
@@ -325,8 +328,8 @@ class Quality:
 
     @property
     def is_preset(self) -> bool:
-        """Whether all of PRESET_KNOBS are those of the preset of this name."""
-        if self.name not in QUALITY_PRESETS:
+        """Whether all of PRESET_KNOBS are those of the preset of this name, and none is kept."""
+        if self.held or self.name not in QUALITY_PRESETS:
             return False
         mine = preset_knobs(self.name, self.classification)
         return all(getattr(self, knob) == value for knob, value in mine.items())

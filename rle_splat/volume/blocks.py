@@ -13,7 +13,10 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from .sizes import BLOCK_X, BLOCK_Y, BLOCK_Z, VOXELS_AT_ONCE
+
+# Voxels of a block along each axis: small enough to follow a surface, and a whole number of cache lines along x.
+BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
+VOXELS_AT_ONCE = 1 << 25  # voxels between two progress reports, at which a user can cancel: some hundredths of a second
 
 
 @dataclass(frozen=True, eq=False)

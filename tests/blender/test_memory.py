@@ -90,8 +90,9 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
 def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, monkeypatch):
     settings = bpy.context.scene.rle_splat
     settings.classification = "pre"
+    scenes.use_cycles((400, 400))  # more than packing the records takes, which is as much as they save
     first, share = told(monkeypatch)
-    settings.record = "4"
+    settings.record = "8"
     assert told(monkeypatch)[0] < first
     settings.record = "16"
     bpy.context.scene.render.resolution_x = 2000
@@ -107,15 +108,15 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 
 
 @pytest.mark.parametrize("operator", ("render_image", "set_backdrop"))
-@pytest.mark.parametrize("classification, advice", (("pre", "would fit"), ("post", "narrower .* would fit")))
-def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, advice, monkeypatch):
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification
     bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
     free = int(0.9 * told(monkeypatch)[0])
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)
     images = len(bpy.data.images)
-    with pytest.raises(RuntimeError, match=f"are free; .*{advice}") as refusal:
+    with pytest.raises(RuntimeError, match=r"are free; to need less, .*crop or downsample") as refusal:
         getattr(bpy.ops.rle_splat, operator)()
     assert "Traceback" not in str(refusal.value) and len(bpy.data.images) == images
     assert classification == "pre" or "records" not in str(refusal.value)  # of which post has none

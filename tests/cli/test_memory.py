@@ -79,8 +79,8 @@ def test_voxels_that_do_not_fit_are_refused_before_they_are_unpacked(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("axes, words", (("xyz", "principal axis at a time"), ("y", "records of 8 bytes")))
-def test_tables_that_do_not_fit_are_refused_with_what_would(
+@pytest.mark.parametrize("axes, words", (("xyz", "one principal axis at a time"), ("y", "use voxel records of")))
+def test_tables_that_do_not_fit_are_refused_with_what_to_do(
     axes, words, refused, call, raw, raw_options, tmp_path, short_of_memory
 ):
     report, target = tmp_path / "report.json", tmp_path / "out.rle"

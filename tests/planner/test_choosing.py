@@ -13,13 +13,12 @@ from rle_splat.accuracy.planner.candidates import (
     check_plannable,
     check_tolerance,
     depth_rules,
-    family_of,
     name_of,
 )
 from rle_splat.accuracy.planner.choose import SAFETY, Speed, choose, corrected, termination_for
-from rle_splat.accuracy.planner.features import Features, pilots
+from rle_splat.accuracy.planner.features import pilots
 from rle_splat.accuracy.planner.machine import MachineProfile
-from rle_splat.accuracy.planner.model import CALIBRATION, ErrorBudget, Model
+from rle_splat.pipeline.plan_model import CALIBRATION, ErrorBudget, Features, Model, family_of
 from rle_splat.scene import NO_RAYS, Quality, RleSplatError
 
 CALIBRATED = tuple(json.loads(CALIBRATION.read_text())["classifications"])
@@ -179,6 +178,6 @@ def test_knobs_without_a_truth_are_refused(knobs):
 
 
 def test_an_uncalibrated_classification_is_refused(monkeypatch):
-    monkeypatch.setattr("rle_splat.accuracy.planner.model._calibration", lambda: {"pre": {}})
+    monkeypatch.setattr("rle_splat.pipeline.plan_model._calibration", lambda: {"classifications": {"pre": {}}})
     with pytest.raises(RleSplatError, match="'post'; a tolerance can be asked of pre"):
         Model.of("post")

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.planner import machine, model
+from rle_splat.accuracy.planner import machine
 from rle_splat.accuracy.planner import tolerance as planned
 from rle_splat.accuracy.planner.candidates import KEPT_KNOBS
 from rle_splat.accuracy.planner.machine import MachineProfile, profile_steps
@@ -16,6 +16,7 @@ from rle_splat.accuracy.planner.session import session_steps
 from rle_splat.accuracy.planner.tolerance import tolerance_steps
 from rle_splat.accuracy.planner.tolerance_report import CHOSEN, KEPT
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline import plan_model
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, Scene
@@ -69,7 +70,7 @@ def test_a_machine_is_measured_again_for_another_calibration(folder, monkeypatch
     drain(profile_steps(Quality()))
     other = tmp_path_factory.mktemp("other") / "calibration.json"
     other.write_text("{}")
-    monkeypatch.setattr(model, "CALIBRATION", other)
+    monkeypatch.setattr(plan_model, "CALIBRATION", other)
     drain(profile_steps(Quality()))
     assert len(measured) == 2
 

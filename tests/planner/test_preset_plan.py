@@ -1,5 +1,6 @@
 """Which plan a quality preset takes: by the volume and the transfer function alone, and never over given knobs."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 
@@ -9,7 +10,8 @@ import pytest
 from benchmarks.plans import BEFORE, Judge, plan_of, vessels
 from rle_splat.classify.roughness import roughness
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.pipeline.preset_plan import CANDIDATES, EQUAL_COSTS, Candidate, choose, held
+from rle_splat.pipeline.plan_model import CALIBRATION, PresetPlan, preset_plans
+from rle_splat.pipeline.preset_plan import EQUAL_COSTS, choose, hold_plan
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -68,7 +70,7 @@ def test_where_nothing_is_visible_nothing_is_known():
 
 @pytest.mark.parametrize("name", ("standard", "fine", "strict"))
 def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
-    usual, costs = next(one for one in CANDIDATES if one.knobs == own(name)), []
+    usual, costs = next(one for one in preset_plans() if one.knobs == own(name)), []
     for rough in np.geomspace(0.1, 255.0, 60):
         chosen = choose(own(name), PRESET_AIMS[name], rough, True)[1]
         costs.append(chosen.cost)
@@ -76,16 +78,20 @@ def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
             assert chosen.knobs == usual.knobs
         else:
             assert chosen.error(rough) < usual.error(rough)
-            cheaper = [one.error(rough) for one in CANDIDATES if EQUAL_COSTS * one.cost < chosen.cost]
+            cheaper = [one.error(rough) for one in preset_plans() if EQUAL_COSTS * one.cost < chosen.cost]
             assert min(cheaper) > PRESET_AIMS[name] or chosen.error(rough) > PRESET_AIMS[name]
     assert costs[0] == usual.cost < costs[-1] and all(one <= other for one, other in pairwise(costs))
 
 
+def test_a_calibration_writes_what_it_reads():
+    assert [plan.report() for plan in preset_plans()] == json.loads(CALIBRATION.read_text())["presets"]
+
+
 def test_of_plans_that_cost_the_same_the_most_accurate_is_taken(monkeypatch):
-    usual = Candidate(own("standard"), 1.0, 100.0, 1.0)
-    some = [Candidate(("slice", density, "cubic", 1 / 1024, NO_RAYS), cost, error, 1.0)
+    usual = PresetPlan(own("standard"), 1.0, 100.0, 1.0)
+    some = [PresetPlan(("slice", density, "cubic", 1 / 1024, NO_RAYS), cost, error, 1.0)
             for density, cost, error in ((1.0, 2.0, 9.0), (1.5, 2.0 * EQUAL_COSTS, 7.0), (2.0, 2.2, 1.0))]
-    monkeypatch.setattr("rle_splat.pipeline.preset_plan.CANDIDATES", (usual, *some))
+    monkeypatch.setattr("rle_splat.pipeline.preset_plan.preset_plans", lambda: (usual, *some))
     assert choose(own("standard"), 10.0, 1.0, True) == (usual, some[1])
     assert choose(own("standard"), 5.0, 1.0, True) == (usual, some[2])
 
@@ -147,12 +153,12 @@ def test_an_animation_keeps_the_plan_of_its_first_frame(thin):
     volume, function = thin
     cache = StageCache()
     first = render(scene_of(volume, function, size=24), Quality(), cache=cache).report["plan"]
-    kept = held(Quality(), first)
+    kept = hold_plan(Quality(), first)
     later = render(scene_of(volume, RAMP, size=24), kept, cache=cache).report["plan"]
     assert [later[knob] for knob in PRESET_KNOBS] == [first[knob] for knob in PRESET_KNOBS]
     assert "first frame" in later["why"] and cache.made["roughness"] == 1
     unplanned = render(scene_of(volume, RAMP, size=24), Quality.preset("draft"), cache=cache).report["plan"]
-    assert held(Quality.preset("draft"), unplanned) == Quality.preset("draft")
+    assert hold_plan(Quality.preset("draft"), unplanned) == Quality.preset("draft")
 
 
 def test_a_shadow_pass_has_no_single_rays(thin):

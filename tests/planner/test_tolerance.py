@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.planner.model import CALIBRATION, Model
 from rle_splat.accuracy.planner.probe_errors import ProbeErrors
 from rle_splat.accuracy.planner.ray_cost import RayCost
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.plan_model import CALIBRATION, Model
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality, RleSplatError, Scene, truth_of

@@ -40,7 +40,7 @@ def two_pictures():
 @pytest.mark.parametrize("record", (16, 8))
 def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, monkeypatch):
     """Cancelled at every step there is; then both the picture that was kept and the cancelled one keep their bits."""
-    monkeypatch.setattr(sys.modules[encode.__module__], "VOXELS_AT_ONCE", 1500)  # more steps, as large volumes have
+    monkeypatch.setattr(sys.modules[encode.__module__], "RECORDS_AT_ONCE", 1500)  # more steps, as large volumes have
     first, other = two_pictures()
     quality = replace(QUALITY, record=record)
     undisturbed = {name: render(scene, quality) for name, scene in (("first", first), ("other", other))}
@@ -64,7 +64,7 @@ def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, mon
 
 
 def test_what_follows_a_cancelled_encoding_is_as_if_it_had_never_been(monkeypatch):
-    monkeypatch.setattr(sys.modules[encode.__module__], "VOXELS_AT_ONCE", 1500)
+    monkeypatch.setattr(sys.modules[encode.__module__], "RECORDS_AT_ONCE", 1500)
     scene = two_pictures()[0]
     for record in (16, 8):
         quality = replace(QUALITY, record=record)

@@ -128,9 +128,9 @@ def test_the_quick_estimate_is_near_what_the_stages_hold(dtype):
 def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
     volume = noise(dtype=dtype)
     values, counts = np.unique(volume.voxels, return_counts=True)
-    rough = quick_estimate.estimate_from_histogram(
-        volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION, QUALITY, picture=1000
-    )
+    found = quick_estimate.visible_in_histogram(
+        volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION)
+    rough = quick_estimate.estimate_visible(found, QUALITY, picture=1000)
     quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
     assert rough.visible_voxels == (volume.voxels > 80).sum() and rough.volume == volume.voxels.nbytes
     assert rough.needed == pytest.approx(quick.needed, rel=0.05) and rough.picture == 1000
@@ -252,7 +252,7 @@ def test_the_estimate_of_three_axes_covers_what_they_take(record):
 @pytest.mark.parametrize("axes", ((0,), (1,), (2,), (0, 1, 2)))
 def test_encoding_streams_without_a_second_copy_of_the_volume(axes, tmp_path, monkeypatch):
     """128 MiB of voxels in a file: beside the tables and the list of what is shown, a tenth of that at most."""
-    monkeypatch.setattr(sys.modules[encode.__module__], "VOXELS_AT_ONCE", 1 << 14)
+    monkeypatch.setattr(sys.modules[encode.__module__], "RECORDS_AT_ONCE", 1 << 14)
     monkeypatch.setattr(streaming, "LEAST_MAPPED", 1)
     shape, kept = (1024, 512, 256), 64**3
     path = tmp_path / "v.raw"

@@ -161,7 +161,7 @@ def test_the_pieces_that_records_are_packed_in_leave_no_trace(at_once, monkeypat
     near = Light("POINT", energy=400000.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)))
     lit, quality = lit_scene(20, lights=(near,)), replace(QUALITY, record=SHORT)
     whole = encode_scene(lit, quality).axes
-    for name, voxels in zip(("VOXELS_AT_ONCE", "PACKED_AT_ONCE"), at_once):
+    for name, voxels in zip(("RECORDS_AT_ONCE", "PACKED_AT_ONCE"), at_once):
         monkeypatch.setattr(sys.modules[encode.__module__], name, voxels)
     for axis in (0, 1, 2):
         pieces = encode_scene(lit, quality, axes=(axis,)).axes[axis]

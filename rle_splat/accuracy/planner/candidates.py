@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 from itertools import product
 
-from ...scene import NO_RAYS, PRESET_KNOBS, Quality, RleSplatError, midpoints_of, preintegrated_of
+from ...scene import NO_RAYS, PRESET_KNOBS, Quality, RleSplatError
 
 # Without slice-2, which errs by tens of levels at edges: no tolerance is that large.
 DEPTH_RULES = (
@@ -19,7 +19,6 @@ DEPTH_RULES = (
 PREINTEGRATED_RULES = ("preintegrated", *(f"preintegrated-{m}" for m in (2, 3, 4, 6, 8)))  # scalar sheets only
 SHEET_DENSITIES = (0.5, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
 WARP_FILTERS = ("bilinear", "keys", "cubic")
-SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
 PLANNED = "planned"  # the name of a quality that was chosen for a tolerance
 KEPT_KNOBS = tuple(knob for knob in PRESET_KNOBS if knob != "rays")  # of a plan that is kept from frame to frame
 # The only value of each knob with which pictures converge to the truth, and why.
@@ -49,7 +48,7 @@ def candidates(base: Quality) -> list[Quality]:
 
 def candidate(base: Quality, **knobs) -> Quality:
     """One of them, with these knobs."""
-    return replace(base, name=PLANNED, axis_fade=0.0, rays=NO_RAYS, **knobs)
+    return replace(base, name=PLANNED, held=False, axis_fade=0.0, rays=NO_RAYS, **knobs)
 
 
 def name_of(plan: Quality) -> str:
@@ -57,14 +56,6 @@ def name_of(plan: Quality) -> str:
     density = f"{plan.sheet_density:.2f}".rstrip("0")
     density += "0" if density.endswith(".") else ""
     return f"{plan.classification} {plan.depth_rule} {density} {plan.warp_filter}"
-
-
-def family_of(depth_rule: str) -> tuple[str, int]:
-    """The rule's family (``midpoint``, ``preintegrated`` or its own name) and its number of sheets per voxel."""
-    for family, count in (("midpoint", midpoints_of(depth_rule)), ("preintegrated", preintegrated_of(depth_rule))):
-        if count is not None:
-            return family, count
-    return depth_rule, SHEETS_PER_VOXEL[depth_rule]
 
 
 def check_plannable(quality: Quality) -> None:

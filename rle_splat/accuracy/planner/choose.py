@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...pipeline.memory_estimate import SPARE
+from ...pipeline.memory_estimate import COEFFICIENTS, SHEET_PIXEL, SPARE
+from ...pipeline.plan_model import ErrorBudget, Features, Model, family_of
 from ...scene import Quality
-from ...splat.sizes import SHEET_PIXEL
-from ...warp.sizes import COEFFICIENTS
-from .candidates import DEPTH_RULES, candidates, family_of
+from .candidates import DEPTH_RULES, candidates
 from .error_estimate import ErrorEstimate
-from .features import LEVELS, PILOTS, Features
+from .features import LEVELS, PILOTS
 from .machine import MachineProfile
-from .model import ErrorBudget, Model
 from .ray_cost import RayCost
 
 SAFETY = 0.9  # of the tolerance: the largest expected error of a plan that keeps it

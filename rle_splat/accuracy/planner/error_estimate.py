@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...pipeline.plan_model import Model
 from ...scene import Quality, Rendering
 from .features import difference_of
-from .model import Model
 
 AROUND = 2  # pixels to each side: the neighborhood of which the largest difference counts
 STEPS = 6  # bins for each doubling of a difference

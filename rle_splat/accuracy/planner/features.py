@@ -8,66 +8,23 @@ ray, obliquity and magnification included.  Their times are used for what users 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...classify.roughness import LEVELS
 from ...encode.tables import run_type
+from ...pipeline.plan_model import Features
 from ...scene import NO_RAYS, Quality, Rendering, Scene
 from ...view.base_plane import base_plane
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
 from ...view.principal_axis import candidate_pyramids
 
-LEVELS = 255.0
 # Depth rule and sheet density of the pilots.  Denser ones take longer and measure no better.
 PILOTS = {"coarse": ("slice", 0.7), "deep": ("midpoint-2", 0.7), "dense": ("slice", 1.4)}
 PILOT_TERMINATION = 1 / 1024
 LEAST_ALPHA = 0.05  # pixels of less alpha give no unassociated color
-
-
-@dataclass(frozen=True)
-class Features:
-    """JSON-ready features of a scene.
-
-    Attributes
-    ----------
-    classification : str
-    depth_step, sheet_step : float
-        Levels: the largest difference of the pilots of two depth rules, and of two sheet densities.
-    pixels_per_voxel : float
-        The size of voxels in the picture.
-    obliquity : float
-        The longest path of a ray through a slice, over the slice's thickness.
-    sheets : int
-        Sheets that a ray meets with the depth rule ``slice``.
-    row_sheets, pixel_sheets, sheet_pixels : float
-        Of the base planes at a sheet density of one: rows times sheets, pixels times sheets, pixels.
-    pixels : int
-        Of the picture.
-    kept_voxels, runs : int
-        Of one axis' tables.
-    largest_color : float
-        The largest channel of an unassociated color.
-    """
-
-    classification: str
-    depth_step: float
-    sheet_step: float
-    pixels_per_voxel: float
-    obliquity: float
-    sheets: int
-    row_sheets: float
-    pixel_sheets: float
-    sheet_pixels: float
-    pixels: int
-    kept_voxels: int
-    runs: int
-    largest_color: float
-
-    def report(self) -> dict:
-        """The features as a dict."""
-        return asdict(self)
 
 
 def pilots(base: Quality) -> dict[str, Quality]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ...classify.transfer_function import TransferFunction
 from ...pipeline.choose_source import choose_source
+from ...pipeline.plan_model import Model, calibration_mark
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
@@ -32,7 +33,6 @@ from ...scene import Quality, Scene
 from ...view.turntable import turntable
 from ...volume.volume import Volume
 from .features import features_of, pilots
-from .model import Model, calibration_mark
 from .ray_cost import FEW_SLABS
 from .single_rays import single_ray_steps
 

@@ -14,6 +14,7 @@ from statistics import median
 
 import numpy as np
 
+from ...pipeline.plan_model import Model
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import FRAME, Progress
 from ...scene import Quality, Rendering, RleSplatError, Scene
@@ -22,7 +23,6 @@ from ..probes import PROBES, Probes, choose_probes
 from .candidates import check_plannable
 from .checks import measurable_scene
 from .choose import Choice
-from .model import Model
 from .plans import knobs_of, same_plan, with_plan
 from .probe_errors import true_pixel_steps
 from .session import PlannerSession, picture_steps, session_steps, with_pixels

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError
 
-MACHINE = ("threads", "backend", "name")  # fields in which two equal plans may differ
+MACHINE = ("threads", "backend", "name", "held")  # fields in which two equal plans may differ
 # Depth rules and sheet densities of plans between the qualities; a classification leaves out those that it lacks.
 BETWEEN = (
     ("slice", 1.0), ("slice", 1.5), ("gauss2", 1.5), ("midpoint-2", 2.0), ("midpoint-4", 2.0), ("midpoint-4", 3.0),

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...effects.analyze import analyzed
 from ...pipeline.choose_source import choose_source
+from ...pipeline.plan_model import Features, Model
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
@@ -18,9 +19,8 @@ from ...runtime.steps import Progress, mapped, part, portion
 from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, STAGES, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
-from .features import PILOTS, Features, features_of, pilots
+from .features import PILOTS, features_of, pilots
 from .machine import MachineProfile, profile_steps
-from .model import Model
 from .ray_cost import RayCost
 from .single_rays import ray_cost_steps, single_ray_steps
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.analyze import analyze
+from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Progress, drain, forward
@@ -23,7 +24,6 @@ from .checks import check_tolerance_applies
 from .choose import CAUTION, NEARLY_BEST, Choice, corrected
 from .error_estimate import largest_of
 from .features import difference_of
-from .model import default_classification
 from .probe_errors import ProbeErrors
 from .ray_cost import MOST_SLABS
 from .session import TRACING, PlannerSession, session_steps, with_pixels

@@ -1,14 +1,18 @@
-"""The model of a plan's error and time (algorithm.md 2.4), with constants from ``calibration.json``.
+"""The model of a plan's error and time (algorithm.md 2.4); all of its constants are in ``calibration.json``.
 
-``python3 dev.py calibrate`` makes that file from synthetic scenes.
+``python3 dev.py calibrate`` makes that file from synthetic scenes.  A plan's error is foreseen in two ways:
 
-Error, in levels: the errors of depth rule and warp add in quadrature, as measured.  Each is the pilots' difference
-times a constant of the rule, or of filter and density, an upper envelope over the calibration scenes.  The bounds of
-termination, short records and rounding are added to it.
+- ``PresetPlan``, for the quality presets: from the roughness of the volume alone, before anything is drawn, so that a
+  plan neither waits for pictures nor depends on the camera.
+- ``Model``, for tolerances: from small pictures of the scene, the pilots.  In levels, the errors of depth rule and warp
+  add in quadrature, as measured.  Each is the pilots' difference times a constant of the rule, or of filter and
+  density, an upper envelope over the calibration scenes.  The bounds of termination, short records and rounding are
+  added to it.
 
 Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
 scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users are told is scaled by the
-times of the scene's pilots, or of its latest picture, too (``choose.Speed``).
+times of the scene's pilots, or of its latest picture, too (``choose.Speed``).  The presets' plans have single rays by a
+threshold, whose number only their picture tells, so their times are measured, over that of ``standard``.
 """
 
 from __future__ import annotations
@@ -21,12 +25,22 @@ from pathlib import Path
 
 import numpy as np
 
-from ...scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError
-from ...splat.scratch import BAND
-from .candidates import family_of
-from .features import LEVELS, Features
+from ..classify.roughness import LEVELS
+from ..scene import (
+    DEFAULT_CLASSIFICATION,
+    NO_RAYS,
+    PRESET_KNOBS,
+    Quality,
+    RleSplatError,
+    midpoints_of,
+    preintegrated_of,
+)
+from ..splat.scratch import BAND
+from ..warp.steep import UNLIMITED
 
 CALIBRATION = Path(__file__).with_name("calibration.json")
+LEAST_ROUGHNESS = 0.1  # levels: errors are not extrapolated to smoother media
+SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
 CUBIC = "cubic"
 # Bytes of a record -> the relative error of its density, and the error of a color channel as a share of the largest
 # color (encode/records.py).
@@ -36,6 +50,102 @@ FLOAT_ERROR = 2.0**-24  # of each sum and product in the splatter
 FLOAT_SHEETS = 1 << 14  # more sheets than this add up in float64
 ROUNDINGS = 32  # besides one for each sheet: footprints, the exponential, the warp's taps
 ORDER = 2.0  # errors fall with this power of the midpoints or slabs, beyond the calibrated rules
+
+
+@dataclass(frozen=True)
+class PresetPlan:
+    """A plan of the quality presets, its cost and its expected error.
+
+    Attributes
+    ----------
+    knobs : tuple
+        Values of PRESET_KNOBS.
+    cost : float
+        The time of a frame over that of the knobs of ``standard``, the geometric mean over scenes.
+    factor, power : float
+        The error that 999 of 1000 pixels stay below, in levels, is expected to be ``factor * roughness ** power``.
+        Half of the errors on the calibration scenes, whose walls are soft or steps to opaque, were smaller.
+    """
+
+    knobs: tuple
+    cost: float
+    factor: float
+    power: float
+
+    def error(self, rough: float) -> float:
+        """The expected error in levels, for a roughness in levels."""
+        return min(self.factor * max(rough, LEAST_ROUGHNESS) ** self.power, LEVELS)
+
+    @property
+    def rays(self) -> float:
+        """The threshold of single rays; 0 for none."""
+        return self.knobs[-1]
+
+    def report(self) -> dict:
+        """As in ``calibration.json``."""
+        return {**asdict(self), "knobs": dict(zip(PRESET_KNOBS, self.knobs, strict=True))}
+
+    def describe(self) -> str:
+        """In words for a person."""
+        rule, density, _, _, rays = self.knobs
+        text = f"{rule} sheets of density {density:g}"
+        if rays == NO_RAYS:
+            return text
+        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f} %"
+        return f"{text} and single rays {where}"
+
+
+@cache
+def preset_plans() -> tuple[PresetPlan, ...]:
+    """The plans that presets choose from, as calibrated; the first is that of ``standard``."""
+    return tuple(
+        PresetPlan(**{**plan, "knobs": tuple(plan["knobs"][knob] for knob in PRESET_KNOBS)})
+        for plan in _calibration()["presets"]
+    )
+
+
+@dataclass(frozen=True)
+class Features:
+    """JSON-ready features of a scene.
+
+    Attributes
+    ----------
+    classification : str
+    depth_step, sheet_step : float
+        Levels: the largest difference of the pilots of two depth rules, and of two sheet densities.
+    pixels_per_voxel : float
+        The size of voxels in the picture.
+    obliquity : float
+        The longest path of a ray through a slice, over the slice's thickness.
+    sheets : int
+        Sheets that a ray meets with the depth rule ``slice``.
+    row_sheets, pixel_sheets, sheet_pixels : float
+        Of the base planes at a sheet density of one: rows times sheets, pixels times sheets, pixels.
+    pixels : int
+        Of the picture.
+    kept_voxels, runs : int
+        Of one axis' tables.
+    largest_color : float
+        The largest channel of an unassociated color.
+    """
+
+    classification: str
+    depth_step: float
+    sheet_step: float
+    pixels_per_voxel: float
+    obliquity: float
+    sheets: int
+    row_sheets: float
+    pixel_sheets: float
+    sheet_pixels: float
+    pixels: int
+    kept_voxels: int
+    runs: int
+    largest_color: float
+
+    def report(self) -> dict:
+        """The features as a dict."""
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -95,7 +205,7 @@ class Model:
     @classmethod
     def of(cls, classification: str) -> Model:
         """The calibrated model of a classification; raises RleSplatError where there is none."""
-        entries = _calibration()
+        entries = _calibration()["classifications"]
         if classification not in entries:
             raise RleSplatError(
                 f"Nothing is known of the errors of classification {classification!r}; a tolerance can be asked of "
@@ -143,6 +253,14 @@ class Model:
         return float(np.exp(np.interp(np.log(max(density, 1e-6)), at, constants)))
 
 
+def family_of(depth_rule: str) -> tuple[str, int]:
+    """The rule's family (``midpoint``, ``preintegrated`` or its own name) and its number of sheets per voxel."""
+    for family, count in (("midpoint", midpoints_of(depth_rule)), ("preintegrated", preintegrated_of(depth_rule))):
+        if count is not None:
+            return family, count
+    return depth_rule, SHEETS_PER_VOXEL[depth_rule]
+
+
 def splat_terms(features: Features, rule: str, density: float) -> np.ndarray:
     """What the milliseconds of a splat are a sum of.
 
@@ -184,10 +302,10 @@ def calibration_mark() -> str:
 
 def default_classification() -> str:
     """The classification of a tolerance without a quality: the usual one, or the first that is calibrated."""
-    calibrated = _calibration()
+    calibrated = _calibration()["classifications"]
     return DEFAULT_CLASSIFICATION if DEFAULT_CLASSIFICATION in calibrated else next(iter(calibrated))
 
 
 @cache
 def _calibration() -> dict:
-    return json.loads(CALIBRATION.read_text(encoding="utf-8"))["classifications"]
+    return json.loads(CALIBRATION.read_text(encoding="utf-8"))

@@ -1,0 +1,11 @@
+"""How much of its work a stage handles at a time; ``pipeline.memory_estimate`` counts the memory for it.
+
+They are apart from the stages because what only looks at a file loads no compiler.
+"""
+
+from __future__ import annotations
+
+MIXED_AT_ONCE = 1 << 20  # voxels of labels and channels whose float64 properties still fit into the cache
+RECORDS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
+RAYS_AT_ONCE = 4096  # single rays between two looks at the user's Esc
+MESH_SAMPLES = 16  # rays per pixel on which meshes are searched for
