@@ -284,11 +284,7 @@ class StoredVolume:
     @property
     def nbytes(self) -> int:
         """Bytes of tables in memory."""
-        return sum(tables.nbytes for tables in self.held({}).values())
-
-    def held(self, used: dict) -> dict:
-        """Principal axis -> tables that are held, of those that a picture uses; in memory all are."""
-        return self.axes if self.mapped is None else used
+        return sum(tables.nbytes for tables in self.axes.values()) if self.mapped is None else 0
 
     @property
     def holds_normals(self) -> bool:
