@@ -23,7 +23,7 @@ from ..runtime.memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words_of_entry
-from .records import decoding_of, empty_records, float_of, pack, words_of
+from .records import decoding_of, empty_records, float_of, pack_numpy, words_of
 from .tables import TABLES, RunLengthVolume
 from .validate import check_records, checked_color, checked_header, scanline_starts
 
@@ -67,8 +67,8 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     decoding = decoding_of(8, float(scales[3:].max() if record == 6 else scales[4:].max()), most_color)
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
-        part = words[first : first + AT_ONCE]
-        pack(_numbers(part, record, scales), decoding, voxel_data[first : first + AT_ONCE], backend="numpy")
+        part = slice(first, first + AT_ONCE)
+        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 

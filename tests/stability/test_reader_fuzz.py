@@ -397,12 +397,12 @@ def rendered(stored):
         model=stored.model,
         depth_rule="slice",
         warp_filter="bilinear",
-        backend="numpy",
         threads=1,
     )
     return render(scene, quality)
 
 
+@pytest.mark.usefixtures("by_numpy")
 @pytest.mark.parametrize("name", ("today", "16.rle", "6.rle", "4.rle"))
 def test_R3_rle_files(record, tmp_path, name):
     whole = rle_file(tmp_path) if name == "today" else (EARLIER / name).read_bytes()
