@@ -29,7 +29,7 @@ from rle_splat.classify.default import default_transfer_function
 from rle_splat.cli.images import write_npy
 from rle_splat.encode.store import load
 from rle_splat.pipeline import render as pipeline
-from rle_splat.pipeline.slabs import SlabImages, over
+from rle_splat.pipeline.sections import SectionImages, over
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.view.turntable import turntable
 
@@ -213,7 +213,7 @@ def checked_seconds(tables: Path) -> float:
 
 def cover_seconds(pixels: int) -> float:
     """Processor seconds for compositing two slabs of so many pixels."""
-    slab = SlabImages((np.full((pixels, 4), 0.5, np.float32),), 1.0, frozenset(), {})
+    slab = SectionImages((np.full((pixels, 4), 0.5, np.float32),), 1.0, frozenset(), {})
     return seconds_of(lambda: over(slab, slab))
 
 

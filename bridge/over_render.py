@@ -16,7 +16,7 @@ from bpy.app.handlers import persistent
 
 from ..rle_splat.pipeline.preset_plan import hold_plan
 from ..rle_splat.pipeline.report import EMPTY_REMARKS
-from ..rle_splat.pipeline.several import MOST_SLABS, several_steps
+from ..rle_splat.pipeline.several import MOST_SPANS, several_steps
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
 from . import (
@@ -226,7 +226,7 @@ def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None,
     """Generator of Progress: one picture of all volumes that a view layer shows."""
 
     def make(plain, n):
-        """The picture of volume number ``n``, or of a slab of it, by the plan of its first picture."""
+        """The picture of volume number ``n``, or of a span of it, by the plan of its first picture."""
         drawn_as = placed[n].owner.name, n, quality, tolerance
         planned, earlier = log.plans.get(drawn_as, (quality, None))
         rendering = yield from render_scene.steps(
@@ -237,7 +237,7 @@ def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None,
 
     if len(scenes) == 1:
         return make(scenes[0], 0)
-    return several_steps(scenes, make, 1 if tolerance is not None else MOST_SLABS)
+    return several_steps(scenes, make, 1 if tolerance is not None else MOST_SPANS)
 
 
 def _shadows_on_meshes(volumes: list, depsgraph, quality, log: RenderLog) -> dict:

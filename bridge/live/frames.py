@@ -9,14 +9,14 @@ import numpy as np
 
 from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.pipeline.fitting import fitting_steps
-from ...rle_splat.pipeline.several import MOST_SLABS, several_steps
+from ...rle_splat.pipeline.several import MOST_SPANS, several_steps
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
 from .view import Matrices, View, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT = "draft"
-DRAFT_SLABS = 4  # in which a draft mixes volumes that overlap
+DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
 
         steps = make(scenes[0], 0)
         if len(scenes) > 1:
-            steps = several_steps(scenes, make, MOST_SLABS if coarseness is None else DRAFT_SLABS)
+            steps = several_steps(scenes, make, MOST_SPANS if coarseness is None else DRAFT_SPANS)
         rendering = yield from steps
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
         made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))

@@ -1,9 +1,9 @@
 """Pictures and frames on a Dask cluster: the client, which hands out tasks and writes what comes back.
 
-A picture is split into tiles, which are crops with the bits of the whole picture.  Each tile may be split into slabs,
+A picture is split into tiles, which are crops with the bits of the whole picture.  Each tile may be cut into sections,
 which are composited in pairs of neighbors.  So the picture does not depend on how many workers there are, nor on which
 of them makes a part.  Workers read the volume by its path; what goes over the network is options on the way there,
-finished pixels on the way back, and the pixels of slabs between workers.  Dask gives the tasks of a lost worker to
+finished pixels on the way back, and the pixels of sections between workers.  Dask gives the tasks of a lost worker to
 others.
 """
 
@@ -21,7 +21,7 @@ from time import perf_counter
 
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_slab, make_tile
+from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_section, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
 from .report import write_report
@@ -52,7 +52,7 @@ class Cluster:
     def threads(self) -> int:
         return max(sum(self.client.nthreads().values()), 1)
 
-    def submit(self, job: Command, function, *task, inputs=(), slab: tuple[int, int] | None = None):
+    def submit(self, job: Command, function, *task, inputs=(), section: tuple[int, int] | None = None):
         """Hand out a task; return its future.
 
         Parameters
@@ -62,8 +62,8 @@ class Cluster:
             ``function(job, *task, *inputs)``.
         inputs : sequence of futures
             Results of other tasks, which workers hand to one another.
-        slab : (int, int) or None
-            Number of the slab that it reads, and of how many: tasks of a slab go to the same worker where that is
+        section : (int, int) or None
+            Number of the section that it reads, and of how many: tasks of a section go to the same worker where that is
             possible, and so do neighbors where there are fewer workers.
         """
         from distributed.protocol.pickle import dumps
@@ -77,8 +77,8 @@ class Cluster:
             return function(job, *task, *inputs)
 
         where = {}
-        if slab is not None:
-            number, count = slab
+        if section is not None:
+            number, count = section
             workers = sorted(self.client.nthreads())
             own = workers[number * len(workers) // count :][:1]  # none while all are lost
             where = {"workers": own, "allow_other_workers": True} if own else {}
@@ -386,13 +386,13 @@ def _put_together(args, job: Command, cluster: Cluster, region, side: int, parts
     return prepared, total.report()
 
 
-def _tile_task(tile, slabs: int | None):
-    """The task of a tile, as ``Cluster.results`` takes it; ``slabs``: their number, or None for a tile at once."""
-    if slabs is None:
+def _tile_task(tile, sections: int | None):
+    """The task of a tile, as ``Cluster.results`` takes it; ``sections``: their number, or None for a tile at once."""
+    if sections is None:
         return lambda submit: submit(make_tile, tile)
 
     def hand_out(submit):
-        parts = [submit(make_slab, tile, number, slabs, slab=(number, slabs)) for number in range(slabs)]
+        parts = [submit(make_section, tile, number, sections, section=(number, sections)) for number in range(sections)]
         while len(parts) > 1:  # a tree of neighbors, the same for any number of workers
             pairs = zip(parts[::2], parts[1::2])
             parts = [submit(cover, inputs=pair) for pair in pairs] + parts[len(parts) // 2 * 2 :]

@@ -69,27 +69,27 @@ def make_tile(job: Command, tile) -> Made:
     return Made(replace(prepared, scene=None), drain(steps))
 
 
-def make_slab(job: Command, tile, number: int, count: int):
-    """Draw one of ``count`` slabs of a tile of the picture of a job; return its SlabImages."""
-    from ..pipeline.slabs import slab_steps
+def make_section(job: Command, tile, number: int, count: int):
+    """Draw one of ``count`` sections of a tile of the picture of a job; return its SectionImages."""
+    from ..pipeline.sections import section_steps
 
     prepared, _ = _kept(job.key, lambda: _picture_of(job))
-    return drain(slab_steps(replace(prepared.scene, crop=tile), prepared.quality, number, count))
+    return drain(section_steps(replace(prepared.scene, crop=tile), prepared.quality, number, count))
 
 
 def cover(job: Command, front, back):
-    """Composite the SlabImages of slabs that lie behind one another."""
-    from ..pipeline.slabs import over
+    """Composite the SectionImages of sections that lie behind one another."""
+    from ..pipeline.sections import over
 
     return over(front, back)
 
 
-def finish_tile(job: Command, tile, slabs) -> Made:
-    """Warp a tile of the picture of a job from the SlabImages of all slabs."""
-    from ..pipeline.slabs import composited_steps
+def finish_tile(job: Command, tile, sections) -> Made:
+    """Warp a tile of the picture of a job from the SectionImages of all sections."""
+    from ..pipeline.sections import composite_steps
 
     prepared, _ = _kept(job.key, lambda: _picture_of(job))
-    steps = composited_steps(replace(prepared.scene, crop=tile), prepared.quality, slabs)
+    steps = composite_steps(replace(prepared.scene, crop=tile), prepared.quality, sections)
     return Made(replace(prepared, scene=None), drain(steps))
 
 

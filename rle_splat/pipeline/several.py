@@ -1,9 +1,9 @@
 """Several volumes in one picture.
 
 Volumes whose boxes do not overlap are rendered one by one and laid over one another.  Of boxes that overlap, each
-volume is rendered in slabs of planar depth, between the same clip planes.  Within a slab the volumes are mixed as if
+volume is rendered in spans of planar depth, between the same clip planes.  Within a span the volumes are mixed as if
 each were homogeneous along its rays: optical depths add up, and colors are averaged by optical depth.  That is exact
-for homogeneous volumes, has no order of its own, and converges as slabs become thin.
+for homogeneous volumes, has no order of its own, and converges as spans become thin.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from ..scene.changed import changed
 from ..view.box_order import box_of, near_to_far
 from ..view.projection import depth_row, world_to_pixel
 
-MOST_SLABS = 16  # in which overlapping volumes are mixed
+MOST_SPANS = 16  # in which overlapping volumes are mixed
 MARGIN = 4  # pixels by which the warp reaches beyond a box
-VOXELS = 2.0  # depth of a slab, in sides of the smallest voxel
+VOXELS = 2.0  # depth of a span, in sides of the smallest voxel
 OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
-SLICED = "volumes that overlap are rendered in slabs of depth"
+SLICED = "volumes that overlap are rendered in spans of depth"
 LAID = "Volumes that overlap are laid over one another, the nearest first, because"
 
 
-def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], most_slabs: int = MOST_SLABS):
+def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], most_spans: int = MOST_SPANS):
     """Generator of Progress: one picture of several volumes.
 
     Parameters
@@ -36,9 +36,9 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
     scenes : list of Scene
         Of the same camera, size and crop, one for each volume.
     make : callable
-        ``make(scene, n)`` is a generator that returns the Rendering of volume number ``n``, or of a slab of it,
+        ``make(scene, n)`` is a generator that returns the Rendering of volume number ``n``, or of a span of it,
         transparent where it shows nothing.
-    most_slabs : int
+    most_spans : int
         In which overlapping volumes are mixed; 1 lays them over one another.
 
     Returns
@@ -50,9 +50,9 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
     """
     camera = scenes[0].camera
     groups = near_to_far([_box(scene) for scene in scenes], camera)
-    reason = _unmixed_because(scenes) if most_slabs > 1 else "a maximum error is set"
+    reason = _unmixed_because(scenes) if most_spans > 1 else "a maximum error is set"
     overlap = any(len(group) > 1 for group in groups)
-    layers = [_Layer(scenes, group, 0 if reason else most_slabs) for group in groups]
+    layers = [_Layer(scenes, group, 0 if reason else most_spans) for group in groups]
     total, picture, reports = sum(layer.pictures for layer in layers), None, []
 
     def make_next(scene: Scene, n: int):
@@ -69,23 +69,23 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
 
 
 class _Layer:
-    """Volumes of a group: laid over one another, and mixed in slabs in the pixels that show several.
+    """Volumes of a group: laid over one another, and mixed in spans in the pixels that show several.
 
-    ``numbers``: of the group, in ``scenes``.  ``most_slabs``: 0 mixes none.
+    ``numbers``: of the group, in ``scenes``.  ``most_spans``: 0 mixes none.
     """
 
-    def __init__(self, scenes: list[Scene], numbers: list[int], most_slabs: int):
+    def __init__(self, scenes: list[Scene], numbers: list[int], most_spans: int):
         self._scenes = scenes
         self._order = sorted(numbers, key=lambda n: float(_depths(scenes[n]).mean()))
-        self._shared = shared_pixels([scenes[n] for n in numbers]) if most_slabs and len(numbers) > 1 else None
-        self._slabs = slabs([scenes[n] for n in numbers], numbers, most_slabs) if self._shared else []
+        self._shared = shared_pixels([scenes[n] for n in numbers]) if most_spans and len(numbers) > 1 else None
+        self._spans = cut_spans([scenes[n] for n in numbers], numbers, most_spans) if self._shared else []
         if self._shared == scenes[0].region:
             self._order = []
 
     @property
     def pictures(self) -> int:
         """How many pictures of single volumes it takes."""
-        return len(self._order) + sum(len(inside) for inside, _ in self._slabs)
+        return len(self._order) + sum(len(inside) for inside, _ in self._spans)
 
     def steps(self, make: Callable):
         """Generator of Progress: the picture and its depth."""
@@ -93,13 +93,13 @@ class _Layer:
         for n in self._order:
             found = yield from make(self._scenes[n], n)
             whole = found if whole is None else _laid_over(whole, found, None)
-        for inside, span in self._slabs:
+        for inside, span in self._spans:
             made = []
             for n in inside:
-                of_slab = replace(self._scenes[n], crop=self._shared)
+                of_span = replace(self._scenes[n], crop=self._shared)
                 if span is not None:
-                    of_slab = replace(of_slab, camera=_between(of_slab.camera, span))
-                made.append((yield from make(of_slab, n)))
+                    of_span = replace(of_span, camera=_between(of_span.camera, span))
+                made.append((yield from make(of_span, n)))
             found = made[0] if len(made) == 1 else _mixed(made, span)
             mixed = found if mixed is None else _laid_over(mixed, found, span if len(made) > 1 else None)
         if whole is None or mixed is None:
@@ -152,7 +152,7 @@ def _pixels_of(scene: Scene) -> np.ndarray:
 
 def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
     """The first volume's report with the times and remarks of all; ``reports``: (number, report) of each picture."""
-    # Slabs leave out a volume that lies outside of the clip distances.
+    # Spans leave out a volume that lies outside of the clip distances.
     first = next((report for n, report in reports if n == 0), reports[0][1])
     remarks = [remark for _, report in sorted(reports, key=lambda one: one[0]) for remark in report["remarks"]]
     stages = {name: sum(report["stages_ms"][name] for _, report in reports) for name in first["stages_ms"]}
@@ -162,7 +162,7 @@ def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
     return {**first, "remarks": remarks, "stages_ms": stages, "effects": effects, "volumes": about}
 
 
-def slabs(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]:
+def cut_spans(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]:
     """Planar depths between which overlapping volumes are rendered, from near to far.
 
     Parameters
@@ -171,12 +171,12 @@ def slabs(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]:
     numbers : list of int
         Of the scenes.
     most : int
-        Slabs in which several volumes are mixed.
+        Spans in which several volumes are mixed.
 
     Returns
     -------
     list of (list of int, (float, float))
-        The numbers of the scenes that reach into a slab, and its depths in world units. The first begins and the last
+        The numbers of the scenes that reach into a span, and its depths in world units. The first begins and the last
         ends at the camera's own clip distances.
     """
     camera = scenes[0].camera
@@ -232,7 +232,7 @@ def _between(camera, span):
 
 
 def _mixed(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
-    """The picture and the depth of a slab from those of its volumes."""
+    """The picture and the depth of a span from those of its volumes."""
     pictures = np.stack([rgba for rgba, _ in made]).astype(np.float64)
     opacity = pictures[..., 3:]
     depths = -np.log1p(-np.clip(opacity, 0.0, OPAQUE))
@@ -255,9 +255,9 @@ def _laid_over(front: tuple, back: tuple, span) -> tuple[np.ndarray, np.ndarray]
 
 
 def _half_depth(before: np.ndarray, within: np.ndarray, span) -> np.ndarray:
-    """(H, W) float32 planar depth at which the transmittance falls below one half in a homogeneous slab.
+    """(H, W) float32 planar depth at which the transmittance falls below one half in a homogeneous span.
 
-    ``before``, ``within``: (H, W) optical depths in front of the slab and in it.
+    ``before``, ``within``: (H, W) optical depths in front of the span and in it.
     """
     half = np.log(2.0)
     share = np.divide(half - before, within, out=np.zeros_like(within), where=within > 0.0)

@@ -119,7 +119,7 @@ class BasePlane:
         seen = np.clip(self.seen[:, first[1] : first[1] + height] - first[0], 0, width)
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
-    def slab(self, number: int, count: int) -> BasePlane | None:
+    def section(self, number: int, count: int) -> BasePlane | None:
         """The plane with one of ``count`` parts of its sheets, numbered from front to back.
 
         Parameters

@@ -80,16 +80,16 @@ def test_two_boxes_that_overlap_have_the_light_of_the_paper(box):
     np.testing.assert_allclose(middle, np.broadcast_to(plain, middle.shape), atol=4.0 / 255.0)
     assert found.report["volumes"]["mixed"] and found.report["volumes"]["pictures"] == 8
     # Nearest first is another picture by far.
-    laid = picture([near, far], most_slabs=1)
+    laid = picture([near, far], most_spans=1)
     assert np.abs(laid.rgba - found.rgba)[5:11, 5:11].max() > 4.0 / 255.0
     assert any("laid over one another" in remark for remark in laid.report["remarks"])
 
 
 def test_the_order_in_which_volumes_are_given_changes_nothing(box):
     scenes = [box((0, 0, 5), 0.3, RED), box((1, 0, 0), 0.2, BLUE), box((0, 2, 2), 0.25, (0.2, 0.9, 0.3))]
-    first = picture(scenes, most_slabs=4)
+    first = picture(scenes, most_spans=4)
     for order in ((1, 0, 2), (2, 1, 0)):
-        again = picture([scenes[n] for n in order], most_slabs=4)
+        again = picture([scenes[n] for n in order], most_spans=4)
         np.testing.assert_allclose(again.rgba, first.rgba, atol=1e-6)
         np.testing.assert_array_equal(again.depth < NO_DEPTH, first.depth < NO_DEPTH)
 

@@ -1,8 +1,8 @@
-"""A picture in slabs: parts of its sheets, drawn apart and composited with the operator ``over`` before the warp.
+"""A picture in sections: parts of its sheets, drawn apart and composited with the operator ``over`` before the warp.
 
-Volumes that are too large for one machine are drawn so. A slab's rays begin and end at its sheets; what it draws is
-color and transmittance of every sheet pixel, which the slabs before it cover. The warp comes last, since it mixes
-sheet pixels.
+Volumes that are too large for one machine are drawn so. A section's rays begin and end at its sheets; what it draws is
+color and transmittance of every sheet pixel, which the sections before it cover. The warp comes last, since it mixes
+sheet pixels. The command line calls the sections slabs (``--slabs``).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ ALONG_Z = 2
 
 
 @dataclass(frozen=True, eq=False)
-class SlabImages:
-    """What a slab, or several that follow one another, look like on the base planes of a picture.
+class SectionImages:
+    """What a section, or several that follow one another, look like on the base planes of a picture.
 
     Attributes
     ----------
@@ -55,55 +55,55 @@ class SlabImages:
     stages_ms: dict
 
 
-def slab_steps(scene: Scene, quality: Quality, number: int, count: int):
-    """Generator of Progress: draw one of ``count`` slabs; returns its SlabImages.
+def section_steps(scene: Scene, quality: Quality, number: int, count: int):
+    """Generator of Progress: draw one of ``count`` sections; returns its SectionImages.
 
     Parameters
     ----------
     scene : Scene
     quality : Quality
     number, count : int
-        Slabs are numbered from front to back, on each base plane of the picture.
+        Sections are numbered from front to back, on each base plane of the picture.
 
     Raises
     ------
     RleSplatError
-        Where the picture cannot be drawn in slabs.
+        Where the picture cannot be drawn in sections.
     """
     picture = _begin(scene, quality)
-    steps = within(_slab_steps(picture, number, count), picture.work.clock.running)
+    steps = within(_section_steps(picture, number, count), picture.work.clock.running)
     (pixels, most_color), kernels = yield from watch_steps(steps, scene, quality)
-    return SlabImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
+    return SectionImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
 
 
-def composited_steps(scene: Scene, quality: Quality, slabs: SlabImages):
-    """Generator of Progress: warp what the slabs look like together; returns the Rendering, which has no depths.
+def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
+    """Generator of Progress: warp what the sections look like together; returns the Rendering, which has no depths.
 
     Parameters
     ----------
     scene : Scene
     quality : Quality
-    slabs : SlabImages
-        Of all slabs.
+    sections : SectionImages
+        Of all sections.
     """
     picture = _begin(scene, quality)
-    steps = within(_composited_steps(picture, slabs), picture.work.clock.running)
+    steps = within(_composite_steps(picture, sections), picture.work.clock.running)
     rendering, kernels = yield from watch_steps(steps, scene, quality)
     report = dict(rendering.report)
     del report["memory_bytes"]  # here are no tables
-    times = _sum(report["stages_ms"], slabs.stages_ms)
-    return replace(rendering, report={**report, "kernels": sorted({*kernels, *slabs.kernels}), "stages_ms": times})
+    times = _sum(report["stages_ms"], sections.stages_ms)
+    return replace(rendering, report={**report, "kernels": sorted({*kernels, *sections.kernels}), "stages_ms": times})
 
 
-def over(front: SlabImages, back: SlabImages) -> SlabImages:
-    """Composite slabs that lie behind one another."""
+def over(front: SectionImages, back: SectionImages) -> SectionImages:
+    """Composite sections that lie behind one another."""
     pixels = tuple(_over(*pair) for pair in zip(front.pixels, back.pixels, strict=True))
     times = _sum(front.stages_ms, back.stages_ms)
-    return SlabImages(pixels, max(front.most_color, back.most_color), front.kernels | back.kernels, times)
+    return SectionImages(pixels, max(front.most_color, back.most_color), front.kernels | back.kernels, times)
 
 
 def _check(scene: Scene) -> None:
-    """RleSplatError for a scene whose picture is not made in slabs."""
+    """RleSplatError for a scene whose picture is not made in sections."""
     if not isinstance(scene.volume, FolderVolume):
         raise RleSplatError(
             "Slabs are parts of a folder of tables; encode the volume with rle-splat encode --folder, and render that."
@@ -120,9 +120,9 @@ def _begin(scene: Scene, quality: Quality) -> Picture:
     return begin_picture(choose_plan(choose_source(scene, quality), cache), cache, False, Clock())
 
 
-def _slab_steps(picture: Picture, number: int, count: int):
-    """Generator of Progress: returns the pixels of a slab, and the largest color."""
-    planes = {plane: plane.slab(number, count) for plane in picture.view.planes}
+def _section_steps(picture: Picture, number: int, count: int):
+    """Generator of Progress: returns the pixels of a section, and the largest color."""
+    planes = {plane: plane.section(number, count) for plane in picture.view.planes}
     picture = _read_only(picture, [plane for plane in planes.values() if plane is not None])
     medium = yield from picture.source.medium_steps(picture.work)
     tables = yield from encode_steps(picture, medium)
@@ -135,11 +135,11 @@ def _slab_steps(picture: Picture, number: int, count: int):
                 if left is None:
                     continue
                 plane, intervals = left
-                slab = plane.slab(number, count)
-                if slab is None:
+                section = plane.section(number, count)
+                if section is None:
                     pixels.append(None)
                     continue
-                steps = medium.splat_steps(tables[plane.axis], slab, intervals)
+                steps = medium.splat_steps(tables[plane.axis], section, intervals)
                 image = yield from watch_splat_steps(steps, clock, 0.2, 0.8)
                 pixels.append(None if image.filled_part(0) is None else image.pixels)
     return tuple(pixels), medium.most_color(tables.values())
@@ -160,10 +160,10 @@ def _slices_read(plane: BasePlane) -> tuple[int, int]:
     return int(first.min()), int(first.max()) + plane.sheets.slice_weights.shape[1]
 
 
-def _composited_steps(picture: Picture, slabs: SlabImages):
+def _composite_steps(picture: Picture, sections: SectionImages):
     """Generator of Progress: the Rendering of base planes whose pixels are there."""
     medium = yield from picture.source.medium_steps(picture.work)
-    medium = CompositedSlabs(medium.voxels, medium.quality, medium.mist, slabs.most_color, iter(slabs.pixels))
+    medium = CompositedSections(medium.voxels, medium.quality, medium.mist, sections.most_color, iter(sections.pixels))
     made = yield from splat_and_warp_steps(picture, medium, {})
     report = make_report(picture, medium, {}, made, NO_PIXELS)
     yield Progress(1.0, "Done")
@@ -171,7 +171,7 @@ def _composited_steps(picture: Picture, slabs: SlabImages):
 
 
 @dataclass(frozen=True, eq=False)
-class CompositedSlabs(Medium):
+class CompositedSections(Medium):
     """A medium that is splatted already.
 
     Attributes

@@ -1,4 +1,4 @@
-"""A picture in slabs is the picture but for rounding, in any projection; along z a slab reads no more than its part."""
+"""A picture in sections is the picture but for rounding, in any projection; along z one reads no more than its part."""
 
 from dataclasses import replace
 from functools import reduce
@@ -10,7 +10,7 @@ import rle_splat
 from rle_splat.encode.store import load
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.render import render
-from rle_splat.pipeline.slabs import composited_steps, over, slab_steps
+from rle_splat.pipeline.sections import composite_steps, over, section_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip, Mist, RleSplatError
 from rle_splat.view.turntable import turntable
@@ -23,8 +23,8 @@ MESH = np.array((((-40, 2, -40), (40, 1, -40), (0, -2, 50)),), float)
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """Classification -> a folder of tables in slabs of three planes."""
-    folder = tmp_path_factory.mktemp("slabs")
+    """Classification -> a folder of tables in sections of three planes."""
+    folder = tmp_path_factory.mktemp("sections")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
         for name, quality in QUALITIES.items():
@@ -43,11 +43,11 @@ def scene(folders):
     return make
 
 
-def in_slabs(scene, quality, count):
-    """The Rendering of a picture in slabs, and the largest color of its medium."""
-    slabs = [drain(slab_steps(scene, quality, number, count)) for number in range(count)]
-    together = reduce(over, slabs)
-    return drain(composited_steps(scene, quality, together)), together.most_color
+def in_sections(scene, quality, count):
+    """The Rendering of a picture in sections, and the largest color of its medium."""
+    sections = [drain(section_steps(scene, quality, number, count)) for number in range(count)]
+    together = reduce(over, sections)
+    return drain(composite_steps(scene, quality, together)), together.most_color
 
 
 def seen_from(azimuth, elevation, fit=1.25):
@@ -58,12 +58,12 @@ def seen_from(azimuth, elevation, fit=1.25):
 
 @pytest.mark.parametrize("name", QUALITIES)
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_slabs_along_each_axis(scene, name, axis):
+def test_sections_along_each_axis(scene, name, axis):
     quality = replace(QUALITIES[name], termination=0.0)
     whole = render(scene(name, axis), quality)
     assert whole.rgba[..., 3].max() > 0.9
     for count in (1, 3):
-        made, _ = in_slabs(scene(name, axis), quality, count)
+        made, _ = in_sections(scene(name, axis), quality, count)
         assert np.abs(made.rgba - whole.rgba).max() < EXACT * (count > 1) + 1e-30
         assert (made.depth == made.depth.max()).all()  # no depth anywhere
 
@@ -72,7 +72,7 @@ def test_slabs_along_each_axis(scene, name, axis):
 def test_what_ends_a_ray_early_is_lost_and_no_more(scene, name):
     quality = replace(QUALITIES[name], termination=1 / 64)
     whole = render(scene(name), quality).rgba
-    made, most_color = in_slabs(scene(name), quality, 4)
+    made, most_color = in_sections(scene(name), quality, 4)
     off = np.abs(made.rgba - whole).max()
     assert EXACT < off <= quality.termination * max(most_color, 1.0)
 
@@ -90,11 +90,11 @@ SCENES = {
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_slabs_under_effects(scene, name):
+def test_sections_under_effects(scene, name):
     quality = replace(QUALITIES["post"], termination=0.0, backend="numpy", axis_fade=15.0)
     one = scene("post", 1, **SCENES[name]())
     whole = render(one, quality)
-    made, _ = in_slabs(one, quality, 3)
+    made, _ = in_sections(one, quality, 3)
     assert whole.rgba[..., 3].max() > 0.3
     assert np.abs(made.rgba - whole.rgba).max() < EXACT
     on = [[effect["name"] for effect in each.report["effects"] if effect["on"]] for each in (made, whole)]
@@ -102,25 +102,25 @@ def test_slabs_under_effects(scene, name):
     assert made.report["volume"] == whole.report["volume"] and "memory_bytes" not in made.report
 
 
-def test_more_slabs_than_sheets(scene):
+def test_more_sections_than_sheets(scene):
     quality = replace(QUALITIES["pre"], backend="numpy")
     sheets = render(scene("pre"), quality).report["plan"]["base_planes"][0]["sheets"]
-    slabs = [drain(slab_steps(scene("pre"), quality, number, 2 * sheets)) for number in (0, 1)]
-    assert [slab.pixels for slab in slabs[:1]] == [(None,)] and slabs[1].most_color > 0.0
-    assert not drain(composited_steps(scene("pre"), quality, slabs[0])).rgba.any()
+    sections = [drain(section_steps(scene("pre"), quality, number, 2 * sheets)) for number in (0, 1)]
+    assert [section.pixels for section in sections[:1]] == [(None,)] and sections[1].most_color > 0.0
+    assert not drain(composite_steps(scene("pre"), quality, sections[0])).rgba.any()
 
 
 def test_the_tree_has_no_say_beyond_rounding(scene):
     quality = replace(QUALITIES["pre"], backend="numpy")
-    one, two, three = (drain(slab_steps(scene("pre"), quality, number, 3)) for number in range(3))
+    one, two, three = (drain(section_steps(scene("pre"), quality, number, 3)) for number in range(3))
     for left, right in zip(over(over(one, two), three).pixels, over(one, over(two, three)).pixels, strict=True):
         assert np.abs(left - right).max() < EXACT
 
 
-def test_a_slab_along_z_reads_no_other_part_of_the_folder(scene, folders):
-    """Damage in the last planes is told by the slab that has them, and does not touch the others."""
+def test_a_section_along_z_reads_no_other_part_of_the_folder(scene, folders):
+    """Damage in the last planes is told by the section that has them, and does not touch the others."""
     quality = replace(QUALITIES["post"], backend="numpy")
-    sound = [drain(slab_steps(scene("post", 2), quality, number, 4)) for number in range(4)]
+    sound = [drain(section_steps(scene("post", 2), quality, number, 4)) for number in range(4)]
     file = folders["post"] / "rows.scalars"
     content = file.read_bytes()
     file.write_bytes(content[:-64] + bytes(64))
@@ -128,13 +128,13 @@ def test_a_slab_along_z_reads_no_other_part_of_the_folder(scene, folders):
         found = []
         for number in range(4):
             try:
-                found.append(drain(slab_steps(scene("post", 2), quality, number, 4)))
+                found.append(drain(section_steps(scene("post", 2), quality, number, 4)))
             except RleSplatError as problem:
                 assert "the checksum of rows.scalars does not fit in planes 15 to 16" in str(problem)
                 found.append(None)
     finally:
         file.write_bytes(content)
-    assert found[0] is None and None not in found[1:]  # seen from above, the last planes are the first slab
+    assert found[0] is None and None not in found[1:]  # seen from above, the last planes are the first section
     for some, others in zip(found[1:], sound[1:], strict=True):
         np.testing.assert_array_equal(some.pixels[0], others.pixels[0])
 
@@ -145,7 +145,7 @@ def test_a_quarter_along_z_opens_half_of_six_parts(scene):
     opened = {}
     for number, count in ((0, 1), (1, 4)):
         one = scene("post", 2)
-        drain(slab_steps(one, quality, number, count))
+        drain(section_steps(one, quality, number, count))
         opened[count] = sorted(key[1] for key in one.volume.opened if isinstance(key, tuple))
     assert opened == {1: [0, 1, 2, 3, 4, 5], 4: [2, 3, 4]}
 
@@ -157,4 +157,4 @@ def test_a_blurred_picture_and_a_volume_in_memory_are_refused(scene):
         (scene_of(volume_of()), "Slabs are parts of a folder of tables"),
     ):
         with pytest.raises(RleSplatError, match=sentence):
-            drain(slab_steps(wrong, QUALITIES["pre"], 0, 2))
+            drain(section_steps(wrong, QUALITIES["pre"], 0, 2))
