@@ -14,15 +14,11 @@ _TEXTS = {
     "gaussian": ("Gaussian", "Smooth by a bell curve"),
     "off": ("Off", "Show exactly what lies on the ray of each pixel"),
     "widen": ("Widen", "Enlarge the footprints of voxels smaller than a pixel"),
-    "pool": ("Average", "Average voxels smaller than a pixel, which is faster"),
     "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
     "keys": ("Keys", "Cubic interpolation of 4 x 4 pixels after Keys"),
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
     "extinction": ("Extinction", "Add the extinctions of overlapping footprints"),
     "opacity": ("Opacity", "Add the opacities of overlapping footprints, as published"),
-    "auto": ("Automatic", "Compiled kernels if numba can be loaded"),
-    "numba": ("Compiled", "Kernels compiled by numba"),
-    "numpy": ("Reference", "The reference implementation in numpy; very slow"),
 }
 _COUNTED = {
     "midpoint": ("{} Midpoints", "{} sheets between neighboring slices"),

@@ -40,8 +40,10 @@ CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
-REMOVED_VALUES = {"classification": {"refined": "post"}, "record": {6: 8, 4: 8}}
-REMOVED_FIELDS = ("refinement",)  # fields of earlier versions, which are left out without a word
+REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8}}
+REMOVED_FIELDS = ("refinement", "backend")  # fields of earlier versions, which are left out without a word
+# Of the option and the setting "backend": the rest of a sentence for who gives them.
+REMOVED_BACKEND = "was removed; numba is used where it can be loaded, and numpy elsewhere"
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
 MOST_MIDPOINTS = 64
@@ -53,19 +55,18 @@ NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
 SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # post-classified sheets only
 FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
-MINIFICATIONS = ("off", "widen", "pool")
+MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
 RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
-BACKENDS = ("auto", "numba", "numpy")
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and color: before or after interpolation",
     "depth_rule": "how opacity and color are integrated between slices along the view",
     "sheet_density": "sheet pixels per image pixel; 0 for one sheet pixel per voxel",
     "kernel": "reconstruction kernel, the footprint of a voxel; post supports tent only",
-    "minification": "what prevents shimmer where several voxels share a sheet pixel: widen enlarges the footprints, "
-    "pool averages voxels, which is faster; post supports off only",
+    "minification": "what prevents shimmer where several voxels share a sheet pixel: widen enlarges the footprints; "
+    "post supports off only",
     "warp_filter": "filter that resamples the intermediate image to the picture",
     "axis_fade": "range in degrees around a change of the principal axis in which pictures along both axes are "
     "blended, so that nothing pops when the camera turns; orthographic cameras only",
@@ -74,7 +75,6 @@ KNOB_TEXTS = {
     "slower and exact; at most a quarter of large pictures; 0 for no rays; post only",
     "model": "what overlapping footprints add up; post supports extinction only",
     "record": "bytes of a voxel record in the run-length tables; smaller records save memory and lose accuracy",
-    "backend": "what runs the inner loops",
 }
 
 
@@ -181,10 +181,9 @@ class Quality:
         Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
     kernel : str
         Reconstruction kernel of a voxel's footprint; one of FOOTPRINTS.
-    minification : {"off", "widen", "pool"}
-        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "pool" averages as
-        many voxels as fit into a sheet pixel everywhere in the picture, then widens. "off" shows exactly what lies on
-        each pixel's ray.
+    minification : {"off", "widen"}
+        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "off" shows
+        exactly what lies on each pixel's ray.
     warp_filter : str or None
         Filter that resamples the intermediate image; one of WARP_FILTERS.
     termination : float or None
@@ -204,8 +203,8 @@ class Quality:
         Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
     threads : int
         Number of threads; 0 for one per core.
-    backend : {"auto", "numba", "numpy"}
-        What runs the inner loops.
+    backend : str, optional
+        Of earlier versions; without effect, with a warning.
     name : str
         Name of the preset, for reports.
     held : bool
@@ -240,11 +239,13 @@ class Quality:
     length_correction: bool = True
     record: int = 16
     threads: int = 0
-    backend: str = "auto"
+    backend: InitVar[object] = None
     name: str = DEFAULT_QUALITY
     held: bool = False
 
-    def __post_init__(self, refinement):
+    def __post_init__(self, refinement, backend):
+        if backend is not None:
+            warnings.warn(f"The setting backend {REMOVED_BACKEND}.", FutureWarning, stacklevel=3)
         knobs, sentences = without_removed(vars(self))
         for sentence in sentences:
             warnings.warn(sentence, FutureWarning, stacklevel=3)
@@ -259,7 +260,6 @@ class Quality:
             (self.minification, MINIFICATIONS, "minification"),
             (self.warp_filter, WARP_FILTERS, "warp filter"),
             (self.model, MODELS, "model"),
-            (self.backend, BACKENDS, "backend"),
         ):
             if value not in allowed:
                 raise RleSplatError(f"There is no {what} called {value!r}; choose {' or '.join(allowed)}.")
@@ -280,11 +280,6 @@ class Quality:
             raise RleSplatError(
                 f"The classification post supports the {knob.replace('_', ' ')} {POST_ONLY[knob]} only, not "
                 f"{getattr(self, knob)}; choose that, or the classification pre."
-            )
-        if self.minification == "pool" and (self.classification != "pre" or self.model != "extinction"):
-            raise RleSplatError(
-                "The minification pool averages the extinction of classified voxels; choose the classification pre and "
-                "the model extinction with it, or the minification widen."
             )
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")

@@ -13,6 +13,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 KINDS = ("file", "pre", "post")
 SIDE = 12  # voxels
 NOBODY = 65534  # a user without rights
@@ -34,7 +36,7 @@ def scan(bridge, core, tmp_path):
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
     settings = scene.rle_splat
-    settings.backend, settings.quality = "numpy", "custom"
+    settings.quality = "custom"
     settings.classification, settings.rays, settings.depth_rule = "post", 0.0, "preintegrated"
     return owner
 
@@ -46,7 +48,7 @@ def encode(scan, bridge, core, tmp_path):
     def made(kind):
         plain, quality = bridge("render_scene").read_scene(
             scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-        quality = core("scene").Quality(classification="post" if kind == "post" else "pre", backend="numpy")
+        quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
             core("encode.store").save(path, core("pipeline.encode_scene").encode_scene(plain, quality))
@@ -150,7 +152,7 @@ def test_a_viewport_refines_it_to_the_picture(encode, kind, bridge, core):
     plain, quality = bridge("render_scene").read_scene(owner, depsgraph, with_meshes=False)
     pictures = {}
     for coarseness in (0, 3, None):
-        knobs = quality if coarseness is None else frames.draft_of(quality)
+        knobs = quality if coarseness is None else bridge("drafts").draft_of(quality)
         steps = frames.fitting_steps(plain, knobs, core("pipeline.stage_cache").StageCache(), coarseness or 0)
         pictures[coarseness], _ = core("runtime.steps").drain(steps)
     np.testing.assert_allclose(pictures[None].rgba, picture_of(owner), atol=1e-6)
