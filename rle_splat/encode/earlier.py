@@ -89,7 +89,7 @@ def _numbers(words: np.ndarray, record: int, scales: np.ndarray) -> np.ndarray:
     return numbers
 
 
-def with_long_records(members, header: dict):
+def lengthen_records(members, header: dict):
     """The members and the header of a folder; where its records have 6 or 4 bytes, those of 8 bytes in memory.
 
     Raises one of DAMAGE, or OSError.
@@ -143,7 +143,7 @@ def read_file(members) -> dict | None:
     RleSplatError
         If the file is damaged.
     """
-    if HEADER not in getattr(members, "checksums", ()):
+    if HEADER not in members.checksums:
         return None
     try:
         return _read(members)
@@ -198,4 +198,4 @@ def _array(members, name: str) -> np.ndarray:
     numbers = content[member.tell() :]
     if dtype.hasobject or fortran_order or not dtype.isnative or math.prod(shape) * dtype.itemsize != len(numbers):
         raise ValueError(f"{name} does not match its own header")
-    return np.require(numbers.view(dtype), requirements="A").reshape(shape)
+    return numbers.view(dtype).reshape(shape).copy()  # aligned, and whole whatever becomes of the file

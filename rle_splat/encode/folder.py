@@ -18,7 +18,7 @@ from pathlib import Path
 from ..runtime.file_lock import only_one
 from ..runtime.whole_files import writing
 from ..scene import RleSplatError
-from .members import HEADER, JOURNAL, VERSION, bytes_of, header_bytes
+from .members import HEADER, JOURNAL, VERSION, bytes_of, make_header
 
 STOPS = KeyboardInterrupt, GeneratorExit
 
@@ -195,7 +195,7 @@ class FolderWriter:
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]
-            (self.folder / HEADER).write_bytes(header_bytes({**header, "slabs": slabs}))
+            (self.folder / HEADER).write_bytes(make_header({**header, "slabs": slabs}))
             (self.folder / JOURNAL).unlink()
             size = 0
             for file in filter(Path.is_file, self.folder.rglob("*")):
