@@ -1,4 +1,4 @@
-"""The image that shows previews while a picture is made, and its restoration when the work is canceled."""
+"""The image that shows a draft while a picture is made, and its restoration when the work is canceled."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHOWN_IN = ("VIEW_3D", "IMAGE_EDITOR", "NODE_EDITOR", "PROPERTIES")  # areas tha
 class Canvas:
     """The image of a picture in progress.
 
-    Datablocks are looked up for every preview, since the user may undo between two of them.
+    Datablocks are looked up again for the draft and at the end, since the user may undo in between.
 
     Parameters
     ----------
@@ -27,11 +27,11 @@ class Canvas:
 
     def __init__(self, scene: Held, volume_object: Held, kind: str, camera: Held | None = None):
         self._scene, self._volume, self._kind, self._camera = scene, volume_object, kind, camera
-        self._image = None  # Held, after the first preview
-        self._before = None  # the image's pixels before the first preview; None if the image is new
+        self._image = None  # Held, once a draft is shown
+        self._before = None  # the image's pixels before the draft; None if the image is new
 
     def show(self, rgba):
-        """Write a preview into the image.
+        """Write a draft into the image.
 
         Parameters
         ----------
@@ -45,10 +45,9 @@ class Canvas:
         """
         scene, volume_object = self._scene.get(), self._volume.get()
         camera = self._camera.get() if self._camera else None
-        if self._image is None:
-            existing = pictures.find(scene, volume_object, self._kind, camera)
-            if existing is not None and existing.size[0] > 0:
-                self._before = images.read(existing)
+        existing = pictures.find(scene, volume_object, self._kind, camera)
+        if existing is not None and existing.size[0] > 0:
+            self._before = images.read(existing)
         height, width = rgba.shape[:2]
         image = pictures.find_or_make(scene, volume_object, self._kind, width, height, camera)
         self._image = Held(image)
@@ -56,7 +55,7 @@ class Canvas:
         return image
 
     def put_back(self) -> None:
-        """Restore the image as it was before the first preview, or remove it if it is new."""
+        """Restore the image as it was before the draft, or remove it if it is new."""
         image = self._image.find() if self._image else None
         if image is None:
             return

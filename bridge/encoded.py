@@ -98,7 +98,7 @@ def suited(quality: Quality, volume) -> Quality:
     if volume.holds_values:
         return quality
     own = dict(model=volume.model, record=volume.record)
-    if quality.minification == "pool" or volume.classification == "post":
+    if volume.classification == "post":
         own["minification"] = "off"
     if volume.classification == quality.classification:
         return replace(quality, **own)

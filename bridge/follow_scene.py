@@ -26,7 +26,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
     later : bool
-        Whether the picture may be finished by a timer, with previews until then if the scene has them on.
+        Whether the picture may be finished by a timer, with a draft until then.
     camera : bpy.types.Object, optional
         A camera object that is about to become active.
     """
@@ -57,8 +57,8 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
                 scene, volume_object, "backdrop", *image_size(depsgraph.scene_eval.render), camera)
         backdrop.show(camera, image, settings.backdrop_depth)
         wish = dict(tolerance=tolerance, refuse_empty_view=False)
-        if later and settings.use_previews:
-            steps = render_scene.steps(plain, quality, **wish, previews=True)
+        if later:
+            steps = render_scene.steps(plain, quality, **wish, drafts=True)
             following.begin(_refinement(steps, Held(scene), Held(image), made_from))
             return
         _finish(scene, image, drain(render_scene.steps(plain, quality, **wish)), made_from)

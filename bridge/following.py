@@ -1,7 +1,7 @@
-"""Runs the work of a backdrop that follows the scene: a preview at once, the rest from a timer.
+"""Runs the work of a backdrop that follows the scene: a draft at once, the rest from a timer.
 
-During playback, scrubbing and edits a slow picture would block the window.  So the first preview is shown at once and
-a timer continues until the picture is done or something changes.  Scripts that set a frame, and background mode, get
+During playback, scrubbing and edits a slow picture would block the window.  So a draft is shown at once and a timer
+continues until the picture is done or something changes.  Scripts that set a frame, and background mode, get
 the full picture at once.
 """
 
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..rle_splat.pipeline.previews import Preview
 from .canvas import redraw
+from .drafts import Draft
 
 BITE = 0.03  # seconds of work per tick of the timer; short, so that scrubbing stays smooth
 PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between checks whether playback has ended
@@ -27,9 +27,9 @@ class Refinement:
     Attributes
     ----------
     steps : generator
-        The work: yields Progress and Preview, returns a Rendering.
+        The work: yields Progress and at most one Draft, returns a Rendering.
     show : callable
-        ``show(rendering)`` shows a preview.
+        ``show(rendering)`` shows the draft.
     finish : callable
         ``finish(rendering)`` shows the finished picture.
     fail : callable
@@ -61,10 +61,10 @@ def is_moving() -> bool:
 
 
 def begin(work: Refinement) -> None:
-    """Work until the first preview and leave the rest to a timer; earlier work is dropped."""
+    """Work until the draft and leave the rest to a timer; earlier work is dropped."""
     stop()
     while (step := _advance(work)) is not None:
-        if isinstance(step, Preview):
+        if isinstance(step, Draft):
             _unfinished.append(work)
             if not bpy.app.timers.is_registered(_tick):
                 bpy.app.timers.register(_tick, first_interval=PAUSE)
@@ -94,20 +94,20 @@ def _tick():
         step = _advance(works[0])
         if step is None:
             _unfinished.clear()
-        if step is None or isinstance(step, Preview):
+        if step is None or isinstance(step, Draft):
             redraw(bpy.context)
     return PAUSE if _unfinished else None
 
 
 def _advance(work: Refinement):
-    """Do one step and show a preview if it is one; return the step, or None at the end."""
+    """Do one step and show the draft if it is one; return the step, or None at the end."""
     try:
         try:
             step = next(work.steps)
         except StopIteration as finished:
             work.finish(finished.value)
             return None
-        if isinstance(step, Preview):
+        if isinstance(step, Draft):
             work.show(step.rendering)
         return step
     except Exception as problem:

@@ -1,8 +1,8 @@
 """Operators with long work, written as a generator of steps.
 
 ``execute`` runs the work at once, for scripts and background mode.  ``invoke`` in a window works in short slices from a
-timer, shows progress and previews, and stops on Esc.  Success, failure and Esc all end in ``_finish``.  After failure
-and Esc everything is as it was before the first preview.
+timer, shows progress and a draft, and stops on Esc.  Success, failure and Esc all end in ``_finish``.  After failure
+and Esc everything is as it was before the draft.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import time
 import bpy
 from bpy.app.translations import pgettext_iface
 
-from ..rle_splat.pipeline.previews import Preview
 from ..rle_splat.runtime.steps import Progress, drain, part
 from ..rle_splat.scene import Cancelled, RleSplatError
 from . import loading, volumes
 from .canvas import redraw, redraw_sidebars
+from .drafts import Draft
 from .translations import filled, told
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
@@ -34,7 +34,7 @@ class StepwiseOperator:
     - ``prepare(context)``: read everything that the work depends on and return the generator.  A RleSplatError is
       reported to the user.
     - ``commit(context, result)``: write the result of the generator into the .blend.
-    - ``show_preview(context, preview)`` and ``put_back(context)``, if the generator may yield a Preview: show it, and
+    - ``show_draft(context, rendering)`` and ``put_back(context)``, if the generator may yield a Draft: show it, and
       undo everything that was shown.
     - ``loading(context)``: a generator that reads what ``prepare`` would wait for, or None. Only a window asks for it.
     - ``refused(context, problem)``, to do more about a RleSplatError than to report it.
@@ -42,7 +42,6 @@ class StepwiseOperator:
 
     bl_options = set()  # without REGISTER: Adjust Last Operation (F9) would repeat the work; for undo see ``is_new``
 
-    wants_previews = False  # whether there is a window for previews, and the user has them on
     is_confirmed = False  # whether ``invoke`` has shown a dialog, whose button calls ``execute``
     was_in_window = False  # whether the work was begun in a window, not by a script
     is_new = True  # whether ``commit`` changed more than pixels, so that it becomes an undo step
@@ -54,7 +53,7 @@ class StepwiseOperator:
     _drawn = 0.0  # time of the last redraw of panels, on the performance counter
     _generator = None
     _timer = None
-    _shown = ""  # description of the preview that is shown, for the status bar
+    _is_draft_shown = False
 
     @classmethod
     def is_running(cls) -> bool:
@@ -110,7 +109,7 @@ class StepwiseOperator:
     def cancel(self, context):
         """End the work without restoring the image; Blender calls this when a file is loaded or the window closes.
 
-        The .blend may be unloading, so it is not changed: a preview stays.
+        The .blend may be unloading, so it is not changed: a draft stays.
         """
         self._finish(context)
 
@@ -137,7 +136,6 @@ class StepwiseOperator:
         return self._succeed(context, drain(self._generator))
 
     def _start(self, context):
-        self.wants_previews = context.scene.rle_splat.use_previews
         self.was_in_window = True
         steps = self.loading(context)
         self._generator = self.prepare(context) if steps is None else self._prepared_after(steps)
@@ -161,7 +159,7 @@ class StepwiseOperator:
                 progress = next(self._generator)
             except StopIteration as finished:
                 return self._succeed(context, finished.value)
-            if isinstance(progress, Preview):
+            if isinstance(progress, Draft):
                 self._show(context, progress)
                 return {"RUNNING_MODAL"}  # let Blender draw it
         if progress is not None:
@@ -176,14 +174,14 @@ class StepwiseOperator:
                 redraw_sidebars(context)
         return {"RUNNING_MODAL"}
 
-    def _show(self, context, preview):
-        self._shown = f"{preview.describe()}; "
-        self.show_preview(context, preview)
+    def _show(self, context, draft):
+        self._is_draft_shown = True
+        self.show_draft(context, draft.rendering)
         redraw(context)
         self._say(context, pgettext_iface("Refining"))
 
     def _say(self, context, doing: str):
-        context.workspace.status_text_set(filled("RLE Splat: {work}, Esc cancels", work=self._shown + doing))
+        context.workspace.status_text_set(filled("RLE Splat: {work}, Esc cancels", work=doing))
 
     def _succeed(self, context, result):
         in_window = self.is_in_window
@@ -196,8 +194,8 @@ class StepwiseOperator:
 
     def _abandon(self, context) -> None:
         """End the work without a result and restore the image; safe to call twice."""
-        if self._shown:
-            self._shown = ""
+        if self._is_draft_shown:
+            self._is_draft_shown = False
             self.put_back(context)
             redraw(context)
         self._finish(context)

@@ -14,7 +14,6 @@ _TEXTS = {
     "gaussian": ("Gaussian", "Smooth by a bell curve"),
     "off": ("Off", "Show exactly what lies on the ray of each pixel"),
     "widen": ("Widen", "Enlarge the footprints of voxels smaller than a pixel"),
-    "pool": ("Average", "Average voxels smaller than a pixel, which is faster"),
     "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
     "keys": ("Keys", "Cubic interpolation of 4 x 4 pixels after Keys"),
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),

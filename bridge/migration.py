@@ -1,7 +1,7 @@
 """Migration of .blend files of earlier versions.
 
 Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
-removed are replaced.
+removed are replaced, and settings that were removed are taken out.
 """
 
 from __future__ import annotations
@@ -23,14 +23,20 @@ def _on_load_post(*_):
 
 @persistent
 def _replace_removed(*_):
-    """Replace removed values of the knobs by those that are used instead."""
+    """Replace removed values of the knobs by those that are used instead, and take out removed settings."""
     for own in (scene.rle_splat for scene in bpy.data.scenes if scene.library is None):
+        sentences = []
+        for name in [name for name in settings.REMOVED_PROPERTIES if own.get(name) is not None]:
+            del own[name]
+            sentences.append(settings.removed_sentence(name))
         if removed := [name for name in settings.REMOVED_NUMBERS if getattr(own, name) == ""]:
             others = [name for name in settings.OF_PRE if settings.not_in_post(own, name)]
             saved = {name: settings.saved_value(own, name) for name in (*removed, *others)}
-            knobs, sentences = without_removed(saved)
+            knobs, of_values = without_removed(saved)
+            sentences += of_values
             for name in removed:  # the classification first, which sets the others, too
                 setattr(own, name, str(knobs[name]))
+        if sentences:
             messages.complain(own, " ".join(sentences))
 
 

@@ -11,7 +11,7 @@ from functools import partial
 import bpy
 
 from ..rle_splat import scene as tables
-from . import backdrop, box, knob_items
+from . import backdrop, box, knob_items, messages
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
 from .channels import ChannelProperties
@@ -29,7 +29,7 @@ from .overridable import (
 from .pictures import PictureProperties
 from .playback import Playback
 from .preferences import FAILED_FRAME_ITEMS
-from .settings import scene_scale_of, suit_classification, suit_knobs
+from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
 from .source_options import SourceOptions
 from .source_paths import make_absolute
 from .transfer_nodes import is_transfer_tree
@@ -269,6 +269,11 @@ def _choose_mode(settings, index: int) -> None:
         settings.use_grays = settings.mode != tables.MODES[0]
 
 
+def _removed(name: str) -> property:
+    """A property of earlier versions: a script that sets it is answered by a sentence, and goes on."""
+    return property(fset=lambda group, _value: messages.complain(group, removed_sentence(name)))
+
+
 class SceneSettings(bpy.types.PropertyGroup):
     """The settings of a scene's pictures, and the report of the last one."""
 
@@ -371,11 +376,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Name of the volume in renders, for messages once it is deleted")
     composite_image: PointerProperty(
         name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
-    use_previews: BoolProperty(
-        name="Progressive Preview", default=True,
-        description="Show coarse pictures first if a picture in a window takes more than about 0.15 seconds. The final "
-        "picture is the same, and Esc restores the previous one. Needs up to 100 MB of memory; scripts and renders "
-        "show no previews")
+    use_previews = _removed("use_previews")
     message: StringProperty(name="Message", description="Problem of the last render or frame change")
     render_problem: StringProperty(
         name="Problem of the Render", description="First problem of the last render, with the frames that failed")

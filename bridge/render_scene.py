@@ -9,7 +9,6 @@ import numpy as np
 
 from ..rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
 from ..rle_splat.classify.transfer_function import TransferFunction
-from ..rle_splat.pipeline.previews import progressive_steps
 from ..rle_splat.pipeline.render import render_steps
 from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.scene import RleSplatError, Scene
@@ -17,6 +16,7 @@ from . import encoded, loading, settings, transfer, volumes
 from .camera import frame_crop, read_camera
 from .channels import read_channels
 from .clip_objects import clip_objects, read_clips
+from .drafts import drafted_steps
 from .effects import overrides_of
 from .labels import read_labels
 from .lights import read_lights
@@ -259,7 +259,7 @@ def is_rendered(volume_object, depsgraph) -> bool:
 
 def steps(
     plain: Scene, quality, *, tolerance: float | None = None, earlier: dict | None = None,
-    refuse_empty_view: bool = True, previews: bool = False,
+    refuse_empty_view: bool = True, drafts: bool = False,
 ):
     """Make a picture, as a generator.
 
@@ -275,12 +275,12 @@ def steps(
         With a tolerance: the plan of the frame before, from its report.
     refuse_empty_view : bool
         Whether a view that shows nothing of the volume raises RleSplatError.
-    previews : bool
-        Whether a slow picture yields previews; ignored with a tolerance.
+    drafts : bool
+        Whether a slow picture yields a draft first; ignored with a tolerance.
 
     Yields
     ------
-    Progress or Preview
+    Progress or Draft
         The steps.
 
     Returns
@@ -292,5 +292,5 @@ def steps(
         return tolerance_steps(
             plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
             earlier=earlier)
-    make = progressive_steps if previews else render_steps
+    make = drafted_steps if drafts else render_steps
     return make(plain, encoded.suited(quality, plain.volume), KEPT, refuse_empty_view=refuse_empty_view)

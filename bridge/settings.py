@@ -16,7 +16,9 @@ MILLIMETERS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "world": 1000.0}
 KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
 # Property -> number in files and keyframes of earlier versions -> the value that was removed, a key of
 # rle_splat.scene.REMOVED_VALUES.  The number has no item now, which reads as "".
-REMOVED_NUMBERS = {"classification": {1: "refined"}, "record": {2: 6, 3: 4}}
+REMOVED_NUMBERS = {"classification": {1: "refined"}, "minification": {2: "pool"}, "record": {2: 6, 3: 4}}
+# Property of scenes of earlier versions -> the end of the sentence that a user reads who sets it, or has set it.
+REMOVED_PROPERTIES = {"use_previews": "pictures that take long show a draft first"}
 OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification
 
 
@@ -60,6 +62,11 @@ def saved_value(settings, name: str) -> str | int:
     """The value of a knob that is an enum, as Quality has it; one that was removed is the one that it was."""
     value = getattr(settings, name) or REMOVED_NUMBERS.get(name, {}).get(settings.get(name), "")
     return int(value) if name == "record" else value
+
+
+def removed_sentence(name: str) -> str:
+    """What a user reads on a property of REMOVED_PROPERTIES."""
+    return f"The setting {name!r} was removed; {REMOVED_PROPERTIES[name]}."
 
 
 def not_in_post(settings, name: str) -> bool:

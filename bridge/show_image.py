@@ -27,23 +27,34 @@ def show_soon(image) -> None:
     bpy.app.timers.register(show, first_interval=SOON)
 
 
+def show_in_editor(image) -> bool:
+    """Show an image in the first image editor; return whether one is open."""
+    editor = _editor()
+    if editor is None:
+        return False
+    editor.spaces.active.image = image
+    editor.tag_redraw()
+    return True
+
+
+def image_in_editor():
+    """The image that the first image editor shows; None without one."""
+    editor = _editor()
+    return None if editor is None else editor.spaces.active.image
+
+
 def _show(image) -> None:
-    if _show_in_editor(image):
+    if show_in_editor(image):
         return
     try:
         with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
             bpy.ops.render.view_show("INVOKE_DEFAULT")
     except RuntimeError:  # no area of the window is free for it
         return
-    _show_in_editor(image)
+    show_in_editor(image)
 
 
-def _show_in_editor(image) -> bool:
-    """Whether an image editor is open, which then shows the image."""
+def _editor():
+    """The first open area that is an image editor, or None."""
     areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
-    editor = next((area for area in areas if area.type == "IMAGE_EDITOR"), None)
-    if editor is None:
-        return False
-    editor.spaces.active.image = image
-    editor.tag_redraw()
-    return True
+    return next((area for area in areas if area.type == "IMAGE_EDITOR"), None)

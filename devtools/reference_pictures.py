@@ -26,7 +26,6 @@ from benchmarks.effects import given
 from benchmarks.scenes import scenes as scans_of
 from benchmarks.scenes import shells, smoke
 from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, render, save_encoded, turntable
-from rle_splat.pipeline.previews import previews
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import CLASSIFICATIONS, FOOTPRINTS, MODELS, QUALITY_PRESETS, RECORDS, WARP_FILTERS
@@ -97,14 +96,13 @@ def effect_cases() -> Iterator[Case]:
 
 
 def other_cases() -> Iterator[Case]:
-    """What the ladder of qualities leaves out: single knobs, ready-made tables, previews, the numpy backend."""
+    """What the ladder of qualities leaves out: single knobs, ready-made tables, the numpy backend."""
     volume, function = shells(80)
     for perspective in (False, True):
         told = "persp" if perspective else "ortho"
         scene = _seen(volume, function, VIEWS["effects"], SIZES["effects"], perspective)
         knobs = {
             "paper": Quality.paper(),
-            "pool": Quality(classification="pre", minification="pool", sheet_density=0.25),
             "widen": Quality(classification="pre", minification="widen", sheet_density=0.25),
             "densest": Quality(sheet_density=4.0, depth_rule="midpoint-8"),
             **{f"kernel {kernel}": Quality(classification="pre", kernel=kernel) for kernel in FOOTPRINTS},
@@ -125,7 +123,6 @@ def other_cases() -> Iterator[Case]:
                 told_numpy = f"numpy {name} {classification} {told}"
                 yield Case(told_numpy, given(small, name), replace(quality, backend="numpy"))
         yield Case(f"file {told}", scene, Quality(classification="pre"), _drawn_from_file)
-        yield Case(f"previews {told}", scene, Quality(classification="pre"), _drawn_previews)
         yield Case(f"shadow pass {told}", given(scene, "mesh occlusion"), Quality(), _drawn_shadows)
 
 
@@ -137,12 +134,6 @@ def _drawn_from_file(scene: Scene, quality: Quality):
         stored = load_encoded(path)
     rendering = render(replace(scene, volume=stored, lights=(), headlight=False), quality)
     return rendering.rgba, rendering.depth
-
-
-def _drawn_previews(scene: Scene, quality: Quality):
-    """All previews of a scene in one array, coarsest first."""
-    found = [preview.rendering.rgba for preview in previews(scene, quality)]
-    return np.stack(found), np.zeros(0, np.float32)
 
 
 def _drawn_shadows(scene: Scene, quality: Quality):

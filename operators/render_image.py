@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import freshness, pictures, render_scene, show_image
 from ..bridge.canvas import Canvas
+from ..bridge.held import Held
 from ..bridge.settings import tolerance_of
 from .through_camera import ThroughCamera, report_picture
 
@@ -20,13 +21,18 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         self._canvas = Canvas(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
         self._made_from = freshness.made_of(plain, quality, tolerance, self.with_meshes)
-        return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
+        return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
-    def show_preview(self, context, preview):
-        self._canvas.show(preview.rendering.rgba)
+    def show_draft(self, context, rendering):
+        before = show_image.image_in_editor()
+        self._in_editor = Held(before) if before is not None else None
+        show_image.show_in_editor(self._canvas.show(rendering.rgba))
 
     def put_back(self, context):
         self._canvas.put_back()
+        before = self._in_editor and self._in_editor.find()
+        if before is not None:
+            show_image.show_in_editor(before)
 
     def commit(self, context, rendering):
         scene, volume_object = self._scene.get(), self._volume.get()

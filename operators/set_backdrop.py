@@ -55,10 +55,10 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._earlier = backdrop.state(scene, camera)
         tolerance = tolerance_of(scene)
         self._made_from = freshness.made_of(plain, quality, tolerance, with_meshes)
-        return render_scene.steps(plain, quality, tolerance=tolerance, previews=self.wants_previews)
+        return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
-    def show_preview(self, context, preview):
-        backdrop.show(self._camera.get(), self._canvas.show(preview.rendering.rgba), self._place)
+    def show_draft(self, context, rendering):
+        backdrop.show(self._camera.get(), self._canvas.show(rendering.rgba), self._place)
 
     def put_back(self, context):
         scene, camera = self._scene.find(), self._camera.find()

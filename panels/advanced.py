@@ -1,4 +1,4 @@
-"""The Advanced panel: the largest error, classification, the knobs of quality, previews, memory and threads."""
+"""The Advanced panel: the largest error, classification, the knobs of quality, memory and threads."""
 
 import bpy
 
@@ -55,7 +55,6 @@ class AdvancedPanel:
             row.active = counts and not (settings.max_error and name in PLANNED)
             row.prop(settings, name)
         draw_number(layout, settings, "threads", "use_all_cores")
-        layout.prop(settings, "use_previews")
         needed = _memory(context)
         if needed:
             paragraph(context, layout, needed, icon="MEMORY")

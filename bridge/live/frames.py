@@ -13,9 +13,9 @@ from ...rle_splat.pipeline.several import MOST_SPANS, several_steps
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
+from ..drafts import draft_of
 from .view import Matrices, View, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
-DRAFT = "draft"
 DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap
 
 
@@ -180,13 +180,3 @@ def in_larger_voxels(plain: Scene) -> tuple[Scene, int]:
     function = TransferFunction.from_json(coarse.transfer_function)
     times = round(np.log2((coarse.spacing / plain.volume.spacing).max()))  # a side that is odd is rounded up
     return replace(plain, volume=coarse, transfer_function=function), times
-
-
-def draft_of(quality: Quality) -> Quality:
-    """The quality of drafts: the preset's, with what a scene sets beside presets."""
-    if quality.model != "extinction":  # the paper's own model has no presets
-        return quality
-    return Quality.preset(
-        DRAFT, classification=quality.classification, record=quality.record, threads=quality.threads,
-        backend=quality.backend,
-    )

@@ -1,7 +1,7 @@
 """Laur and Hanrahan's hierarchical splatting: a pyramid of averages, drawn at the nodes of a small enough error.
 
 D. Laur and P. Hanrahan, Hierarchical splatting: a progressive refinement algorithm for volume rendering, SIGGRAPH
-1991: the paper's [9].  Their progressive refinement, pictures from coarse to fine, is in the package's previews.
+1991: the paper's [9].
 """
 
 from __future__ import annotations

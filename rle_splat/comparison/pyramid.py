@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..volume.pyramid import pooled
-
 
 @dataclass(frozen=True, eq=False)
 class Level:
@@ -51,6 +49,17 @@ def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
         means, least, most = 0.125 * pooled(means, np.add), pooled(least, np.minimum), pooled(most, np.maximum)
         levels.append(Level(means, np.maximum(means - least, most - means).max(axis=3)))
     return levels
+
+
+def pooled(values: np.ndarray, join) -> np.ndarray:
+    """Join neighbors in pairs along z, y and x by a ufunc ``join``; values beyond the far ends count as zero."""
+    for axis in range(3):
+        values = np.moveaxis(values, axis, 0)
+        near, far = values[0::2], values[1::2]
+        if len(far) < len(near):
+            far = np.concatenate((far, np.zeros_like(near[:1])))
+        values = np.moveaxis(join(near, far), 0, axis)
+    return values
 
 
 def children(parents: np.ndarray, shape) -> np.ndarray:

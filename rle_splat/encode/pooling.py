@@ -1,38 +1,20 @@
-"""Average pooling: nodes that replace cubes of voxels, for pictures in which many voxels share a pixel.
+"""Average pooling: a coarse grid of nodes, each the mean of a cube of voxels.
 
-Averages of extinction preserve the optical depth (algorithm.md 1.5, minification). One plane of nodes is made
-at a time, so that no grid of the volume's size is allocated.
+Averages of extinction preserve the optical depth.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume
 from ..classify.placing import RecordPositions
-from ..classify.visible import VisibleVoxels, row_offsets
+from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from .records import empty_records
 
 
-def nodes_shape(shape_xyz, level: int) -> tuple[int, int, int]:
-    """(nz, ny, nx): number of nodes of 2^level voxels a side that cover a volume."""
-    nx, ny, nz = (-(-n >> level) for n in shape_xyz)
-    return nz, ny, nx
-
-
-def node_to_voxel(level: int) -> np.ndarray:
-    """(4, 4) float64 matrix from node index (x, y, z, 1) to the voxel index of its center."""
-    side = 2**level
-    matrix = np.diag((side, side, side, 1.0))
-    matrix[:3, 3] = 0.5 * (side - 1)
-    return matrix
-
-
-def pooled_steps(
-    voxels: VisibleVoxels, write, level: int, finest: ClassifiedVolume, *, backend: str = "auto", threads: int = 0
-):
+def pooled_steps(voxels: VisibleVoxels, write, level: int, *, backend: str = "auto", threads: int = 0):
     """Average visible voxels to nodes.
 
     Parameters
@@ -41,8 +23,6 @@ def pooled_steps(
     write : callable
         See ``encode.record_steps``; writes (extinction * RGB, extinction).
     level : int
-    finest : ClassifiedVolume
-        The classified voxels, for their lengths.
     backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
@@ -54,19 +34,17 @@ def pooled_steps(
 
     Returns
     -------
-    tuple
-        As of ``classified_nodes``.
+    (nz, ny, nx, 4) ndarray of float32
+        Means of (extinction * RGB, extinction); voxels that are not visible, and those beyond the volume, count as 0.
     """
-    nz, ny, nx = nodes_shape(voxels.shape_xyz, level)
-    means = np.empty((1, ny, nx, 4), np.float32)
+    shape = (-(-n >> level) for n in voxels.shape_xyz[::-1])
+    means = np.zeros((*shape, 4), np.float32)
     records = empty_records(16, 0)
-    lists = []
-    for node_plane in range(nz):
-        yield node_plane / nz
+    for node_plane, totals in enumerate(means):
+        yield node_plane / len(means)
         planes = node_plane << level, min((node_plane + 1) << level, voxels.shape_xyz[2])
         positions = RecordPositions.in_order(voxels, *planes)
         first, last = positions.span
-        means[:] = 0.0
         if last > first:
             if len(records) < last - first:
                 records = empty_records(16, last - first)
@@ -75,12 +53,11 @@ def pooled_steps(
             if compiled(backend):
                 arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)
                 with parallel_call(threads):
-                    add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, means[0])
+                    add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, totals)
             else:
-                _add_to_nodes_numpy(voxels, first, made, level, means[0])
-            means *= np.float32(0.125**level)
-        lists.append(node_lists(means))
-    return classified_nodes(lists, (nx, ny, nz), finest)
+                _add_to_nodes_numpy(voxels, first, made, level, totals)
+            totals *= np.float32(0.125**level)
+    return means
 
 
 @kernel
@@ -113,39 +90,3 @@ def _add_to_nodes_numpy(voxels: VisibleVoxels, first: int, records, level: int, 
     row = np.searchsorted(voxels.row_start, number, side="right") - 1
     y = row % voxels.shape_xyz[1] >> level
     np.add.at(totals, (y, voxels.column[number].astype(np.int64) >> level), records)
-
-
-def node_lists(means: np.ndarray):
-    """List the nodes (nz, ny, nx, 4) with extinction: (m, 4) records, (m,) column, (nz * ny,) count of each row."""
-    seen = means[..., 3] > 0.0
-    column = np.nonzero(seen)[2].astype(np.uint16 if means.shape[2] <= 65536 else np.int32)
-    return means[seen], column, seen.sum(axis=2).ravel()
-
-
-def classified_nodes(lists, shape_xyz, finest: ClassifiedVolume) -> tuple[ClassifiedVolume, np.ndarray]:
-    """Make a classified volume of nodes.
-
-    Parameters
-    ----------
-    lists : sequence of tuple
-        As of ``node_lists``, of planes in order.
-    shape_xyz : (nx, ny, nz)
-        Number of nodes.
-    finest : ClassifiedVolume
-        The classified voxels, for their lengths.
-
-    Returns
-    -------
-    classified : ClassifiedVolume
-    colors : (m, 3) ndarray of float32
-        Unassociated colors.
-    """
-    visible, column, counts = (np.concatenate(parts) for parts in zip(*lists, strict=True))
-    colors = np.ascontiguousarray(visible[:, :3] / visible[:, 3:])
-    extinction = np.ascontiguousarray(visible[:, 3])
-    opacity = -np.expm1(-extinction * np.float32(finest.opacity_distance))
-    classified = ClassifiedVolume.from_lists(
-        shape_xyz, row_offsets(counts), column, extinction, opacity, colors, 0, finest.unit_length,
-        finest.opacity_distance,
-    )
-    return classified, colors

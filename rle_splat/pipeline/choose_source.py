@@ -8,9 +8,7 @@ from functools import lru_cache
 from ..effects.analyze import analyzed
 from ..runtime.jit import compiled
 from ..scene import Quality, Scene
-from ..view.base_plane import BasePlane
 from .file_source import FileSource
-from .pooled_source import pooled
 from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
 from .scan_source import scan_source
@@ -42,16 +40,11 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
         effects, left = analyzed(scene, quality)
     if left.volume.holds_values:
         return SOURCES[quality.classification](left, quality, effects, notes)
-    kind = ScalarFileSource if left.volume.classification == "post" else FileSource
-    return kind.of(left, quality, effects, notes)
+    make = ScalarFileSource.of if left.volume.classification == "post" else FileSource
+    return make(left, quality, effects, notes)
 
 
 @lru_cache(maxsize=8)
 def _with_backend(quality: Quality, backend: str) -> Quality:
     """Kept, since most frames have the previous one's, and a copy checks all of its fields."""
     return replace(quality, backend=backend)
-
-
-def minified(source: Source, planes: list[BasePlane]) -> Source:
-    """The source with voxels pooled for some base planes where the quality wants it."""
-    return pooled(source, planes) if source.quality.minification == "pool" else source

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.transfer_function import TransferFunction
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from .medium import ClassifiedVoxels
 from .source import Source, Work
@@ -23,16 +23,6 @@ class FileSource(Source):
 
     nan_voxels = 0
     estimate = None
-
-    @classmethod
-    def of(cls, scene: Scene, quality: Quality, *more) -> FileSource:
-        """The source of a scene whose volume is a StoredVolume; RleSplatError where the quality asks for another."""
-        if quality.minification == "pool":
-            raise RleSplatError(
-                "A .rle file holds voxels that are encoded already, of which no averages are made; choose the "
-                "minification widen or off."
-            )
-        return cls(scene, quality, *more)
 
     @property
     def axes(self):

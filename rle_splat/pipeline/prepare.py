@@ -21,11 +21,9 @@ from ..runtime.steps import Progress, part
 from ..scene import Light, Quality, RleSplatError, Scene
 from ..view.turntable import turntable
 from ..volume.volume import Volume
-from .previews import progressive_steps
 from .render import render_steps
-from .stage_cache import StageCache
 
-SIDE = 64  # voxels: fewer have no previews (``previews.preview_levels``)
+SIDE = 64  # voxels
 WIDTH, HEIGHT = 32, 24  # pixels
 # The stored types of most scans: CT is int16 or uint16, converted scans and phantoms are uint8, VDB grids float32.
 STORED_TYPES = ("uint8", "int16", "uint16", "float32")
@@ -50,7 +48,6 @@ class Picture:
     scene: str = "headlight"
     azimuth: float = 0.0
     perspective: bool = False
-    previews: bool = False
 
     def seconds(self, stored: str) -> float:
         return self.first if stored == STORED_TYPES[0] else self.more
@@ -64,7 +61,6 @@ PICTURES = (
     Picture("lights", 7.7, 0.0, scene="lights", perspective=True),
     Picture("lights without shadows", 1.5, 0.0, scene="no shadows", perspective=True),
     Picture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
-    Picture("previews", 16.8, 1.7, scene="meshes", perspective=True, previews=True),
     Picture("hard walls", 21.4, 2.4, quality="fine"),
     Picture("surfaces only", 20.0, 0.4, scene="surfaces"),
 )
@@ -87,7 +83,7 @@ def prepare_steps():
 
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by white lamps and the world's light, without shadows, and with shadows without and with meshes that
-      hide the volume; with progressive previews.
+      hide the volume.
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
     - at "standard" and "draft", with gradient opacity: by the headlight.
 
@@ -149,15 +145,11 @@ def _on_disk() -> set[Path]:
 
 
 def _picture_steps(picture: Picture, stored: str):
-    """Generator of Progress: one synthetic picture, on one thread, its previews left out."""
+    """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
     quality = Quality.preset(picture.quality, name="prepared", backend="numba", threads=1)
     scene = _scene(picture, _ball(stored))
-    if picture.previews:
-        steps = progressive_steps(scene, quality, StageCache(), every=True)
-    else:
-        steps = render_steps(scene, quality)
-    return (step for step in steps if isinstance(step, Progress))
+    return render_steps(scene, quality)
 
 
 def _ball(stored: str) -> Volume:

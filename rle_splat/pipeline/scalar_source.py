@@ -41,7 +41,7 @@ from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
 from ..runtime.memory import bytes_text
 from ..runtime.steps import Progress, portion, timed
-from ..scene import MODES, preintegrated_of
+from ..scene import preintegrated_of
 from ..shade.lighting import Lighting
 from ..shade.normal_light import NormalLight, coded_normals, normal_light
 from ..shade.shading import normals, refuse_too_bright
@@ -237,11 +237,6 @@ class ScalarSource(Source):
     """A scan whose values are interpolated inside each sheet and then classified."""
 
     scalar_sheets, traces_rays = True, True
-
-    @property
-    def preview_stages(self) -> tuple[str, ...]:
-        """Tables of scalars are the same whatever the transfer function makes of the values; nodes tell no values."""
-        return ("visible", "normals") if self.scene.mode == MODES[0] and self.scene.labels is None else ()
 
     @property
     def depth_rule(self) -> str:

@@ -140,7 +140,6 @@ class ScanSource(Source):
     """A scan whose voxels are classified by one transfer function."""
 
     stage, mixed = "classify", False  # of the clock, the work of classifying; whether labels or channels take part
-    preview_stages, bounds_previews = ("visible", "properties", "normals"), True
 
     # --- what differs between kinds of scans ----------------------------------------------------------------------
 
@@ -245,7 +244,6 @@ class MixedSource(ScanSource):
     """A scan with labels or channels, which several transfer functions classify."""
 
     stage, mixed = "mixing", True
-    preview_stages, bounds_previews = (), False
 
     @property
     def shown(self) -> Mixture:

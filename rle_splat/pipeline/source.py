@@ -79,9 +79,6 @@ class Source(ABC):
 
     scalar_sheets: ClassVar[bool] = False  # whether sheets hold the scalar; the medium then fills the box by itself
     traces_rays: ClassVar[bool] = False  # whether single rays can go through the medium
-    preview_stages = ()  # names of stages that previews share with the picture; empty where there are none
-    bounds_previews = False  # whether the error of a preview can be bounded
-    node_size = 1  # voxels of the scan along each side of what is splatted
 
     @property
     def machine(self) -> dict:

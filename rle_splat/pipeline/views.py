@@ -13,7 +13,6 @@ from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
 from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
-from .choose_source import minified
 from .single_rays import with_neighbors
 from .source import Source
 
@@ -64,12 +63,12 @@ class View:
 
 
 def choose_view(source: Source, refuse_empty: bool) -> tuple[Source, View]:
-    """Choose the base planes of a picture, and pool the voxels where the quality wants it.
+    """Choose the base planes of a picture.
 
     Returns
     -------
     Source
-        With the voxels that are splatted, and with the pixels that are needed beside the wanted ones.
+        With the pixels that are needed beside the wanted ones.
     View
         The part of its view that these pixels need.
 
@@ -79,11 +78,7 @@ def choose_view(source: Source, refuse_empty: bool) -> tuple[Source, View]:
         Where ``refuse_empty`` is set and the camera sees nothing of the volume.
     """
     source = with_neighbors(source)
-    view = view_of(source, refuse_empty)
-    coarser = minified(source, view.planes)
-    if coarser is not source:
-        source, view = coarser, view_of(coarser, refuse_empty)
-    return source, view.window(source.scene, source.quality)
+    return source, view_of(source, refuse_empty).window(source.scene, source.quality)
 
 
 def view_of(source: Source, refuse_empty: bool) -> View:

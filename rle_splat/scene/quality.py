@@ -40,7 +40,9 @@ CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
-REMOVED_VALUES = {"classification": {"refined": "post"}, "record": {6: 8, 4: 8}}
+REMOVED_VALUES = {
+    "classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8},
+}
 REMOVED_FIELDS = ("refinement",)  # fields of earlier versions, which are left out without a word
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
@@ -53,7 +55,7 @@ NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
 SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # post-classified sheets only
 FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
-MINIFICATIONS = ("off", "widen", "pool")
+MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
 RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
@@ -64,8 +66,8 @@ KNOB_TEXTS = {
     "depth_rule": "how opacity and color are integrated between slices along the view",
     "sheet_density": "sheet pixels per image pixel; 0 for one sheet pixel per voxel",
     "kernel": "reconstruction kernel, the footprint of a voxel; post supports tent only",
-    "minification": "what prevents shimmer where several voxels share a sheet pixel: widen enlarges the footprints, "
-    "pool averages voxels, which is faster; post supports off only",
+    "minification": "what prevents shimmer where several voxels share a sheet pixel: widen enlarges the footprints; "
+    "post supports off only",
     "warp_filter": "filter that resamples the intermediate image to the picture",
     "axis_fade": "range in degrees around a change of the principal axis in which pictures along both axes are "
     "blended, so that nothing pops when the camera turns; orthographic cameras only",
@@ -181,10 +183,9 @@ class Quality:
         Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
     kernel : str
         Reconstruction kernel of a voxel's footprint; one of FOOTPRINTS.
-    minification : {"off", "widen", "pool"}
-        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "pool" averages as
-        many voxels as fit into a sheet pixel everywhere in the picture, then widens. "off" shows exactly what lies on
-        each pixel's ray.
+    minification : {"off", "widen"}
+        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "off" shows
+        exactly what lies on each pixel's ray.
     warp_filter : str or None
         Filter that resamples the intermediate image; one of WARP_FILTERS.
     termination : float or None
@@ -280,11 +281,6 @@ class Quality:
             raise RleSplatError(
                 f"The classification post supports the {knob.replace('_', ' ')} {POST_ONLY[knob]} only, not "
                 f"{getattr(self, knob)}; choose that, or the classification pre."
-            )
-        if self.minification == "pool" and (self.classification != "pre" or self.model != "extinction"):
-            raise RleSplatError(
-                "The minification pool averages the extinction of classified voxels; choose the classification pre and "
-                "the model extinction with it, or the minification widen."
             )
         if self.record not in RECORDS:
             raise RleSplatError(f"A voxel record has {', '.join(map(str, RECORDS))} bytes, not {self.record!r}.")

@@ -150,7 +150,7 @@ def test_a_viewport_refines_it_to_the_picture(encode, kind, bridge, core):
     plain, quality = bridge("render_scene").read_scene(owner, depsgraph, with_meshes=False)
     pictures = {}
     for coarseness in (0, 3, None):
-        knobs = quality if coarseness is None else frames.draft_of(quality)
+        knobs = quality if coarseness is None else bridge("drafts").draft_of(quality)
         steps = frames.fitting_steps(plain, knobs, core("pipeline.stage_cache").StageCache(), coarseness or 0)
         pictures[coarseness], _ = core("runtime.steps").drain(steps)
     np.testing.assert_allclose(pictures[None].rgba, picture_of(owner), atol=1e-6)

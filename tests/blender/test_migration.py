@@ -102,6 +102,26 @@ def test_a_classification_that_was_removed_is_replaced_with_a_message(addon, bri
     assert read(bpy.data.scenes["Saved"]) == read(bpy.data.scenes["Saved"]).preset("fine")
 
 
+def test_other_values_and_settings_that_were_removed(addon, tmp_path):
+    settings, saved = bpy.context.scene.rle_splat, str(tmp_path / "saved.blend")
+    removed = {"minification": 2, "use_previews": False}  # pool
+    settings.quality, settings.classification = "custom", "pre"
+    for name, value in removed.items():
+        settings[name] = value
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    for message in (
+        "The setting 'use_previews' was removed; pictures that take long show a draft first. "
+        "The minification 'pool' was removed; 'widen' is used instead.", "",
+    ):  # the second time nothing is left of them
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        settings = bpy.context.scene.rle_splat
+        assert (settings.minification, settings.message) == ("widen", message)
+        settings.message = ""
+        bpy.ops.wm.save_as_mainfile(filepath=saved)
+    settings.use_previews = True  # as a script does
+    assert settings.message == "The setting 'use_previews' was removed; pictures that take long show a draft first."
+
+
 def test_records_that_were_removed_are_replaced_with_a_message(addon, tmp_path):
     """Their numbers are those of earlier versions: 2 and 3."""
     settings = bpy.context.scene.rle_splat

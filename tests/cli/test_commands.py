@@ -195,6 +195,9 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ca
     assert report["remarks"].count(sentence) == 1
     short = picture("--classification", "refined", "--record", "8", "--kernel", "bspline3")[1]
     assert "'post' with the kernel tent and the record 16 is used" in " ".join(short["remarks"])
+    remarks = picture("--minification", "pool", "--sheet-density", "0.5")[1]["remarks"]
+    assert "The minification 'pool' was removed; 'widen' is used instead." in remarks
+    assert "Classified by pre, because post does not support --minification widen." in remarks
     words = (raw, *raw_options, "--classification", "refined", "--backend", "numpy", "-o", tmp_path / "x.png")
     for command in (
         ("render", *words, "--size", "16", "--tolerance", "9"), ("figure", *words, "--width-cm", "2", "--dpi", "60"),

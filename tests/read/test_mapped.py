@@ -10,7 +10,6 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.main import main
-from rle_splat.pipeline.previews import progressive_steps
 from rle_splat.pipeline.render import render_steps
 from rle_splat.read import streaming
 from rle_splat.read.formats import read_volume
@@ -96,8 +95,7 @@ def test_a_small_file_is_copied(tmp_path, suffix):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows lets nobody cut a mapped file")
 @pytest.mark.parametrize("which", ["volume", "labels"])
-@pytest.mark.parametrize("picture_steps", [render_steps, progressive_steps])
-def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, picture_steps, which):
+def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, which):
     """A read beyond its end would end the program."""
     np.arange(64**3, dtype=np.int32).astype(np.int16).tofile(tmp_path / "a.raw")
     in_file = read_volume(tmp_path / "a.raw", shape=(64, 64, 64), dtype="int16")
@@ -108,7 +106,7 @@ def test_a_mapped_file_that_is_cut_short_while_it_is_read(tmp_path, all_large, p
     camera = Camera(place, "ORTHO", ortho_scale=64.0, clip_end=200.0)
     function = TransferFunction(opacity=((0, 0.0), (1000, 0.5)), color=((0.0, 1.0, 1.0, 1.0),))
     scene = Scene(volume, function, camera, 8, 8, labels=Labels(labels))
-    steps = picture_steps(scene, Quality())
+    steps = render_steps(scene, Quality())
     next(steps)
     os.truncate(tmp_path / "a.raw", 4096)
     with pytest.raises(RleSplatError, match=r"a\.raw was cut short .* 4096 of 524288 bytes are left"):

@@ -429,8 +429,7 @@ def knob_of_plan(draw, shot: Shot) -> Shot:
     else:
         knobs |= {"kernel": st.sampled_from(FOOTPRINTS), "length_correction": st.booleans()}
     if shot.quality.classification == "pre":
-        pooled = shot.quality.model == "extinction"
-        knobs["minification"] = st.sampled_from(MINIFICATIONS if pooled else ("off", "widen"))
+        knobs["minification"] = st.sampled_from(MINIFICATIONS)
     return replace(shot, quality=one_changed(draw, shot.quality, knobs))
 
 
@@ -438,7 +437,7 @@ def records_of_voxels(draw, shot: Shot) -> Shot:
     """Other records of classified voxels: how many bytes they take, or the other model."""
     if shot.quality.classification == "post":
         return shot
-    if shot.quality.minification == "pool" or draw(st.booleans()):
+    if draw(st.booleans()):
         return shot.with_quality(record=draw(st.sampled_from(RECORDS)))
     (other,) = (model for model in MODELS if model != shot.quality.model)
     return shot.with_quality(model=other)

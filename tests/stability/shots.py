@@ -104,9 +104,8 @@ def drawn_light(draw, scene: Scene) -> Light:
 
 @st.composite
 def shots(draw, kind: str) -> Shot:
-    """A scene with lights at times, seen by any camera.  ``kind``: a classification, or the minification pool."""
-    pooled = kind == "pool"
-    shape = draw(st.tuples(*[st.integers(MOST_VOXELS - 2 if pooled else 4, MOST_VOXELS)] * 3))
+    """A scene with lights at times, seen by any camera.  ``kind``: a classification."""
+    shape = draw(st.tuples(*[st.integers(4, MOST_VOXELS)] * 3))
     volume = drawn_volume(draw, shape, draw(affines(2.0, 0.3)))
     tf = drawn_function(draw, volume)
     camera = drawn_camera(draw, volume.affine, volume.shape_xyz)
@@ -115,9 +114,7 @@ def shots(draw, kind: str) -> Shot:
     hidden = draw(st.sampled_from((0.0, 0.0, 0.7)))
     scene = replace(scene, lights=lights, volume_shadows=draw(st.booleans()), ambient_occlusion=hidden)
     name = draw(st.sampled_from(("draft", "standard", "fine")))
-    shot = Shot(scene, Quality.preset(name, "pre" if pooled else kind, threads=1))
-    # Several voxels to a sheet pixel: far off, and few sheet pixels.
-    return further_off(shot.with_quality(minification=kind, sheet_density=0.5), 4.0) if pooled else shot
+    return Shot(scene, Quality.preset(name, kind, threads=1))
 
 
 def drawn_camera(draw, index_to_world, shape_xyz):
@@ -126,6 +123,6 @@ def drawn_camera(draw, index_to_world, shape_xyz):
 
 
 def further_off(shot: Shot, times: float) -> Shot:
-    """The volume so many times smaller in the picture: of voxels smaller than pixels, some are pooled."""
+    """The volume so many times smaller in the picture."""
     camera = shot.scene.camera
     return shot.with_camera(lens=camera.lens / times, ortho_scale=camera.ortho_scale * times)

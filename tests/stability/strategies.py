@@ -263,7 +263,6 @@ def qualities(draw):
     rules = [*NAMED_DEPTH_RULES, "midpoint-1", "midpoint-3", "midpoint-8"]
     free = classification != "post"
     minification = draw(st.sampled_from(MINIFICATIONS)) if free else POST_ONLY["minification"]
-    pooled = minification == "pool"  # of classified voxels' extinction alone
     if not free:
         rules += ["preintegrated", "preintegrated-2"]
     return Quality(
@@ -273,7 +272,7 @@ def qualities(draw):
         termination=draw(st.sampled_from((0.0, 1 / 8192, 1 / 1024, 1 / 256, 0.1))),
         kernel=draw(st.sampled_from(FOOTPRINTS)) if free else POST_ONLY["kernel"],
         minification=minification,
-        model=draw(st.sampled_from(MODELS)) if free and not pooled else POST_ONLY["model"],
+        model=draw(st.sampled_from(MODELS)) if free else POST_ONLY["model"],
         length_correction=draw(st.booleans()) if free else POST_ONLY["length_correction"],
         record=draw(st.sampled_from(RECORDS)) if free else POST_ONLY["record"],
         threads=1,

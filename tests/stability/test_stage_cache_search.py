@@ -37,7 +37,6 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 SEARCHES = {
     "post": (9, 2, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
     "pre": (9, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
-    "pool": (8, 1, ("visible", "properties", "nodes", "node records")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4
 MOST_BYTES = 1 << 26  # more than a search's stages take

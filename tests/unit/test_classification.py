@@ -9,7 +9,7 @@ import pytest
 
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.scene import Quality, RleSplatError
+from rle_splat.scene import REMOVED_VALUES, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 
 BACKENDS = ("numba", "numpy")
@@ -148,6 +148,7 @@ OLD = {"refinement": 3, "record": 8, "kernel": "bspline3"}  # knobs of earlier v
     (lambda: Quality(classification="refined", **OLD), Quality(), "'post' with the kernel tent and the record 16"),
     (lambda: Quality.preset("fine", "refined", refinement=2), Quality.preset("fine"), "'post'"),
     (lambda: Quality.preset("fine", "pre").classified("refined"), Quality.preset("fine"), "'post'"),
+    (lambda: Quality(classification="refined", minification="pool"), Quality(), "'post' with the minification off"),
 ))  # fmt: skip
 def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(make, quality, used):
     with pytest.warns(FutureWarning) as found:
@@ -155,7 +156,10 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ma
     assert [str(one.message) for one in found] == [f"The classification 'refined' was removed; {used} is used instead."]
 
 
-@pytest.mark.parametrize("record", (6, 4))
-def test_a_record_that_was_removed_is_replaced_and_a_sentence_says_so(record):
-    with pytest.warns(FutureWarning, match=f"^The record {record} was removed; 8 is used instead.$"):
-        assert Quality(classification="pre", record=record).record == 8
+@pytest.mark.parametrize(("field", "old", "new"), [
+    (field, *row) for field, rows in REMOVED_VALUES.items() if field != "classification" for row in rows.items()
+])  # fmt: skip
+def test_a_value_that_was_removed_is_replaced_and_a_sentence_says_so(field, old, new):
+    with pytest.warns(FutureWarning) as found:
+        assert Quality.preset("fine", "pre", **{field: old}) == Quality.preset("fine", "pre", **{field: new})
+    assert [str(one.message) for one in found] == [f"The {field} {old!r} was removed; {new!r} is used instead."]

@@ -86,9 +86,7 @@ def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter,
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
 def test_under_every_model_and_footprint(kernel, model, backend):
-    for minification, density in (("off", 1.7), ("widen", 0.6), ("pool", 0.3)):
-        if minification == "pool" and model == "opacity":
-            continue  # there is no such plan
+    for minification, density in (("off", 1.7), ("widen", 0.6)):
         quality = Quality(
             classification="pre", kernel=kernel, model=model, minification=minification, sheet_density=density,
             backend=backend,
