@@ -3,12 +3,13 @@
     source -> plan -> view -> classify -> shade -> encode -> splat -> warp -> rays -> report
 
 The paper (Zhang, Sun and Sun, "Accelerate Volume Splatting by Using Run Length Encoding", 2003) classifies and shades
-the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet, front to back.  Here
-a sheet lies parallel to the slices that the camera looks along, on a *base plane* in voxel indices, and a *warp* makes
-the picture of it (algorithm.md 1.3).  The paper leaves open how the picture comes to these steps and what follows them:
-the *source* says what the volume is, the *plan* how finely it is drawn, and *rays* are single pixels that are integrated
-again where sheets and warp err most.  What is classified and lit is a *medium*: voxels with extinction and color, as in
-the paper, or voxels with their scalar, which is classified where a sheet interpolates it.
+the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet, front to back.
+
+Here a sheet is parallel to the slices of the volume, on a *base plane* in voxel indices, and a *warp* makes the picture
+of it (algorithm.md 1.3).  Before the paper's steps, the *source* says what the volume is, and the *plan* how finely it
+is drawn.  After them, *rays* integrate single pixels again where sheets and warp err most.  What is classified and lit
+is a *medium*: voxels with extinction and color, as in the paper, or voxels with their scalar, which is classified where
+a sheet interpolates it.
 
 Each stage is a generator of Progress, so that whoever asks for the picture can show how far it is, and can cancel it by
 closing the generator.  Each is timed by a Clock, and what it makes is kept in a StageCache under all that it was made
@@ -96,7 +97,7 @@ def _expose_steps(scene: Scene, quality: Quality, cache: StageCache | None, refu
 
     def sharp_steps(sharp: Scene):
         nonlocal clock
-        own, clock = clock, Clock()  # the first picture's clock counts the choices, too
+        own, clock = clock or Clock(), None  # that of the first picture has counted the choices, too
         steps = _sharp_steps(replace(source, scene=sharp), kept, refuse, own)
         return within(steps, own.running)
 
