@@ -25,7 +25,7 @@ from rle_splat.cli.flip import mean_flip
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.figures import figure_text
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import BACKENDS, CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
+from rle_splat.scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -111,14 +111,14 @@ def variants(base: Quality) -> dict[str, Quality]:
     for knob, values in KNOBS.items():
         for value, fields in values:
             usual = Quality.preset("standard", classification=fields.get("classification", base.classification))
-            plain = replace(usual, threads=base.threads, backend=base.backend)
+            plain = replace(usual, threads=base.threads)
             plans[f"{knob}: {value}"] = possible(plain, name=f"{knob}: {value}", **fields)
     return {name: plan for name, plan in plans.items() if plan is not None}
 
 
 def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
     """(Sweep, name in ``variants`` -> name of the plan in the sweep) of one subject and projection."""
-    base = replace(STANDARD, threads=options.threads, backend=options.backend)
+    base = replace(STANDARD, threads=options.threads)
     plans, names = sensible_plans(base), {}
     for name, plan in variants(base).items() if with_knobs else ():
         equal = next((other for other in plans if same_plan(plan, other)), None)
@@ -351,7 +351,6 @@ def main(arguments) -> int:
     parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
     parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
     parser.add_argument("--threads", type=int, default=0, help="0 uses all cores")
-    parser.add_argument("--backend", default="auto", choices=BACKENDS)
     parser.add_argument("--output", type=Path, default=DOCS, help="folder of the page; plots go to ../images")
     options = parser.parse_args(arguments)
     where, neighbors = circumstances(options.threads), Neighbors()

@@ -71,7 +71,7 @@ def observe(scene: Scene, base: Quality) -> dict:
     scene : Scene
         The scene.
     base : Quality
-        Classification, threads and backend.
+        Classification and threads.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
     observations : list of dict
         The results of ``observe``.
     base : Quality
-        Classification, threads and backend.
+        Classification and threads.
 
     Returns
     -------

@@ -79,12 +79,11 @@ def measure(
     scenes = [view_scene(volume, tf, view, size) for view in views]
     clock = Clock()
     classified, colors = classify_and_shade(scenes[0], quality, clock)
-    arguments = dict(backend=quality.backend, threads=quality.threads)
     unlimited = replace(quality, termination=0.0)
     memory, times, tables = {record: {} for record in RECORDS}, [], None
     for axis in range(3):
         for record, sizes in memory.items():
-            made = encode(classified, colors, axis, quality.model, record=record, **arguments)
+            made = encode(classified, colors, axis, quality.model, record=record, threads=quality.threads)
             tables = made if record == quality.record else tables
             for name, count in (*made.table_bytes.items(), ("total", made.nbytes)):
                 sizes[name] = sizes.get(name, 0) + count
@@ -92,9 +91,9 @@ def measure(
         if not mine:
             continue
         began = time.perf_counter()
-        encode(classified, colors, axis, quality.model, record=quality.record, **arguments)
+        encode(classified, colors, axis, quality.model, record=quality.record, threads=quality.threads)
         encode_ms = 1e3 * (time.perf_counter() - began)
-        dense = every_voxel(tables, **arguments)
+        dense = every_voxel(tables, threads=quality.threads)
         for scene in mine:
             view = {"axis": axis, "encode_ms": encode_ms}
             for name, encoded, count in (("rle", tables, repeats), ("all", dense, min(repeats, SLOW_REPEATS))):
@@ -121,9 +120,9 @@ def measure(
 
 
 def _record_errors(scenes, quality) -> list[dict]:
-    """``compare_records`` at the default quality, with the same threads and backend."""
-    machine = dict(threads=quality.threads, backend=quality.backend)
-    return compare_records(scenes, Quality.preset(ERROR_QUALITY, classification="pre", **machine), repeats=1)
+    """``compare_records`` at the default quality, with the same threads."""
+    exact = Quality.preset(ERROR_QUALITY, classification="pre", threads=quality.threads)
+    return compare_records(scenes, exact, repeats=1)
 
 
 def principal_axis(scene) -> int:
@@ -177,7 +176,7 @@ def _westover(volume, tf, quality, size, views) -> dict:
 
     It supports only the extinction model, and no early termination.
     """
-    quality = Quality(classification="pre", threads=quality.threads, backend=quality.backend)
+    quality = Quality(classification="pre", threads=quality.threads)
     medium = scene_medium(view_scene(volume, tf, views[min(1, len(views) - 1)], size), quality)
     result = {}
     for name, cull in (("westover_all_ms", False), ("westover_visible_ms", True)):

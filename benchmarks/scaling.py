@@ -104,10 +104,9 @@ def _run(volume, series, n, size, quality, repeats, frames_ms) -> dict:
     """The fastest of ``repeats`` runs of each stage, and of more runs for fast pictures."""
     scenes = _scenes(volume, series, n, size)
     tf, index_to_world = scenes[0].transfer_function, scenes[0].index_to_world
-    arguments = dict(backend=quality.backend, threads=quality.threads)
-    classified, classify_ms = _quickest(partial(classify, volume, tf, index_to_world, **arguments), repeats)
+    classified, classify_ms = _quickest(partial(classify, volume, tf, index_to_world, threads=quality.threads), repeats)
     tables, encode_ms = _quickest(
-        partial(encode, classified, classified.color, AXIS, quality.model, **arguments), repeats
+        partial(encode, classified, classified.color, AXIS, quality.model, threads=quality.threads), repeats
     )
     stored = StoredVolume({AXIS: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
     kept = classified.visible_voxels

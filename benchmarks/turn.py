@@ -181,7 +181,7 @@ def main(arguments) -> int:
         if volume is None:
             raise RleSplatError(f"The scan {options.volume} is missing; choose {SMOOTH} or shells.")
     quality = Quality.preset(options.quality, options.classification, threads=options.threads)
-    if not compiled(quality.backend):
+    if not compiled():
         print("This takes very long without numba.")
     turn = Turn(volume, tf, quality, options.size, options.elevation)
     frames = turn.round(options.step)

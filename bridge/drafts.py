@@ -28,9 +28,7 @@ def draft_of(quality: Quality) -> Quality:
     if quality.model != "extinction":  # the paper's own model has no presets
         return quality
     return Quality.preset(
-        PRESET, classification=quality.classification, record=quality.record, threads=quality.threads,
-        backend=quality.backend,
-    )
+        PRESET, classification=quality.classification, record=quality.record, threads=quality.threads)
 
 
 def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_empty_view: bool = True):

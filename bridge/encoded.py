@@ -104,8 +104,7 @@ def suited(quality: Quality, volume) -> Quality:
         return replace(quality, **own)
     if quality.is_preset:
         return Quality.preset(
-            quality.name, volume.classification, threads=quality.threads, backend=quality.backend,
-            axis_fade=quality.axis_fade, **own)
+            quality.name, volume.classification, threads=quality.threads, axis_fade=quality.axis_fade, **own)
     # A knob that only the other classification has takes its usual value.
     return replace(
         quality, classification=volume.classification, depth_rule=None, kernel="tent", rays=NO_RAYS,

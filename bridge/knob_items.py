@@ -19,9 +19,6 @@ _TEXTS = {
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
     "extinction": ("Extinction", "Add the extinctions of overlapping footprints"),
     "opacity": ("Opacity", "Add the opacities of overlapping footprints, as published"),
-    "auto": ("Automatic", "Compiled kernels if numba can be loaded"),
-    "numba": ("Compiled", "Kernels compiled by numba"),
-    "numpy": ("Reference", "The reference implementation in numpy; very slow"),
 }
 _COUNTED = {
     "midpoint": ("{} Midpoints", "{} sheets between neighboring slices"),

@@ -33,7 +33,7 @@ def file_steps(plain: Scene, quality, factors, path, residual=None):
     plain : Scene
         The scene as plain data.
     quality : Quality
-        Its backend and threads count.
+        Its threads count.
     factors : (fx, fy, fz)
         Voxels of the volume along each side of a voxel of the file.
     path : Path

@@ -188,7 +188,7 @@ def update(shown: list, depsgraph, quality) -> dict:
     depsgraph : bpy.types.Depsgraph
         The evaluated scene.
     quality : Quality
-        Its backend and threads count.
+        Its threads count.
 
     Returns
     -------

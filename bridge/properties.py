@@ -323,9 +323,6 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
-    backend: LiveEnum(
-        name="Backend", description=_knob("backend"), items=knob_items.items(tables.BACKENDS),
-        default=USUAL.backend)
     mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
     use_grays: LiveBool(
         name="Gray by Window", default=False,
@@ -405,6 +402,15 @@ class SceneSettings(bpy.types.PropertyGroup):
     accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")
     error_note: StringProperty(name="Errors", description="Summary of the last error map")
+
+    @property
+    def backend(self) -> str:
+        """Of scripts for earlier versions; without effect."""
+        return "auto"
+
+    @backend.setter
+    def backend(self, _):
+        messages.complain(self, f"The setting backend {tables.REMOVED_BACKEND}.")
 
 
 CLASSES = (

@@ -44,7 +44,7 @@ def quality_of(scene) -> Quality:
     """
     settings = scene.rle_splat
     threads = settings.threads or preferences.threads()
-    common = dict(threads=threads, backend=settings.backend, record=saved_value(settings, "record"))
+    common = dict(threads=threads, record=saved_value(settings, "record"))
     if settings.quality == "paper":
         return Quality.paper(**common)
     common |= dict(classification=saved_value(settings, "classification"))

@@ -27,6 +27,7 @@ from benchmarks.scenes import scenes as scans_of
 from benchmarks.scenes import shells, smoke
 from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, render, save_encoded, turntable
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
+from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import CLASSIFICATIONS, FOOTPRINTS, MODELS, QUALITY_PRESETS, RECORDS, WARP_FILTERS
 
@@ -96,7 +97,7 @@ def effect_cases() -> Iterator[Case]:
 
 
 def other_cases() -> Iterator[Case]:
-    """What the ladder of qualities leaves out: single knobs, ready-made tables, the numpy backend."""
+    """What the ladder of qualities leaves out: single knobs, ready-made tables, the numpy reference."""
     volume, function = shells(80)
     for perspective in (False, True):
         told = "persp" if perspective else "ortho"
@@ -121,9 +122,15 @@ def other_cases() -> Iterator[Case]:
             small = _seen(*shells(24), VIEWS["effects"], SIZES["numpy"], perspective)
             for name in ("mesh occlusion", "clip objects", "lights"):
                 told_numpy = f"numpy {name} {classification} {told}"
-                yield Case(told_numpy, given(small, name), replace(quality, backend="numpy"))
+                yield Case(told_numpy, given(small, name), quality, _drawn_by_numpy)
         yield Case(f"file {told}", scene, Quality(classification="pre"), _drawn_from_file)
         yield Case(f"shadow pass {told}", given(scene, "mesh occlusion"), Quality(), _drawn_shadows)
+
+
+def _drawn_by_numpy(scene: Scene, quality: Quality):
+    with use_reference():
+        rendering = render(scene, quality)
+    return rendering.rgba, rendering.depth
 
 
 def _drawn_from_file(scene: Scene, quality: Quality):

@@ -143,7 +143,6 @@ def main(job: dict) -> int:
     scene.render.resolution_x, scene.render.resolution_y = job["size"]
     scene.cycles.samples = job["samples"]
     scene.cycles.use_denoising = scene.cycles.caustics_reflective = False
-    scene.rle_splat.backend = job.get("backend", "auto")
     bpy.context.view_layer.objects.active = owner
     bpy.ops.rle_splat.render_image()
     shots, seconds = {}, {}

@@ -12,7 +12,6 @@ from .places import RenderTab, Sidebar, paragraph
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
 )
-MACHINE = ("record", "backend")  # count with every quality
 # The knobs that the planner chooses when a maximum error is set.
 PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
 
@@ -47,7 +46,7 @@ class AdvancedPanel:
             row.prop_enum(settings, "quality", name)
         if settings.quality != "paper":
             layout.prop(settings, "classification")
-        for name in (*(KNOBS if settings.quality == "custom" else ()), *MACHINE):
+        for name in (*(KNOBS if settings.quality == "custom" else ()), "record"):  # which counts with every quality
             row = layout.row()
             # Inactive rows can still be edited: another value of one of OF_PRE switches the classification to pre.
             counts = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"

@@ -17,3 +17,23 @@ class RootIsAFolder:
 
 def pytest_configure(config):
     config.pluginmanager.register(RootIsAFolder())
+
+
+@pytest.fixture(params=("numba", "numpy"))
+def way(request):
+    """Let the kernels do a test's work, then the numpy reference; its value is the name."""
+    from rle_splat.runtime.jit import compiled, use_reference
+
+    if request.param == "numba" and not compiled():
+        pytest.skip("numba cannot be loaded")
+    with use_reference(request.param == "numpy"):
+        yield request.param
+
+
+@pytest.fixture(scope="module")
+def by_numpy():
+    """Let the numpy reference do the work of a whole module, so that it compiles no kernels; for ``pytestmark``."""
+    from rle_splat.runtime.jit import use_reference
+
+    with use_reference():
+        yield

@@ -210,7 +210,7 @@ def optical_depth(alpha) -> np.ndarray:
     return -np.log1p(-np.minimum(alpha, ALPHA_CAP))
 
 
-def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int = 0) -> ClassifiedVolume:
+def classify(volume, tf, index_to_world, *, threads: int = 0) -> ClassifiedVolume:
     """Find the voxels with an opacity above 0 and their optical properties.
 
     Parameters
@@ -218,7 +218,6 @@ def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int 
     volume : Volume
     tf : TransferFunction
     index_to_world : (4, 4) array_like
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -227,17 +226,14 @@ def classify(volume, tf, index_to_world, *, backend: str = "auto", threads: int 
     ClassifiedVolume
         NaN voxels are transparent and counted; infinite voxels take the end values of the transfer function.
     """
-    machine = dict(backend=backend, threads=threads)
     length = unit_length(volume, np.asarray(index_to_world, dtype=np.float64))
     shown = Visibility(volume, tf)
-    blocks = drain(block_steps(volume, **machine))
-    voxels = drain(fill_steps(shown, blocks, drain(count_steps(shown, blocks, **machine)), **machine))
-    return classified(shown, voxels, length, **machine)
+    blocks = drain(block_steps(volume, threads=threads))
+    voxels = drain(fill_steps(shown, blocks, drain(count_steps(shown, blocks, threads=threads)), threads=threads))
+    return classified(shown, voxels, length, threads=threads)
 
 
-def classified(
-    shown: Visibility, voxels: VisibleVoxels, length: float, *, backend: str = "auto", threads: int = 0
-) -> ClassifiedVolume:
+def classified(shown: Visibility, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
     """Optical properties of visible voxels.
 
     Parameters
@@ -246,7 +242,6 @@ def classified(
     voxels : VisibleVoxels
     length : float
         World length of one of the volume's units.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -263,12 +258,12 @@ def classified(
     if shown.by_table:
         properties = _properties_by_table(shown, distance)
     else:
-        properties = _properties_by_points(shown, voxels.stored, distance, backend, threads)
+        properties = _properties_by_points(shown, voxels.stored, distance, threads)
     if tf.gradient_opacity is None:
         return ClassifiedVolume(voxels, properties, shown.by_table, length, distance)
     # Voxels of equal value differ in their gradient, so every voxel gets its own row.
     properties = properties[voxels.stored] if shown.by_table else properties
-    sizes = gradient_sizes(volume, voxels.row_start, voxels.column, backend=backend, threads=threads)
+    sizes = gradient_sizes(volume, voxels.row_start, voxels.column, threads=threads)
     factor = tf.gradient_opacity.factor(sizes)
     properties[:, EXTINCTION] *= factor
     properties[:, OPACITY] = -np.expm1(factor * np.log1p(-np.minimum(properties[:, OPACITY], np.float32(ALPHA_CAP))))
@@ -286,12 +281,12 @@ def _properties_by_table(shown: Visibility, distance) -> np.ndarray:
     return properties
 
 
-def _properties_by_points(shown: Visibility, stored, distance, backend, threads) -> np.ndarray:
+def _properties_by_points(shown: Visibility, stored, distance, threads) -> np.ndarray:
     """(n, 5) float32 optical properties of ``stored`` values (n,)."""
     opacity, color = pieces(shown.tf.opacity), pieces(shown.tf.color)
     scaling = (float(shown.volume.slope), float(shown.volume.intercept))
     properties = np.empty((len(stored), PROPERTIES), dtype=np.float32)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             passes.properties_by_points(
                 stored, *scaling, opacity.values, opacity.heights, opacity.rates, color.values, color.heights,

@@ -16,7 +16,7 @@ from .relevant import NO_BITS, WORD
 SHORT = 4  # largest width of a gap that is closed, in voxels
 
 
-def close_gaps(bits: np.ndarray, shape_xyz, *, backend: str = "auto", threads: int = 0) -> None:
+def close_gaps(bits: np.ndarray, shape_xyz, *, threads: int = 0) -> None:
     """Keep the voxels in gaps of at most SHORT voxels, in place.
 
     Gaps are closed along the rows, then across the rows of each plane; these are the scanlines of all principal axes.
@@ -26,12 +26,11 @@ def close_gaps(bits: np.ndarray, shape_xyz, *, backend: str = "auto", threads: i
     bits : (nz * ny, words) ndarray of uint64
         Bits of the kept voxels, as of ``relevant.relevant_steps``.
     shape_xyz : (nx, ny, nz)
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
     ny = shape_xyz[1]
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _close_planes(bits, ny)
         return

@@ -62,7 +62,7 @@ class EdgeShares:
         return np.bincount(self.voxel, each, len(self.at)).astype(np.float64)  # integers where nothing is summed
 
 
-def edge_shares(numbers, hidden, first: int, last: int, *, backend: str = "auto", threads: int = 0) -> EdgeShares:
+def edge_shares(numbers, hidden, first: int, last: int, *, threads: int = 0) -> EdgeShares:
     """Find the voxels beside an edge, and the shares of the functions in them.
 
     Parameters
@@ -73,7 +73,6 @@ def edge_shares(numbers, hidden, first: int, last: int, *, backend: str = "auto"
         Which functions hide.
     first, last : int
         Half-open range of the planes to look at.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -83,7 +82,7 @@ def edge_shares(numbers, hidden, first: int, last: int, *, backend: str = "auto"
         Indices are into planes ``first`` to ``last``; those of ``source`` may lie a plane beyond them.
     """
     at = np.flatnonzero(_beside_edge(numbers)[first:last])
-    if not compiled(backend):
+    if not compiled():
         return _shares_numpy(numbers, hidden, first, at)
     counts = np.zeros(len(at), np.int64)
     pieces = -(-len(at) // PIECE)

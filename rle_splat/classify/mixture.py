@@ -154,11 +154,11 @@ class _Part:
             return self.number_table[labels.view(f"u{labels.dtype.itemsize}")]
         return self._numbers(labels).astype(np.uint16)
 
-    def edges(self, first: int, last: int, machine: dict) -> EdgeShares:
+    def edges(self, first: int, last: int, threads: int) -> EdgeShares:
         """The shares of voxels beside edges of labels in planes [first, last)."""
         begin = max(first - 1, 0)
         numbers = self._numbers_of(self.labels[begin : last + 1])
-        return edge_shares(numbers, self._hidden, first - begin, last - begin, **machine)
+        return edge_shares(numbers, self._hidden, first - begin, last - begin, threads=threads)
 
     def blended(self, edges: EdgeShares, offset: int, tables, volume, length: float, distance: float) -> tuple:
         """As ``looked_up``, for the voxels beside edges: opacities and associated colors averaged by share.
@@ -243,7 +243,7 @@ class Mixture:
         labels = self.labels and (self.labels.volume.key, sorted(self.labels.functions), self.labels.smooth)
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
-    def count_steps(self, *, backend: str = "auto", threads: int = 0):
+    def count_steps(self, *, threads: int = 0):
         """Count visible voxels.
 
         Yields
@@ -262,11 +262,11 @@ class Mixture:
         counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen, rows = self._seen(first, last, backend, threads), slice(first * ny, last * ny)
-            count_seen(seen, counts[rows], row_pieces[rows], backend, threads)
+            seen, rows = self._seen(first, last, threads), slice(first * ny, last * ny)
+            count_seen(seen, counts[rows], row_pieces[rows], threads)
         return counts, row_pieces
 
-    def fill_steps(self, blocks: Blocks, counted, *, backend: str = "auto", threads: int = 0):
+    def fill_steps(self, blocks: Blocks, counted, *, threads: int = 0):
         """List the visible voxels.
 
         Parameters
@@ -290,20 +290,17 @@ class Mixture:
         column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen = self._seen(first, last, backend, threads)
-            put_columns(seen, row_start[first * ny : last * ny + 1], column, backend, threads)
+            seen = self._seen(first, last, threads)
+            put_columns(seen, row_start[first * ny : last * ny + 1], column, threads)
         stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
 
-    def classified(
-        self, voxels: VisibleVoxels, length: float, *, backend: str = "auto", threads: int = 0
-    ) -> ClassifiedVolume:
+    def classified(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""
         distance = opacity_distance(self.volume, self.tf, length)
         tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]
         properties = np.empty((len(voxels), PROPERTIES), np.float32)
         nx, ny, nz = self.volume.shape_xyz
-        machine = dict(backend=backend, threads=threads)
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             row_start = voxels.row_start[first * ny : last * ny + 1]
             begin, end = row_start[[0, -1]]
@@ -316,10 +313,10 @@ class Mixture:
                 else:
                     add_channel(
                         indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
-                        **machine,
+                        threads=threads,
                     )
                 if part.is_smooth:
-                    edges, offset = part.edges(first, last, machine), first * ny * nx
+                    edges, offset = part.edges(first, last, threads), first * ny * nx
                     blended = part.blended(edges, offset, table, self.volume, length, distance)
                     rows = np.searchsorted(indices, edges.at + offset)
                     own = np.flatnonzero(np.append(indices, -1)[rows] == edges.at + offset)  # those that are visible
@@ -330,7 +327,7 @@ class Mixture:
             properties[begin:end, RED:] = mixed[:, 2:]
         return ClassifiedVolume(voxels, properties, False, length, distance)
 
-    def revealed_steps(self, *, backend: str = "auto", threads: int = 0):
+    def revealed_steps(self, *, threads: int = 0):
         """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
 
         Yields
@@ -350,7 +347,7 @@ class Mixture:
         for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             begin, end = max(first - 1, 0), min(last + 1, nz)
-            edges, offset = own.edges(begin, end, dict(backend=backend, threads=threads)), begin * ny * nx
+            edges, offset = own.edges(begin, end, threads), begin * ny * nx
             seen = ~own.hides(slice(offset, end * ny * nx))
             sources = np.arange(len(seen))
             at = edges.at[edges.voxel]
@@ -362,7 +359,7 @@ class Mixture:
             voxels.reshape(-1)[offset + changed] = flat[offset + sources[changed]]
         return replace(self.volume, voxels=voxels)
 
-    def factor_steps(self, voxels: VisibleVoxels, depth, *, backend: str = "auto", threads: int = 0):
+    def factor_steps(self, voxels: VisibleVoxels, depth, *, threads: int = 0):
         """What labels that only hide leave of the extinction of post-classified voxels.
 
         Parameters
@@ -371,7 +368,6 @@ class Mixture:
             Voxels of the volume of ``revealed_steps``.
         depth : (m,) ndarray of float32
             Their optical depth over the smallest spacing.
-        backend : {"auto", "numba", "numpy"}
         threads : int
             0 for one per core.
 
@@ -394,26 +390,27 @@ class Mixture:
             begin, end = row_start[[0, -1]]
             rows = np.repeat(np.arange((last - first) * ny) * nx, np.diff(row_start)) + voxels.column[begin:end]
             share = (~own.hides(slice(first * ny * nx, last * ny * nx))).astype(np.float64)
-            edges = own.edges(first, last, dict(backend=backend, threads=threads))
+            edges = own.edges(first, last, threads)
             share[edges.at] = edges.summed(edges.share)
             share, deep = share[rows], depth[begin:end].astype(np.float64)
             thinned = -np.log1p(np.maximum(share * np.expm1(-deep), -ALPHA_CAP))
             factor[begin:end] = np.divide(thinned, deep, out=share.copy(), where=(deep > 0.0) & (share < 1.0))
         return factor
 
-    def _seen(self, first: int, last: int, backend: str, threads: int) -> np.ndarray:
+    def _seen(self, first: int, last: int, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""
         nx, ny, _ = self.volume.shape_xyz
         flat = slice(first * ny * nx, last * ny * nx)
         seen = np.zeros((last - first) * ny * nx, bool)
-        machine = dict(backend=backend, threads=threads)
         for part in self._parts:
             if part.has_tables:
                 labels = None if part.labels is None else part.label_patterns[flat]
-                mark_seen(part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, **machine)
+                mark_seen(
+                    part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, threads=threads
+                )
             else:
                 seen |= part.looked_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
             if part.is_smooth:  # the first one, so that nothing else is marked yet
-                edges = part.edges(first, last, machine)
+                edges = part.edges(first, last, threads)
                 seen[edges.at] = part.seen_beside(edges, flat.start)
         return seen.reshape(-1, nx)

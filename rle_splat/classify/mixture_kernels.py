@@ -16,7 +16,7 @@ from ..runtime.parallel import share_out
 PIECE = 1 << 14  # voxels per piece of work
 
 
-def mark_seen(stored, labels, numbers, shown, size: int, seen, backend: str = "auto", threads: int = 0) -> None:
+def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0) -> None:
     """Set ``seen`` where a voxel is visible.
 
     Parameters
@@ -33,20 +33,19 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, backend: str = "a
         Table entries per function.
     seen : (n,) ndarray of bool
         Written where True.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _mark(-(-len(seen) // PIECE), (stored, labels, numbers, shown, size, seen))
     else:
         seen |= shown[_entries(stored, labels, numbers, size)]
 
 
-def count_seen(seen, counts, pieces, backend: str = "auto", threads: int = 0) -> None:
+def count_seen(seen, counts, pieces, threads: int = 0) -> None:
     """Count the True voxels of each row of ``seen`` (rows, nx) into ``counts`` and their pieces into ``pieces``."""
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _count(len(seen), (seen, counts, pieces))
     else:
@@ -54,9 +53,9 @@ def count_seen(seen, counts, pieces, backend: str = "auto", threads: int = 0) ->
         pieces[:] = np.count_nonzero(seen[:, 1:] > seen[:, :-1], axis=1) + seen[:, 0]
 
 
-def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0) -> None:
+def put_columns(seen, row_start, column, threads: int = 0) -> None:
     """Write x of each True voxel of ``seen`` (rows, nx) to ``column[row_start[0]:]``."""
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _put(len(seen), (seen, row_start, column))
     else:
@@ -64,8 +63,7 @@ def put_columns(seen, row_start, column, backend: str = "auto", threads: int = 0
 
 
 def add_channel(
-    indices, stored, labels, numbers, tables, size: int, distance: float, properties, backend: str = "auto",
-    threads: int = 0,
+    indices, stored, labels, numbers, tables, size: int, distance: float, properties, threads: int = 0,
 ) -> None:
     """Add one channel to the optical properties of voxels.
 
@@ -83,11 +81,10 @@ def add_channel(
         World length to which the opacity in ``properties`` refers.
     properties : (n, 5) ndarray of float64
         Extinction, opacity, RGB; changed in place.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, properties))
     else:

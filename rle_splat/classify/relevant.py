@@ -136,7 +136,7 @@ def _stored_ends(kind, slope: float, intercept: float, begin: float, end: float)
     return numbers.at(least), numbers.at(past - 1)
 
 
-def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto", threads: int = 0):
+def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
     """Mark the voxels to keep.
 
     Parameters
@@ -144,7 +144,6 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto
     volume : Volume
     reach : Reach
     blocks : Blocks
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -166,7 +165,7 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto
         rows = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         if not near[rows].any():
             continue
-        if compiled(backend):
+        if compiled():
             with parallel_call(threads):
                 _mark_relevant(voxels, rows.start, rows.stop, near, reach.ends, bits)
         else:
@@ -174,14 +173,13 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, backend: str = "auto
     return bits
 
 
-def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
+def kept_counts(bits: np.ndarray, *, threads: int = 0):
     """Count kept voxels.
 
     Parameters
     ----------
     bits : (nz * ny, words) ndarray of uint64
         As of ``relevant_steps``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -193,7 +191,7 @@ def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
         Connected pieces that they form.
     """
     counts, row_pieces = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int32)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _count_kept(bits, counts, row_pieces)
     else:
@@ -203,7 +201,7 @@ def kept_counts(bits: np.ndarray, *, backend: str = "auto", threads: int = 0):
     return counts, row_pieces
 
 
-def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto", threads: int = 0) -> VisibleVoxels:
+def kept_voxels(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> VisibleVoxels:
     """List the kept voxels and their stored values.
 
     Parameters
@@ -214,7 +212,6 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto",
     counted : tuple
         What ``kept_counts`` returned for ``bits``.
     blocks : Blocks
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -228,7 +225,7 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, backend: str = "auto",
     column = empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
     stored = empty(row_start[-1], volume.voxels.dtype)
     rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _fill_kept(bits, rows, row_start, column, stored)
     else:

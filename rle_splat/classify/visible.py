@@ -134,7 +134,7 @@ def row_offsets(counts: np.ndarray) -> np.ndarray:
     return offsets
 
 
-def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", threads: int = 0):
+def count_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
     """Count visible voxels.
 
     Parameters
@@ -142,7 +142,6 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     shown : Visibility
     blocks : Blocks
         Of the same volume.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -163,7 +162,7 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     for first, last, rows, relevant in _pieces_of_work(shown, blocks):
         yield first / nz
         out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
-        if not compiled(backend):
+        if not compiled():
             seen = _seen_numpy(shown, rows)
             out[0][:] = seen.sum(axis=1)
             out[1][:] = (seen[:, 1:] & ~seen[:, :-1]).sum(axis=1) + seen[:, 0]
@@ -176,7 +175,7 @@ def count_steps(shown: Visibility, blocks: Blocks, *, backend: str = "auto", thr
     return counts, row_pieces
 
 
-def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "auto", threads: int = 0):
+def fill_steps(shown: Visibility, blocks: Blocks, counted, *, threads: int = 0):
     """List the visible voxels.
 
     Parameters
@@ -186,7 +185,6 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
         Of the same volume.
     counted : tuple
         What ``count_steps`` returned.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -209,7 +207,7 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, backend: str = "au
         starts = row_start[first * ny : last * ny + 1]
         if starts[0] == starts[-1]:
             continue
-        if not compiled(backend):
+        if not compiled():
             seen = _seen_numpy(shown, rows)
             part = slice(starts[0], starts[-1])
             column[part], stored[part] = np.nonzero(seen)[1], rows[seen]

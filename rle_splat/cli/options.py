@@ -10,7 +10,6 @@ from ..accuracy.planner.candidates import check_tolerance
 from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
-    BACKENDS,
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
     DEFAULT_QUALITY,
@@ -23,6 +22,7 @@ from ..scene import (
     NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
+    REMOVED_BACKEND,
     WARP_FILTERS,
     Quality,
     RleSplatError,
@@ -306,7 +306,7 @@ def add_model_option(parser) -> None:
 
 
 def add_machine_options(parser) -> None:
-    """Add the options of threads, voxel records and backend."""
+    """Add the options of threads and voxel records."""
     group = parser.add_argument_group("machine")
     group.add_argument(
         "--threads", type=int, default=0, metavar="N", help="number of threads; 0 (default) uses all processor cores")
@@ -314,7 +314,7 @@ def add_machine_options(parser) -> None:
         "--record", type=int, metavar="BYTES",
         help=f"{'|'.join(map(str, RECORDS))}: {KNOB_TEXTS['record']}",
     )
-    group.add_argument("--backend", default="auto", metavar="|".join(BACKENDS), help=KNOB_TEXTS["backend"])
+    group.add_argument("--backend", help=argparse.SUPPRESS)  # of earlier versions; without effect
 
 
 def quality_from(args, usual: str | None = None) -> Quality:
@@ -338,7 +338,7 @@ def quality_from(args, usual: str | None = None) -> Quality:
         If options contradict each other, or a value is out of range.
     """
     knobs, removed = without_removed(_given_knobs(args))
-    machine = {"threads": args.threads, "backend": args.backend, "record": knobs.pop("record", RECORDS[0])}
+    machine = {"threads": args.threads, "record": knobs.pop("record", RECORDS[0])}
     if args.refinement is not None and not removed:
         raise RleSplatError("--refinement has no effect; remove it.")
     if args.quality is not None and args.paper:
@@ -376,12 +376,13 @@ def _default_classification(args) -> str:
 
 
 def removed_remarks(args) -> tuple[str, ...]:
-    """A remark for the report for each given value of a knob that was removed."""
-    return without_removed(_given_knobs(args))[1]
+    """A remark for the report for each option, or value of one, that is given and was removed."""
+    backend = () if getattr(args, "backend", None) is None else (f"The option --backend {REMOVED_BACKEND}.",)
+    return *without_removed(_given_knobs(args))[1], *backend
 
 
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
-    """Remarks for the report on values that were removed, and on a classification that a knob has changed.
+    """Remarks for the report on what was removed, and on a classification that a knob has changed.
 
     Parameters
     ----------
@@ -417,9 +418,9 @@ def _check_tolerance(args, knobs) -> None:
 
 
 def encoding_quality(args) -> Quality:
-    """The knobs that encoding depends on: classification, model, record, threads and backend."""
+    """The knobs that encoding depends on: classification, model, record and threads."""
     knobs, _ = without_removed(_given_knobs(args))
-    return Quality(**knobs, threads=args.threads, backend=args.backend)
+    return Quality(**knobs, threads=args.threads)
 
 
 def memory_size(text: str) -> int:

@@ -9,13 +9,12 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 
 
-def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+def decode(encoded: RunLengthVolume, *, threads: int = 0) -> np.ndarray:
     """Decode to a dense grid.
 
     Parameters
     ----------
     encoded : RunLengthVolume
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -26,7 +25,7 @@ def decode(encoded: RunLengthVolume, *, backend: str = "auto", threads: int = 0)
     """
     dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
     records = encoded.decoded()
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _decode_scanlines(
                 encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, read_only(records), dense

@@ -94,8 +94,10 @@ def shown_indices(index: DensityIndex, volume: Volume, transfer_function) -> lis
     return shown
 
 
-def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index_to_world, **how) -> ClassifiedVolume:
-    """As ``classify``, with the visible voxels found by the index; ``how``: the backend and threads of ``classify``."""
+def classify_shown(
+    index: DensityIndex, volume: Volume, transfer_function, index_to_world, threads: int = 0
+) -> ClassifiedVolume:
+    """As ``classify``, with the visible voxels found by the index."""
     nx, ny, nz = volume.shape_xyz
     shown = shown_indices(index, volume, transfer_function)
     counts = [len(indices) for indices in shown]
@@ -105,7 +107,8 @@ def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index
     slices = volume.voxels.reshape(nz, -1)
     for begin, indices, voxels in zip(row_offsets(np.array(counts)), shown, slices):
         stored[begin : begin + len(indices)] = voxels[indices]
-    found = classify(replace(volume, voxels=stored.reshape(1, -1, ROW)), transfer_function, index_to_world, **how)
+    packed = replace(volume, voxels=stored.reshape(1, -1, ROW))
+    found = classify(packed, transfer_function, index_to_world, threads=threads)
     row = np.repeat(np.arange(len(found.row_start) - 1), np.diff(found.row_start))
     seen = row * ROW + found.column
     kept = slice(0, int(np.searchsorted(seen, total)))  # without the filling of the last row
@@ -121,13 +124,15 @@ def classify_shown(index: DensityIndex, volume: Volume, transfer_function, index
 def prepare(medium: Medium, quality: Quality) -> Prepared:
     """Index the volume, find the visible voxels by the index, encode them and render them at ``quality``."""
     scene = medium.scene
-    how = dict(backend=quality.backend, threads=quality.threads)
     began = time.perf_counter()
     index = index_volume(scene.volume)
     indexed = time.perf_counter()
-    shown = classify_shown(index, scene.volume, scene.transfer_function, scene.index_to_world, **how)
+    shown = classify_shown(index, scene.volume, scene.transfer_function, scene.index_to_world, quality.threads)
     found = time.perf_counter()
-    axes = {axis: encode(shown, medium.colors, axis, quality.model, **how) for axis in medium.principal_axes}
+    axes = {
+        axis: encode(shown, medium.colors, axis, quality.model, threads=quality.threads)
+        for axis in medium.principal_axes
+    }
     notes = {
         "index_ms": 1e3 * (indexed - began), "window_ms": 1e3 * (found - indexed),
         "classify_ms": medium.stages_ms["classify"], "index_bytes": index.nbytes,

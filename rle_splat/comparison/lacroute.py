@@ -29,5 +29,5 @@ def shear_warp(**overrides) -> Quality:
 
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
-    """Our renderer with the shear-warp settings; only threads and backend of ``quality`` count."""
-    return ours.prepare(medium, shear_warp(threads=quality.threads, backend=quality.backend))
+    """Our renderer with the shear-warp settings; only the threads of ``quality`` count."""
+    return ours.prepare(medium, shear_warp(threads=quality.threads))

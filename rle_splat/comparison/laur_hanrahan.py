@@ -11,12 +11,12 @@ from functools import partial
 import numpy as np
 
 from ..classify.visible import row_offsets
-from ..runtime.jit import kernel, parallel_call, prange, read_only
+from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..scene import Quality
 from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
 from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
-from .system import Prepared, need_kernels, picture
+from .system import Prepared, picture
 
 TITLE = "Hierarchical splatting"
 LEVELS = 3  # above the voxels: nodes of up to 8 voxels a side
@@ -37,7 +37,7 @@ def prepare(medium: Medium, quality: Quality, threshold: float = THRESHOLD, leve
     levels : int
         Of the pyramid, above the voxels.
     """
-    need_kernels(quality, TITLE)
+    need_kernels(TITLE)
     need_parallel_rays(medium, TITLE)
     need_whole_volume(medium, TITLE)
     tree = pyramid.build(medium.field[1:-1, 1:-1, 1:-1], levels)

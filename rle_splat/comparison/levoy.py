@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import kernel, parallel_call, prange, read_only
+from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..runtime.lanes import add4
 from ..scene import NO_DEPTH, Quality
 from .medium import CHANNELS, Medium
 from .pixel_rays import pixel_rays
-from .system import Prepared, need_kernels, picture
+from .system import Prepared, picture
 
 TITLE = "Levoy's ray casting"
 STEP = 1.0  # of the smallest voxel spacing, the default of current ray casters
@@ -34,7 +34,7 @@ def prepare(medium: Medium, quality: Quality, step: float = STEP, leaping: bool 
     leaping : bool
         Leap over empty blocks; the picture is the same.
     """
-    need_kernels(quality, TITLE)
+    need_kernels(TITLE)
     field = medium.field
     blocks = occupied_blocks(field)
     memory = {"voxels": field.nbytes, "blocks": blocks.nbytes if leaping else 0}

@@ -15,9 +15,8 @@ from .system import Prepared
 
 def encoded_axes(medium: Medium, quality: Quality) -> dict[int, RunLengthVolume]:
     """Encode the run-length tables of the principal axes that the view needs."""
-    arguments = dict(backend=quality.backend, threads=quality.threads)
     return {
-        axis: encode(medium.classified, medium.colors, axis, quality.model, **arguments)
+        axis: encode(medium.classified, medium.colors, axis, quality.model, threads=quality.threads)
         for axis in medium.principal_axes
     }
 
@@ -39,4 +38,4 @@ def prepared_tables(medium: Medium, quality: Quality, axes: dict[int, RunLengthV
 
 def prepare_paper(medium: Medium, quality: Quality) -> Prepared:
     """The paper's pipeline to the letter: opacities added in slice-plane sheets, one sheet pixel per voxel."""
-    return prepare(medium, Quality.paper(threads=quality.threads, backend=quality.backend))
+    return prepare(medium, Quality.paper(threads=quality.threads))

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..runtime.jit import NUMBA_PROBLEM, compiled
-from ..scene import NO_DEPTH, Quality, Rendering, RleSplatError
+from ..scene import NO_DEPTH, Quality, Rendering
 from .medium import Medium
 
 
@@ -59,13 +58,6 @@ class System:
     differs: str
     prepare: Callable[[Medium, Quality], Prepared]
     channels: str = "rgba"
-
-
-def need_kernels(quality: Quality, title: str) -> None:
-    """Raise RleSplatError for the numpy backend, for a system that has compiled kernels only."""
-    if not compiled(quality.backend):
-        reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
-        raise RleSplatError(f"{title} needs numba{reason}; install it or leave --backend numpy out.")
 
 
 def picture(transmittance_image: np.ndarray, depth: np.ndarray | None = None, **report) -> Rendering:

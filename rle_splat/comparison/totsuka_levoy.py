@@ -11,12 +11,12 @@ from functools import partial
 
 import numpy as np
 
-from ..runtime.jit import parallel_call, read_only
+from ..runtime.jit import need_kernels, parallel_call, read_only
 from ..scene import NO_DEPTH, Quality, Rendering
 from .medium import Medium, need_parallel_rays, need_whole_volume
 from .pixel_rays import pixel_frame
 from .spectrum import TAPS, Spectrum, fast_size, look_up, transform
-from .system import Prepared, need_kernels
+from .system import Prepared
 
 TITLE = "Frequency domain rendering"
 BANDS = 2  # frequencies up to this many times the pixels' Nyquist frequency; higher ones are cut off
@@ -28,7 +28,7 @@ def prepare(medium: Medium, quality: Quality, bands: int = BANDS) -> Prepared:
 
     The picture is alpha = 1 - exp(-optical depth) in the medium's mean color.  ``bands``: see BANDS.
     """
-    need_kernels(quality, TITLE)
+    need_kernels(TITLE)
     need_parallel_rays(medium, TITLE)
     need_whole_volume(medium, TITLE)
     extinction = medium.classified.extinction.astype(np.float64)

@@ -29,16 +29,14 @@ DIFFERS = (
 
 def prepare(medium: Medium, quality: Quality) -> Prepared:
     """The renderer at ``quality``, visiting every voxel."""
-    axes = {
-        axis: every_voxel(encoded, quality.backend, quality.threads)
-        for axis, encoded in ours.encoded_axes(medium, quality).items()
-    }
+    encoded = ours.encoded_axes(medium, quality)
+    axes = {axis: every_voxel(tables, quality.threads) for axis, tables in encoded.items()}
     return ours.prepared_tables(medium, quality, axes)
 
 
-def every_voxel(encoded: RunLengthVolume, backend: str = "auto", threads: int = 0) -> RunLengthVolume:
+def every_voxel(encoded: RunLengthVolume, threads: int = 0) -> RunLengthVolume:
     """The same volume with all voxels stored: for each scanline a transparent run of length 0 and one of all voxels."""
-    voxels = decode(encoded, backend=backend, threads=threads).reshape(-1, 4)
+    voxels = decode(encoded, threads=threads).reshape(-1, 4)
     shape = (encoded.n_slices, encoded.n_scanlines)
     scanline_pointers, _ = scanline_pointers_from_counts(np.full(shape, 2, np.int64))
     scanline_data_pointers, n_voxels = pointers_from_counts(np.full(shape, encoded.width, np.int64))

@@ -11,13 +11,13 @@ from functools import partial
 
 import numpy as np
 
-from ..runtime.jit import kernel, parallel_call, prange, read_only
+from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..scene import Quality
 from ..view.principal_axis import dominant_axis
 from ..volume.axes import AXES
 from .footprint import Footprint, composite_sample, first_pixel, footprint
 from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
-from .system import Prepared, need_kernels, picture
+from .system import Prepared, picture
 
 TITLE = "Westover's splatting"
 BANDS_PER_THREAD = 2  # bands of screen rows; few, because voxel rows at their borders are visited twice
@@ -36,7 +36,7 @@ def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = 
     cull : bool
         Leave out transparent voxels; otherwise their footprints of zeros are splatted too (with ``sheets``).
     """
-    need_kernels(quality, TITLE)
+    need_kernels(TITLE)
     need_parallel_rays(medium, TITLE)
     need_whole_volume(medium, TITLE)
     table = footprint(medium.view)

@@ -65,7 +65,7 @@ class CameraClip(RayEffect):
     """
 
     def __init__(self, camera, quality: Quality, cuts: bool):
-        self._distances, self._machine = (camera.clip_start, camera.clip_end), (quality.backend, quality.threads)
+        self._distances, self._threads = (camera.clip_start, camera.clip_end), quality.threads
         self.moves_depth = cuts
 
     @classmethod
@@ -82,10 +82,7 @@ class CameraClip(RayEffect):
         """See ``RayEffect.shortened``."""
         if not self.moves_depth and ray_pass.surface is None:
             return plane, intervals
-        backend, threads = self._machine
-        found = ray_intervals(
-            plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, backend=backend, threads=threads
-        )
+        found = ray_intervals(plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, threads=self._threads)
         return plane, found
 
 

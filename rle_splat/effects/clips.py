@@ -65,7 +65,7 @@ class ClipBodies(RayEffect):
     def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
         """See ``RayEffect.shortened``."""
         quality = self._quality
-        found = clip_intervals(plane, self._cuts, intervals, quality.backend, quality.threads)
+        found = clip_intervals(plane, self._cuts, intervals, quality.threads)
         # A pass that takes pixels over needs all of the plane.
         return (plane, found) if ray_pass.before else what_is_left(plane, found, warp_reach(quality) + TAPS)
 

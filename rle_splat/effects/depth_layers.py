@@ -62,9 +62,7 @@ class DepthLayers:
         return self.coverage[top - down : region[3] - down, left - across : region[2] - across]
 
 
-def depth_layers(
-    samples: np.ndarray, step: float, first_pixel=(0, 0), *, backend: str = "auto", threads: int = 0
-) -> DepthLayers:
+def depth_layers(samples: np.ndarray, step: float, first_pixel=(0, 0), *, threads: int = 0) -> DepthLayers:
     """Make the layers of a picture or of a part of it.
 
     Parameters
@@ -75,7 +73,6 @@ def depth_layers(
         World units; depths further apart belong to two surfaces.
     first_pixel : (column, row)
         Of the first pixel in the picture.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -90,7 +87,7 @@ def depth_layers(
     shape = samples.shape[:2]
     layers = np.empty((3, *shape), np.float32)  # near, far, coverage
     spread = np.empty(shape, np.float32)
-    if not compiled(backend):
+    if not compiled():
         _surfaces_numpy(samples, step, layers, spread)
         known = (layers[2] < 1.0) | _silhouettes_between_pixels(*layers, spread, step)
         _carried_past_silhouettes(*layers, known)

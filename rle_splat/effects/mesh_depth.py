@@ -162,9 +162,7 @@ def rasterize_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sa
         np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
 
 
-def mesh_depth(
-    triangles, camera: Camera, width: int, height: int, *, region=None, backend="auto", threads=0
-) -> np.ndarray:
+def mesh_depth(triangles, camera: Camera, width: int, height: int, *, region=None, threads=0) -> np.ndarray:
     """The depth of the first mesh on SAMPLES rays of each pixel.
 
     Parameters
@@ -176,7 +174,6 @@ def mesh_depth(
         Pixels of the picture.
     region : (left, top, right, bottom), optional
         The pixels wanted; by default all.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -193,11 +190,11 @@ def mesh_depth(
     edges, depths, bounds = edge_functions(triangles, camera, width, height)
     left, top, right, bottom = region or (0, 0, width, height)
     out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
-    _rasterize(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, backend, threads)
+    _rasterize(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, threads)
     return out
 
 
-def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto", threads=0) -> np.ndarray:
+def sheet_depth(pixels, depths, clips, width: int, height: int, *, threads=0) -> np.ndarray:
     """The depth of the first triangle on each ray of a sheet, from projected vertices.
 
     Parameters
@@ -208,7 +205,6 @@ def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto
         Depths between which triangles count.
     width, height : int
         Pixels of the sheet.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -218,13 +214,13 @@ def sheet_depth(pixels, depths, clips, width: int, height: int, *, backend="auto
         Inf where there is none.
     """
     out = np.full((height, width, SAMPLES), np.inf, np.float32)
-    _rasterize(*edges_of(pixels, depths), clips, 0, 0, out, backend, threads)
+    _rasterize(*edges_of(pixels, depths), clips, 0, 0, out, threads)
     return out
 
 
-def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, backend, threads) -> None:
+def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, threads) -> None:
     arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             rasterize(*arguments)
     else:

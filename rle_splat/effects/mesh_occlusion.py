@@ -103,9 +103,7 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
         surface = samples[..., 0]
         return DepthLayers(surface, surface, None, region[:2])
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
-    return depth_layers(
-        samples, 0.5 * voxel, first_pixel=region[:2], backend=quality.backend, threads=quality.threads
-    )
+    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2], threads=quality.threads)
 
 
 def _depth_samples(scene: Scene, quality: Quality, region) -> np.ndarray:
@@ -113,10 +111,7 @@ def _depth_samples(scene: Scene, quality: Quality, region) -> np.ndarray:
     if scene.ray_ends is not None:
         left, top, right, bottom = region
         return np.asarray(scene.ray_ends[top:bottom, left:right, None], np.float32)
-    return mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, region=region, backend=quality.backend,
-        threads=quality.threads,
-    )
+    return mesh_depth(scene.triangles, scene.camera, scene.width, scene.height, region=region, threads=quality.threads)
 
 
 def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int, int, int]:

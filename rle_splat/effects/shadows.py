@@ -51,7 +51,6 @@ class Occluders:
         Identifies everything that the voxels and their extinction depend on.
     boxed : bool
         Whether the medium ends at the box of the voxel centers.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
@@ -64,7 +63,6 @@ class Occluders:
     clips: tuple
     medium_key: tuple
     boxed: bool
-    backend: str = "auto"
     threads: int = 0
 
     @cached_property
@@ -94,8 +92,7 @@ class Occluders:
     @cached_property
     def extinction_across(self) -> np.ndarray:
         """The same in the order of the scanlines of principal axis x."""
-        machine = dict(backend=self.backend, threads=self.threads)
-        return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, **machine))
+        return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, threads=self.threads))
 
 
 def light_steps(light, occluders: Occluders):
@@ -181,8 +178,7 @@ def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
 
 def _swept(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
     """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
-    voxels = occluders.voxels
-    machine = dict(backend=occluders.backend, threads=occluders.threads)
+    voxels, threads = occluders.voxels, occluders.threads
     codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself
     _, ny, nz = voxels.shape_xyz
     rows = voxels.row_start[:-1].reshape(nz, ny)
@@ -192,13 +188,14 @@ def _swept(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
         tables, found = occluders.tables_of(0), codes.copy()
         starts, extinction = tables.scanline_data_pointers, occluders.extinction_across
         for sweep in across:
-            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, occluders), found, **machine)
-        drain(fetch_slabs(tables, voxels, codes[:, None], found[:, None], **machine))
+            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, occluders), found, threads=threads)
+        drain(fetch_slabs(tables, voxels, codes[:, None], found[:, None], threads=threads))
     for sweep in sweeps:
         if sweep.axis != 0:
             starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)
             meshes = _meshes_before(sweep, occluders)
-            sweep_light(sweep, occluders.tables_of(sweep.axis), starts, occluders.extinction, meshes, codes, **machine)
+            tables, extinction = occluders.tables_of(sweep.axis), occluders.extinction
+            sweep_light(sweep, tables, starts, extinction, meshes, codes, threads=threads)
     return codes
 
 
@@ -212,9 +209,7 @@ def _meshes_before(sweep: Sweep, occluders: Occluders) -> np.ndarray | None:
     pixels, depths = placed[..., :3], placed[..., 3]
     pixels[..., :2] += 0.5 * pixels[..., 2:]  # the rays of a pixel lie all round the pixel's own
     clips = (-np.inf, float(len(sweep.slices)))
-    found = sheet_depth(
-        pixels, depths, clips, sweep.width, sweep.height, backend=occluders.backend, threads=occluders.threads
-    )
+    found = sheet_depth(pixels, depths, clips, sweep.width, sweep.height, threads=occluders.threads)
     met = np.isfinite(found).any(axis=2)
     if not met.any():
         return None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .records import decoding_of, empty_records, float_of, pack
+from .records import decoding_of, empty_records, float_of, pack_numpy
 
 RECORDS = {6: 8, 4: 8}  # bytes of a stored record -> bytes of the record that it is opened as
 TYPES = {6: np.uint16, 4: np.uint32}  # bytes of a record -> dtype of the array
@@ -50,8 +50,8 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     decoding = decoding_of(8, float(scales[3:].max() if record == 6 else scales[4:].max()), most_color)
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
-        part = words[first : first + AT_ONCE]
-        pack(_numbers(part, record, scales), decoding, voxel_data[first : first + AT_ONCE], backend="numpy")
+        part = slice(first, first + AT_ONCE)
+        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 

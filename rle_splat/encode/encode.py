@@ -33,8 +33,7 @@ PACKED_AT_ONCE = 1 << 18
 
 
 def encode(
-    classified, colors, axis: int, model: str = "extinction", *, record: int = 16, backend: str = "auto",
-    threads: int = 0,
+    classified, colors, axis: int, model: str = "extinction", *, record: int = 16, threads: int = 0,
 ) -> RunLengthVolume:
     """Encode a classified volume for one principal axis.
 
@@ -49,7 +48,6 @@ def encode(
         Store (extinction * RGB, extinction) or (alpha * RGB, alpha).
     record : {16, 8}
         Bytes of a voxel record.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -77,23 +75,21 @@ def encode(
         """Records from ``colors``; see ``record_steps``."""
         first, last = positions.span
         made = empty_records(16, last - first)
-        if compiled(backend):
+        if compiled():
             with parallel_call(threads):
                 passes.color_records(density[first:last], colors[first:last], made)
         else:
             made[:, 3] = density[first:last]
             made[:, :3] = made[:, 3:] * colors[first:last]
-        _place(positions, made, records, backend, threads)
+        _place(positions, made, records, threads)
         return most_color
 
-    tables = run_tables(classified.voxels, axis, backend=backend, threads=threads)
+    tables = run_tables(classified.voxels, axis, threads=threads)
     decoding = decoding_of(record, float(density.max(initial=0.0)), most_color)
-    return drain(
-        record_steps(tables, classified.voxels, write, model, record, decoding, backend=backend, threads=threads)
-    )
+    return drain(record_steps(tables, classified.voxels, write, model, record, decoding, threads=threads))
 
 
-def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
+def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTables:
     """Run-length tables of the visible voxels, without records.
 
     Parameters
@@ -101,7 +97,6 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threa
     voxels : VisibleVoxels
     axis : {0, 1, 2}
         Principal axis: x, y or z.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -116,7 +111,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threa
     """
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
-    if not compiled(backend):
+    if not compiled():
         tables = _tables_numpy(voxels, axis)
     elif axis == 0:
         tables = _tables_across(voxels, threads)
@@ -126,8 +121,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threa
 
 
 def record_steps(
-    tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *,
-    backend: str = "auto", threads: int = 0,
+    tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *, threads: int = 0
 ):
     """Add voxel records to run-length tables.
 
@@ -144,7 +138,6 @@ def record_steps(
         Bytes of a voxel record.
     decoding : ndarray of float32 or None
         As of ``records.decoding_of``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -175,23 +168,21 @@ def record_steps(
                 codes = empty_records(record, last - first)
             most_color = max(most_color, write(positions, floats))
             made = voxel_data[first:last] if in_order else codes[: last - first]
-            pack(floats[: last - first], decoding, made, backend=backend, threads=threads)
+            pack(floats[: last - first], decoding, made, threads=threads)
             if not in_order:
-                _place(_positions(tables, voxels, *planes), words_of(made), words_of(voxel_data), backend, threads)
+                _place(_positions(tables, voxels, *planes), words_of(made), words_of(voxel_data), threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)
 
 
-def reorder_steps(
-    tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthVolume, *, backend: str = "auto", threads: int = 0
-):
+def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthVolume, *, threads: int = 0):
     """As ``record_steps``, from the records of principal z, ``in_order``, which are in the order of the voxels."""
     voxel_data = empty_records(in_order.record, tables.n_voxels)
     words, target = words_of(in_order.voxel_data), words_of(voxel_data)
-    yield from place_slabs(tables, voxels, words, target, backend=backend, threads=threads)
+    yield from place_slabs(tables, voxels, words, target, threads=threads)
     return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
 
 
-def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, backend: str = "auto", threads: int = 0):
+def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
     """Copy records from the order of the voxels to the order of run-length tables.
 
     Parameters
@@ -202,7 +193,6 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
         Records in the order of the voxels.
     target : (m, w) ndarray
         Output, in the order of ``tables``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -215,10 +205,10 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, back
         yield fraction
         positions = _positions(tables, voxels, first_plane, last_plane)
         first, last = positions.span
-        _place(positions, words[first:last], target, backend, threads)
+        _place(positions, words[first:last], target, threads)
 
 
-def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, backend: str = "auto", threads: int = 0):
+def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
     """Copy records back from the order of run-length tables to the order of the voxels.
 
     Parameters
@@ -230,7 +220,6 @@ def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, back
         Output, in the order of the voxels.
     source : (m, w) ndarray
         Records in the order of ``tables``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -245,7 +234,7 @@ def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, back
         yield fraction
         positions = _positions(tables, voxels, first_plane, last_plane)
         first, last = positions.span
-        if compiled(backend):
+        if compiled():
             with parallel_call(threads):
                 passes.fetch_across(*_moved(positions, words[first:last], read_only(_bytes(source))), *_across(voxels))
         else:
@@ -293,9 +282,9 @@ def _positions(tables: RunTables, voxels: VisibleVoxels, first_plane: int, last_
     return RecordPositions(voxels, first_plane, tables.axis == 0, starts)
 
 
-def _place(positions: RecordPositions, words, voxel_words, backend, threads):
+def _place(positions: RecordPositions, words, voxel_words, threads):
     """Copy the records of some planes, as words in the order of the voxels, to the scanlines of the tables."""
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             moved = _moved(positions, read_only(words), _bytes(voxel_words))
             if positions.across:

@@ -14,7 +14,7 @@ from ..runtime.parallel import share_out
 from .records import empty_records
 
 
-def pooled_steps(voxels: VisibleVoxels, write, level: int, *, backend: str = "auto", threads: int = 0):
+def pooled_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
     """Average visible voxels to nodes.
 
     Parameters
@@ -23,7 +23,6 @@ def pooled_steps(voxels: VisibleVoxels, write, level: int, *, backend: str = "au
     write : callable
         See ``encode.record_steps``; writes (extinction * RGB, extinction).
     level : int
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -50,7 +49,7 @@ def pooled_steps(voxels: VisibleVoxels, write, level: int, *, backend: str = "au
                 records = empty_records(16, last - first)
             write(positions, records)
             made = records[: last - first]
-            if compiled(backend):
+            if compiled():
                 arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)
                 with parallel_call(threads):
                     add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, totals)

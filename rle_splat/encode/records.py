@@ -68,7 +68,7 @@ def decoding_of(record: int, most_density: float, most_color: float) -> np.ndarr
     return np.array((color, color, color, density), np.float32)
 
 
-def pack(records, decoding, voxel_data, *, backend: str = "auto", threads: int = 0) -> None:
+def pack(records, decoding, voxel_data, *, threads: int = 0) -> None:
     """Code records of 8 bytes.
 
     Parameters
@@ -79,13 +79,12 @@ def pack(records, decoding, voxel_data, *, backend: str = "auto", threads: int =
         As of ``decoding_of``.
     voxel_data : ndarray
         Output; see ``empty_records``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
     arguments = (records, 1.0 / decoding.astype(np.float64), voxel_data)
-    if not compiled(backend):
-        _pack_numpy(*arguments)
+    if not compiled():
+        pack_numpy(*arguments)
         return
     with parallel_call(threads):
         _pack(*arguments)
@@ -140,7 +139,7 @@ def _pack_some(begin, end, records, inverse, voxel_data):
         codes[i] = np.uint64(low) | (np.uint64(high) << np.uint64(32))
 
 
-def _pack_numpy(records, inverse, voxel_data):
+def pack_numpy(records, inverse, voxel_data):
     """Reference implementation of ``_pack``."""
     codes = codes_numpy(records * inverse).astype(np.uint64)
     voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)

@@ -158,9 +158,9 @@ def is_shared(axis: int) -> bool:
     return axis != 0
 
 
-def scalar_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", threads: int = 0) -> RunTables:
+def scalar_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTables:
     """As ``encode.run_tables``, but principal y uses the records of principal z, so that both share one list."""
-    tables = run_tables(voxels, axis, backend=backend, threads=threads)
+    tables = run_tables(voxels, axis, threads=threads)
     if axis != 1:
         return tables
     _, ny, nz = voxels.shape_xyz
@@ -168,7 +168,7 @@ def scalar_tables(voxels: VisibleVoxels, axis: int, *, backend: str = "auto", th
     return replace(tables, scanline_data_pointers=np.ascontiguousarray(rows.T))
 
 
-def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: str = "auto", threads: int = 0):
+def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: int = 0):
     """Generator: yield the fraction done, return the records of the voxels in the order of ``tables``.
 
     ``tables``: of ``scalar_tables``; ``words`` (m,) or (m, w): records in the order of the voxels.
@@ -177,5 +177,5 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, backend: st
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
     target = np.empty_like(rows)
-    yield from place_slabs(tables, voxels, rows, target, backend=backend, threads=threads)
+    yield from place_slabs(tables, voxels, rows, target, threads=threads)
     return target.reshape(words.shape)

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
-
 from ..effects.analyze import analyzed
-from ..runtime.jit import compiled
 from ..scene import Quality, Scene
 from .file_source import FileSource
 from .scalar_file_source import ScalarFileSource
@@ -30,7 +26,6 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
     RleSplatError
         Where there is no such quality.
     """
-    quality = _with_backend(quality, "numba" if compiled(quality.backend) else "numpy")
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified(scene.volume.classification)
     effects, left = analyzed(scene, quality)
@@ -42,9 +37,3 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
         return SOURCES[quality.classification](left, quality, effects, notes)
     make = ScalarFileSource.of if left.volume.classification == "post" else FileSource
     return make(left, quality, effects, notes)
-
-
-@lru_cache(maxsize=8)
-def _with_backend(quality: Quality, backend: str) -> Quality:
-    """Kept, since most frames have the previous one's, and a copy checks all of its fields."""
-    return replace(quality, backend=backend)

@@ -79,7 +79,7 @@ def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple
     path : str or Path
         The folder, which ``load_encoded`` opens. It appears under this name when it is complete.
     quality : Quality, optional
-        Its classification (pre or post), model, record, backend and threads count.
+        Its classification (pre or post), model, record and threads count.
     axes : sequence of int
         Principal axes that pictures can be made along, 0, 1, 2 for x, y, z.
     source : str
@@ -106,7 +106,7 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
     scene : Scene
         Its volume may be mapped from a file.
     quality : Quality
-        Its classification (pre or post), model, record, backend and threads count.
+        Its classification (pre or post), model, record and threads count.
     path : str or Path
         The folder.
     axes : sequence of int
@@ -210,7 +210,7 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
         "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
         "matrix": scene.index_to_world.tolist(), "world": scene.world,
         "environment": moments, "mode": scene.mode, "version": RELEASE,
-        "quality": [quality.classification, quality.model, quality.record, quality.backend], "axes": list(axes),
+        "quality": [quality.classification, quality.model, quality.record], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)
     return {"job": hashlib.blake2b(content.encode(), digest_size=16).hexdigest()}
@@ -251,7 +251,7 @@ class _Slabs:
     def __init__(self, scene: Scene, quality: Quality, axes):
         self.scene, self.volume = scene, scene.volume
         self.quality, self.axes = quality, axes
-        self.machine = dict(backend=quality.backend, threads=quality.threads)
+        self.threads = quality.threads
         self.falling = scene_lighting(scene, scene.index_to_world)
         self.dtypes: dict[str, list] = {}
 
@@ -319,10 +319,10 @@ class _ClassifiedSlabs(_Slabs):
     def _lit(self, first: int, last: int):
         """The visible voxels of a slab, and the same as a LitVolume."""
         shown = Visibility(self.part(first, last), self.scene.transfer_function)
-        blocks = drain(block_steps(shown.volume, **self.machine))
-        counted = drain(count_steps(shown, blocks, **self.machine))
+        blocks = drain(block_steps(shown.volume, threads=self.threads))
+        counted = drain(count_steps(shown, blocks, threads=self.threads))
         _claim(counted[0])
-        local = drain(fill_steps(shown, blocks, counted, **self.machine))
+        local = drain(fill_steps(shown, blocks, counted, threads=self.threads))
         voxels = self.in_volume(local, first)
         found = self.source.classified(self.source.shown, voxels, self.length)
         directions = None if self.falling is None else self.source.normals(voxels)
@@ -339,12 +339,12 @@ class _ClassifiedSlabs(_Slabs):
             )
             return write(place, records)
 
-        tables = run_tables(local, 2, **self.machine)
-        rows = drain(record_steps(tables, local, write_slab, model, record, self.decoding, **self.machine))
+        tables = run_tables(local, 2, threads=self.threads)
+        rows = drain(record_steps(tables, local, write_slab, model, record, self.decoding, threads=self.threads))
         named = self.named(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
         if 0 in self.axes:
-            tables = run_tables(local, 0, **self.machine)
-            across = drain(reorder_steps(tables, local, rows, **self.machine))
+            tables = run_tables(local, 0, threads=self.threads)
+            across = drain(reorder_steps(tables, local, rows, threads=self.threads))
             named |= self.named(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
         facts = {"most_color": rows.most_color, "nan": local.nan_voxels}
         return _SlabTables(named, facts, len(local))
@@ -370,7 +370,7 @@ class _ScalarSlabs(_Slabs):
                 "A folder of post-classified tables has no gradient opacity; choose the classification pre, or leave "
                 "it out."
             )
-        self.blocks = yield from block_steps(volume, **self.machine)
+        self.blocks = yield from block_steps(volume, threads=self.threads)
         self.reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
         self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
         self.center = center_of(volume.voxels.dtype, self.ends)
@@ -385,23 +385,24 @@ class _ScalarSlabs(_Slabs):
         _, ny, nz = self.volume.shape_xyz
         begin, end = max(first - 1, 0), min(last + 1, nz)
         around = self.part(begin, end)
-        blocks = drain(block_steps(around, **self.machine))
-        bits = drain(relevant_steps(around, self.reach, blocks, **self.machine))
+        blocks = drain(block_steps(around, threads=self.threads))
+        bits = drain(relevant_steps(around, self.reach, blocks, threads=self.threads))
         bits = bits[(first - begin) * ny : (last - begin) * ny]
-        counted = kept_counts(bits, **self.machine)
+        counted = kept_counts(bits, threads=self.threads)
         _claim(counted[0])
-        return kept_voxels(self.part(first, last), bits, counted, blocks, **self.machine)
+        return kept_voxels(self.part(first, last), bits, counted, blocks, threads=self.threads)
 
     def encoded(self, first: int, last: int) -> _SlabTables:
         """The tables of planes [first, last)."""
         local = self._kept(first, last)
         of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
         of_voxels |= self._lights(self.in_volume(local, first))
-        named = self.named(ROWS, run_tables(local, 2, **self.machine), **of_voxels)
+        named = self.named(ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
         if 0 in self.axes:
-            tables = run_tables(local, 0, **self.machine)
+            tables = run_tables(local, 0, threads=self.threads)
             placed = {
-                name: drain(in_scanlines(tables, local, array, **self.machine)) for name, array in of_voxels.items()
+                name: drain(in_scanlines(tables, local, array, threads=self.threads))
+                for name, array in of_voxels.items()
             }
             named |= self.named(ACROSS, tables, **placed)
         return _SlabTables(named, {}, len(local))
@@ -410,11 +411,11 @@ class _ScalarSlabs(_Slabs):
         """The light on voxels: coded normals where it follows the view, codes of light elsewhere."""
         if self.falling is None:
             return {}
-        directions = normals(voxels, self.volume, self.scene.index_to_world, **self.machine)
+        directions = normals(voxels, self.volume, self.scene.index_to_world, threads=self.threads)
         if self.by_normal is not None:
-            codes = coded_normals(directions, **self.machine).view(np.uint16)
+            codes = coded_normals(directions, threads=self.threads).view(np.uint16)
             return {f"{NORMALS}.{part}": codes[part] for part in range(len(codes))}
-        self.light = voxel_light(voxels, directions, self.falling, **self.machine)
+        self.light = voxel_light(voxels, directions, self.falling, threads=self.threads)
         return {LIGHT: self.light.codes}
 
     def header(self, facts) -> dict:

@@ -23,7 +23,7 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
     ----------
     scene : Scene
     quality : Quality, optional
-        Its model, record, backend and threads count; tables always hold pre-classified voxels.
+        Its model, record and threads count; tables always hold pre-classified voxels.
     axes : sequence of int
         Principal axes to encode, 0, 1, 2 for x, y, z.
     source : str

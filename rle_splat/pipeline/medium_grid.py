@@ -153,8 +153,8 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
     if not scene.volume.holds_values:
         raise RleSplatError("A .rle file holds no values to make a grid of; import the scan that it was made from.")
     cache = StageCache(0) if cache is None else cache
-    machine = dict(backend=quality.backend, threads=quality.threads)
-    source = choose_source(for_any_view(scene), Quality.preset("standard", classification="pre", **machine))
+    wanted = Quality.preset("standard", classification="pre", threads=quality.threads)
+    source = choose_source(for_any_view(scene), wanted)
     work = Work(cache.job(), Clock())
     lit = (yield from part(source.medium_steps(work), 0.0, 0.6)).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")

@@ -107,7 +107,8 @@ def prepare_steps():
     RleSplatError
         Where numba cannot be loaded, or no kernel can be kept on disk.
     """
-    if jit.compiled("numba") and not _can_be_kept():
+    jit.need_kernels("The preparation")
+    if not _can_be_kept():
         raise RleSplatError(NOT_KEPT)
     whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
     done, prepared = 0.0, []
@@ -147,7 +148,7 @@ def _on_disk() -> set[Path]:
 def _picture_steps(picture: Picture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
-    quality = Quality.preset(picture.quality, name="prepared", backend="numba", threads=1)
+    quality = Quality.preset(picture.quality, name="prepared", threads=1)
     scene = _scene(picture, _ball(stored))
     return render_steps(scene, quality)
 

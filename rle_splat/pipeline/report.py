@@ -6,7 +6,7 @@ import math
 
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
-from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, thread_count
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, thread_count
 from ..scene import NO_DEPTH, truth_of
 from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
@@ -46,7 +46,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
             "error": {
                 "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
             },
-            "threads": thread_count(quality.threads) if quality.backend == "numba" else 1,
+            "threads": thread_count(quality.threads) if compiled() else 1,
             "remarks": [
                 *source.remarks, *source.notes, *rays.remarks(made, medium.visible_voxels > 0),
                 *_remarks(source, picture.view, medium),
@@ -108,7 +108,7 @@ def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
         )
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
-    if source.quality.backend == "numpy":
+    if not compiled():
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
         remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
     elif PLAIN_NUMBA:

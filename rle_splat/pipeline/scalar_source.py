@@ -163,15 +163,15 @@ class LitScalars:
 
     def normals(self) -> np.ndarray:
         """(m, 3) float32 of the voxels, world space."""
-        scene, machine = self.source.scene, self.source.machine
-        made = partial(normals, self.voxels, scene.volume, scene.index_to_world, **machine)
+        scene = self.source.scene
+        made = partial(normals, self.voxels, scene.volume, scene.index_to_world, threads=self.source.threads)
         return self.work.job.get("normals", self.normals_key, made)
 
     def coded_light(self) -> VoxelLight:
         """The light as a VoxelLight, where something shines, whatever ``light`` is."""
 
         def made():
-            return voxel_light(self.voxels, self.normals(), self.falling, **self.source.machine)
+            return voxel_light(self.voxels, self.normals(), self.falling, threads=self.source.threads)
 
         return self.work.job.get("light", self.coded_key, made)
 
@@ -181,14 +181,14 @@ class LitScalars:
 
     def encode_steps(self, axis: int):
         """Generator of fractions done: the ScalarVolume of one principal axis."""
-        voxels, job, clock, machine = self.voxels, self.work.job, self.work.clock, self.source.machine
+        voxels, job, clock, threads = self.voxels, self.work.job, self.work.clock, self.source.threads
         kind = self.source.scene.volume.voxels.dtype
         with clock.stage("encode"):
-            tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, **machine))
+            tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, threads=threads))
         order = IN_ROWS if is_shared(axis) else axis
 
         def placed_steps(words):
-            return in_scanlines(tables, voxels, words, **machine)
+            return in_scanlines(tables, voxels, words, threads=threads)
 
         def scalars():
             self.work.claim(self.estimate.one_axis())
@@ -209,7 +209,7 @@ class LitScalars:
 
     def _normal_steps(self, placed_steps):
         """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
-        codes = coded_normals(self.normals(), **self.source.machine)
+        codes = coded_normals(self.normals(), threads=self.source.threads)
         for component in codes.view(np.uint16):
             component[:] = yield from placed_steps(component)
         return codes
@@ -264,12 +264,14 @@ class ScalarSource(Source):
         scene, job, clock = self.scene, work.job, work.clock
         volume = scene.volume
         length = unit_length(volume, scene.index_to_world)
-        voxels_key = (volume.key if job.cache.keeps else "", self.quality.backend)
+        voxels_key = volume.key if job.cache.keeps else ""
         if scene.labels is not None:
-            voxels_key = (*voxels_key, self._mixture.key)
-            steps = job.steps("revealed", voxels_key, lambda: self._mixture.revealed_steps(**self.machine), _bytes_of)
+            voxels_key = (voxels_key, self._mixture.key)
+            revealed_steps = partial(self._mixture.revealed_steps, threads=self.threads)
+            steps = job.steps("revealed", voxels_key, revealed_steps, _bytes_of)
             volume = yield from portion(timed(steps, clock, "mixing"), 0.0, 0.0, HIDING)
-        steps = timed(job.steps("blocks", voxels_key, lambda: block_steps(volume, **self.machine)), clock, "classify")
+        steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
+        steps = timed(steps, clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
         by_normal = self._normal_light(falling)
@@ -298,7 +300,7 @@ class ScalarSource(Source):
                 factor = by_gradient if factor is None else factor * by_gradient
 
         def tables_of(axis):
-            return job.get("runs", (key, axis), lambda: scalar_tables(unlit.voxels, axis, **self.machine))
+            return job.get("runs", (key, axis), lambda: scalar_tables(unlit.voxels, axis, threads=self.threads))
 
         def extinction():
             return unlit.extinction() if factor is None else unlit.extinction() * factor
@@ -306,7 +308,7 @@ class ScalarSource(Source):
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
             unlit.voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True,
-            **self.machine,
+            threads=self.threads,
         )  # fmt: skip
         falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
         if falling is not None:
@@ -351,18 +353,18 @@ class ScalarSource(Source):
         if job.has("relevant", key):
             relevant = job.get("relevant", key, None)
             return relevant, needed_by(relevant.found)
-        steps = timed(relevant_steps(volume, reach, blocks, **self.machine), clock, "classify")
+        steps = timed(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
         bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
-                close_gaps(bits, volume.shape_xyz, **self.machine)
-            counted = kept_counts(bits, **self.machine)
+                close_gaps(bits, volume.shape_xyz, threads=self.threads)
+            counted = kept_counts(bits, threads=self.threads)
         counts = Found.in_rows(volume, counted)
         needed = needed_by(counts)
         work.claim(needed)
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
         with clock.stage("classify"):
-            voxels = kept_voxels(volume, bits, counted, blocks, **self.machine)
+            voxels = kept_voxels(volume, bits, counted, blocks, threads=self.threads)
             relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts))
         return relevant, needed
 
@@ -376,7 +378,7 @@ class ScalarSource(Source):
 
     def _hidden_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
-        steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), **self.machine))
+        steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), threads=self.threads))
         return (yield from portion(timed(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
 
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
@@ -384,7 +386,7 @@ class ScalarSource(Source):
         volume = self.scene.volume
         placed_key = (key, array_key(volume.affine[:3, :3]))
         rows = voxels.row_start, voxels.column
-        sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, **self.machine))
+        sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, threads=self.threads))
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
     def _normal_light(self, falling: Lighting | None) -> NormalLight | None:

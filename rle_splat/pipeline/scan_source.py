@@ -88,7 +88,7 @@ class LitVolume:
 
         def write(positions, records):
             lit = self.classified, self.normals, self.falling
-            return light_records(*lit, model, positions, records, **self.source.machine)
+            return light_records(*lit, model, positions, records, threads=self.source.threads)
 
         return write
 
@@ -108,9 +108,9 @@ class LitVolume:
         Where the records of principal z, which are in the voxels' own order, are at hand, nothing is shaded again.
         """
         work, quality, voxels = self.work, self.source.quality, self.classified.voxels
-        job, clock, machine = work.job, work.clock, self.source.machine
+        job, clock, threads = work.job, work.clock, self.source.threads
         with clock.stage("encode"):
-            tables = job.get("runs", (self.visible_key, axis), lambda: run_tables(voxels, axis, **machine))
+            tables = job.get("runs", (self.visible_key, axis), lambda: run_tables(voxels, axis, threads=threads))
         write = clock.timing("shade", self.write_records(quality.model))
 
         def key_of(axis):
@@ -120,7 +120,7 @@ class LitVolume:
             work.claim(self.estimate.one_axis())
             if job.has("records", key_of(IN_ORDER)):
                 in_order = job.get("records", key_of(IN_ORDER), None)
-                return (yield from reorder_steps(tables, voxels, in_order, **machine))
+                return (yield from reorder_steps(tables, voxels, in_order, threads=threads))
             decoding = None
             if quality.record != 16:
                 brightest = self.color_bound
@@ -128,7 +128,7 @@ class LitVolume:
                     brightest = yield from brightest_steps(voxels, write)
                 density = self.classified.properties[:, DENSITY[quality.model]].max(initial=0.0)
                 decoding = decoding_of(quality.record, float(density), brightest)
-            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, **machine)
+            steps = record_steps(tables, voxels, write, quality.model, quality.record, decoding, threads=threads)
             return (yield from steps)
 
         steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
@@ -149,13 +149,13 @@ class ScanSource(Source):
         return Visibility(self.scene.volume, self.scene.transfer_function)
 
     def count_steps(self, shown, blocks):
-        return count_steps(shown, blocks, **self.machine)
+        return count_steps(shown, blocks, threads=self.threads)
 
     def fill_steps(self, shown, blocks, counted):
-        return fill_steps(shown, blocks, counted, **self.machine)
+        return fill_steps(shown, blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return classified(shown, voxels, length, **self.machine)
+        return classified(shown, voxels, length, threads=self.threads)
 
     @property
     def record_type(self):
@@ -163,7 +163,7 @@ class ScanSource(Source):
         return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
 
     def normals(self, voxels) -> np.ndarray:
-        return normals(voxels, self.scene.volume, self.scene.index_to_world, **self.machine)
+        return normals(voxels, self.scene.volume, self.scene.index_to_world, threads=self.threads)
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
@@ -172,7 +172,7 @@ class ScanSource(Source):
         scene, job, clock = self.scene, work.job, work.clock
         length = unit_length(scene.volume, scene.index_to_world)
         # A cache without room needs no content key, and large volumes no second reading for it.
-        voxels_key = (scene.volume.key if job.cache.keeps else "", self.quality.backend)
+        voxels_key = scene.volume.key if job.cache.keeps else ""
         shown = self.shown
         visible_key = (voxels_key, shown.key)
         falling = scene_lighting(scene, scene.index_to_world)
@@ -203,11 +203,12 @@ class ScanSource(Source):
             directions = job.get("normals", normals_key, lambda: self.normals(voxels))
 
         def tables_of(axis):
-            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, **self.machine))
+            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, threads=self.threads))
 
         around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, lambda: unlit.classified.extinction, tables_of, *around, unlit.key, boxed=False, **self.machine
+            voxels, lambda: unlit.classified.extinction, tables_of, *around, unlit.key, boxed=False,
+            threads=self.threads,
         )  # fmt: skip
         falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
         key = (unlit.key, *lighting_key(scene, matrix, unlit.falling), shadows_key)
@@ -226,7 +227,7 @@ class ScanSource(Source):
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
-        blocks_of = partial(block_steps, self.scene.volume, **self.machine)
+        blocks_of = partial(block_steps, self.scene.volume, threads=self.threads)
         steps = timed(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         steps = timed(self.count_steps(shown, blocks), clock, self.stage)
@@ -251,13 +252,13 @@ class MixedSource(ScanSource):
         return Mixture(scene.volume, scene.transfer_function, scene.labels, scene.channels)
 
     def count_steps(self, shown, blocks):
-        return shown.count_steps(**self.machine)
+        return shown.count_steps(threads=self.threads)
 
     def fill_steps(self, shown, blocks, counted):
-        return shown.fill_steps(blocks, counted, **self.machine)
+        return shown.fill_steps(blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return shown.classified(voxels, length, **self.machine)
+        return shown.classified(voxels, length, threads=self.threads)
 
     @property
     def record_type(self):
@@ -282,5 +283,5 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     source = scan_source(scene, quality)
     lit = drain(source.medium_steps(Work(StageCache(0).job(), clock))).voxels
     with clock.stage("shade"):
-        colors = shaded_colors(lit.classified, lit.normals, lit.falling, **source.machine)
+        colors = shaded_colors(lit.classified, lit.normals, lit.falling, threads=source.threads)
     return lit.classified, colors

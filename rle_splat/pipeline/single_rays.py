@@ -131,7 +131,7 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
     most = most_in_tile(scene.width, scene.height, quality.rays)
-    steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.backend, quality.threads)[inner]
+    steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.threads)[inner]
     rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
     where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
     for first in range(0, len(where), RAYS_AT_ONCE):

@@ -62,7 +62,7 @@ class Source(ABC):
     scene : Scene
         Without the effects that are off; its volume is the grid that is splatted.
     quality : Quality
-        With a backend that is settled, and with the classification that the volume and the effects need.
+        With the classification that the volume and the effects need.
     effects : EffectSet
         State of every effect; without any where the scene was not looked through for them.
     notes : tuple of str
@@ -81,9 +81,9 @@ class Source(ABC):
     traces_rays: ClassVar[bool] = False  # whether single rays can go through the medium
 
     @property
-    def machine(self) -> dict:
-        """Keyword arguments of every function with kernels."""
-        return dict(backend=self.quality.backend, threads=self.quality.threads)
+    def threads(self) -> int:
+        """Number of threads; 0 for one per core."""
+        return self.quality.threads
 
     @property
     def depth_rule(self) -> str:

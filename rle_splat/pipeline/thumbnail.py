@@ -44,7 +44,7 @@ def thumbnail_key(volume: Volume, function: TransferFunction) -> str:
     return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()
 
 
-def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, cache: StageCache, backend="auto"):
+def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, cache: StageCache):
     """Generator of Progress: make a thumbnail.
 
     Parameters
@@ -57,8 +57,6 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
         The smallest spacing of the whole volume, to which opacities without a distance refer.
     cache : StageCache
         Shared by thumbnails of one volume.
-    backend : str
-        As of Quality.
 
     Returns
     -------
@@ -78,7 +76,7 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
         function = replace(function, opacity=opacity, opacity_unit_distance=longest)
     scene = Scene(small, function, camera, SIDE, SIDE, matrix)
     # On one thread no kernel waits for a second core: beside other work that took 15 ms of each, 180 in place of 40 ms.
-    quality = Quality.preset("draft", name="thumbnail", backend=backend, threads=1)
+    quality = Quality.preset("draft", name="thumbnail", threads=1)
     rendering = yield from render_steps(scene, quality, cache, refuse_empty_view=False)
     rgb = rendering.rgba[..., :3] + BEHIND * (1.0 - rendering.rgba[..., 3:])
     return np.rint(255.0 * displayed(rgb)).astype(np.uint8)

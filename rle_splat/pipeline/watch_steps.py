@@ -22,7 +22,7 @@ def watch_steps(steps, scene: Scene, quality: Quality):
     """
     kernels: set[str] = set()
     steps = whole_steps(steps, scene)
-    first_ever = compiled(quality.backend) and nothing_compiled_yet()
+    first_ever = compiled() and nothing_compiled_yet()
     steps = within(steps, lambda: NotingKernels(kernels))
     if first_ever:
         steps = mapped(steps, _say_compiling)

@@ -27,7 +27,7 @@ def trace(
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
     results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
     arguments = (voxels, rays, lookup, matt, gloss, slabs, least)
-    if not compiled(quality.backend):
+    if not compiled():
         trace_rays_numpy(*arguments, results)
         return out, half
     cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))

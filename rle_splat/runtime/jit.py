@@ -26,8 +26,9 @@ from .called_kernels import NotingKernels
 
 __all__ = [
     "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "NotingKernels", "available_threads",
-    "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "note_loaded", "nothing_compiled_yet", "numba",
-    "parallel_call", "prange", "read_only", "thread_count", "while_compiling",
+    "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "need_kernels", "note_loaded",
+    "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "thread_count", "use_reference",
+    "while_compiling",
 ]  # fmt: skip
 
 NUMBA_PROBLEM = ""  # why numba cannot be used at all, for people
@@ -167,25 +168,41 @@ def read_only(array):
 prange = range if numba is None else numba.prange
 
 
-def compiled(backend: str = "auto") -> bool:
-    """Whether kernels do the work (True) or the reference implementations in numpy (False).
+# Whether kernels do the work of the current thread; the only place where this is decided.
+_COMPILED: ContextVar[bool] = ContextVar("compiled", default=numba is not None)
+
+
+def compiled() -> bool:
+    """Whether kernels do the work (True), or the reference implementations in numpy, as where numba is missing."""
+    return _COMPILED.get()
+
+
+@contextmanager
+def use_reference(wanted: bool = True):
+    """Let the reference implementations in numpy do the work of this thread inside the block; for tests.
 
     Parameters
     ----------
-    backend : {"auto", "numba", "numpy"}
+    wanted : bool
+        False changes nothing, so that one loop can go through both ways.
 
-    Raises
-    ------
-    RleSplatError
-        When ``backend`` is "numba" and numba cannot be loaded.
+    Notes
+    -----
+    What counts is where work runs, not where it begins: a generator that is made in the block and drained after it
+    runs kernels, and each of its steps may differ.  The block must not contain a ``yield``: code of others would run
+    in it.  Results of both ways must not share a StageCache, whose keys do not tell them apart.
     """
-    if backend == "numpy":
-        return False
-    if numba is None and backend == "numba":
-        raise RleSplatError(
-            f"numba cannot be loaded ({NUMBA_PROBLEM}); install numba 0.68 or choose the numpy backend."
-        )
-    return numba is not None
+    before = _COMPILED.set(_COMPILED.get() and not wanted)
+    try:
+        yield
+    finally:
+        _COMPILED.reset(before)
+
+
+def need_kernels(what: str) -> None:
+    """Raise RleSplatError where no kernels run; ``what``: the subject of the sentence, which has no reference."""
+    if not compiled():
+        raise RleSplatError(f"{what} needs numba, which cannot be loaded ({NUMBA_PROBLEM}); install numba 0.68.")
 
 
 def available_threads() -> int:

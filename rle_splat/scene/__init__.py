@@ -13,7 +13,6 @@ from .further_volumes import Channel, Labels
 from .light import LIGHT_TYPES, Light
 from .mist import MIST_FALLOFFS, Mist
 from .quality import (
-    BACKENDS,
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
     DEFAULT_QUALITY,
@@ -31,6 +30,7 @@ from .quality import (
     PRESET_KNOBS,
     QUALITY_PRESETS,
     RECORDS,
+    REMOVED_BACKEND,
     REMOVED_VALUES,
     SCALAR_DEPTH_RULES,
     WARP_FILTERS,
@@ -45,7 +45,6 @@ from .quality import (
 from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
 
 __all__ = [
-    "BACKENDS",
     "CLASSIFICATIONS",
     "CLIP_KINDS",
     "DEFAULT_CLASSIFICATION",
@@ -71,6 +70,7 @@ __all__ = [
     "PRESET_KNOBS",
     "QUALITY_PRESETS",
     "RECORDS",
+    "REMOVED_BACKEND",
     "REMOVED_VALUES",
     "SCALAR_DEPTH_RULES",
     "SENSOR_FITS",

@@ -40,10 +40,10 @@ CLASSIFICATIONS = ("pre", "post")
 DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
-REMOVED_VALUES = {
-    "classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8},
-}
-REMOVED_FIELDS = ("refinement",)  # fields of earlier versions, which are left out without a word
+REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8}}
+REMOVED_FIELDS = ("refinement", "backend")  # fields of earlier versions, which are left out without a word
+# Of the option and the setting "backend": the rest of a sentence for who gives them.
+REMOVED_BACKEND = "was removed; numba is used where it can be loaded, and numpy elsewhere"
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
 MOST_MIDPOINTS = 64
@@ -59,7 +59,6 @@ MINIFICATIONS = ("off", "widen")
 WARP_FILTERS = ("bilinear", "keys", "cubic")
 MODELS = ("extinction", "opacity")
 RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
-BACKENDS = ("auto", "numba", "numpy")
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and color: before or after interpolation",
@@ -76,7 +75,6 @@ KNOB_TEXTS = {
     "slower and exact; at most a quarter of large pictures; 0 for no rays; post only",
     "model": "what overlapping footprints add up; post supports extinction only",
     "record": "bytes of a voxel record in the run-length tables; smaller records save memory and lose accuracy",
-    "backend": "what runs the inner loops",
 }
 
 
@@ -205,8 +203,8 @@ class Quality:
         Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
     threads : int
         Number of threads; 0 for one per core.
-    backend : {"auto", "numba", "numpy"}
-        What runs the inner loops.
+    backend : str, optional
+        Of earlier versions; without effect, with a warning.
     name : str
         Name of the preset, for reports.
     held : bool
@@ -241,11 +239,13 @@ class Quality:
     length_correction: bool = True
     record: int = 16
     threads: int = 0
-    backend: str = "auto"
+    backend: InitVar[object] = None
     name: str = DEFAULT_QUALITY
     held: bool = False
 
-    def __post_init__(self, refinement):
+    def __post_init__(self, refinement, backend):
+        if backend is not None:
+            warnings.warn(f"The setting backend {REMOVED_BACKEND}.", FutureWarning, stacklevel=3)
         knobs, sentences = without_removed(vars(self))
         for sentence in sentences:
             warnings.warn(sentence, FutureWarning, stacklevel=3)
@@ -260,7 +260,6 @@ class Quality:
             (self.minification, MINIFICATIONS, "minification"),
             (self.warp_filter, WARP_FILTERS, "warp filter"),
             (self.model, MODELS, "model"),
-            (self.backend, BACKENDS, "backend"),
         ):
             if value not in allowed:
                 raise RleSplatError(f"There is no {what} called {value!r}; choose {' or '.join(allowed)}.")

@@ -27,9 +27,7 @@ T1, T2, T3, T4, T5, T6 = TERMS
 _ZERO, _ONE, _HALF, _FULL = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(FULL)
 
 
-def sweep_light(
-    sweep: Sweep, tables, starts, extinction, meshes, codes, *, backend: str = "auto", threads: int = 0
-) -> None:
+def sweep_light(sweep: Sweep, tables, starts, extinction, meshes, codes, *, threads: int = 0) -> None:
     """Write the transmittance from a light to the voxels that a sweep lights; other voxels are not changed.
 
     Parameters
@@ -45,13 +43,12 @@ def sweep_light(
         Distances in slices from the sweep's first slice to the first mesh, ascending, on the rays of each sheet pixel.
     codes : (m,) ndarray of uint16
         Output: FULL times the transmittance, rounded.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
     """
     geometry = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
     arrays = (tables.scanline_pointers, tables.runs, starts, extinction)
-    if not compiled(backend):
+    if not compiled():
         _sweep_numpy(sweep, tables, starts, extinction, meshes, codes)
         return
     held = tuple(read_only(array) for array in arrays)

@@ -145,14 +145,13 @@ def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
     return NormalLight(falling, bounds.channels, bounds.most_light, bounds.most_highlight)
 
 
-def coded_normals(normals: np.ndarray, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+def coded_normals(normals: np.ndarray, *, threads: int = 0) -> np.ndarray:
     """Code unit normals.
 
     Parameters
     ----------
     normals : (m, 3) ndarray of float32
         As of ``shading.normals``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -162,7 +161,7 @@ def coded_normals(normals: np.ndarray, *, backend: str = "auto", threads: int = 
         See ``Lamps``.
     """
     codes = empty((3, len(normals)), np.int16)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _code(components(normals), codes)
     else:

@@ -38,7 +38,7 @@ DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}
 _ZERO = np.float32(0.0)
 
 
-def normals(classified, volume, index_to_world, *, backend: str = "auto", threads: int = 0) -> np.ndarray:
+def normals(classified, volume, index_to_world, *, threads: int = 0) -> np.ndarray:
     """Unit normals of visible voxels.
 
     Parameters
@@ -46,7 +46,6 @@ def normals(classified, volume, index_to_world, *, backend: str = "auto", thread
     classified : ClassifiedVolume or VisibleVoxels
     volume : Volume
     index_to_world : (4, 4) array_like
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -55,9 +54,7 @@ def normals(classified, volume, index_to_world, *, backend: str = "auto", thread
     (m, 3) ndarray of float32
         World; (0, 0, 0) where the gradient is below the noise floor.
     """
-    return unit_normals(
-        volume, classified.row_start, classified.column, index_to_world, backend=backend, threads=threads
-    )
+    return unit_normals(volume, classified.row_start, classified.column, index_to_world, threads=threads)
 
 
 def components(normals: np.ndarray) -> np.ndarray:
@@ -66,8 +63,7 @@ def components(normals: np.ndarray) -> np.ndarray:
 
 
 def shade(
-    classified, normals, index_to_world, shading, lights=(), *,
-    headlight_direction=None, eye=None, backend: str = "auto", threads: int = 0,
+    classified, normals, index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, threads: int = 0
 ) -> np.ndarray:
     """Shaded colors of visible voxels.
 
@@ -81,7 +77,6 @@ def shade(
     lights : sequence of Light
     headlight_direction, eye
         As in ``lighting``.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -98,18 +93,16 @@ def shade(
     voxel without normal is reduced by the share of all light that arrives.
     """
     falling = lighting(index_to_world, shading, lights, headlight_direction=headlight_direction, eye=eye)
-    return shaded_colors(classified, normals, falling, backend=backend, threads=threads)
+    return shaded_colors(classified, normals, falling, threads=threads)
 
 
-def shaded_colors(
-    classified, normals, falling: Lighting | None, *, backend: str = "auto", threads: int = 0
-) -> np.ndarray:
+def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int = 0) -> np.ndarray:
     """As ``shade``, under a Lighting; with None the voxels' own colors."""
     if falling is None:
         return classified.color
     records = np.empty((classified.visible_voxels, 4), dtype=np.float32)
     everywhere = RecordPositions.in_order(classified.voxels, 0, classified.shape_xyz[2])
-    light_records(classified, normals, falling, None, everywhere, records, backend=backend, threads=threads)
+    light_records(classified, normals, falling, None, everywhere, records, threads=threads)
     return read_only(np.ascontiguousarray(records[:, :3]))
 
 
@@ -131,7 +124,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 
 def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
-    records, *, backend: str = "auto", threads: int = 0,
+    records, *, threads: int = 0,
 ) -> float:
     """Shade voxels and write their records.
 
@@ -147,7 +140,6 @@ def light_records(
         The voxels, and the positions of their records.
     records : (n, 4) ndarray of float32
         Output.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -168,7 +160,7 @@ def light_records(
         properties[:, density] = 1.0
     row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
     seen = (row_of, read_only(properties), density)
-    if not compiled(backend):
+    if not compiled():
         _write_numpy(positions, *seen, normals, falling, records, most)
     else:
         light = (None, None, None, None)

@@ -70,9 +70,7 @@ def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
     return replace(light, codes=np.concatenate((light.codes, codes), axis=1))
 
 
-def voxel_light(
-    voxels: VisibleVoxels, normals, falling: Lighting, *, backend: str = "auto", threads: int = 0
-) -> VoxelLight:
+def voxel_light(voxels: VisibleVoxels, normals, falling: Lighting, *, threads: int = 0) -> VoxelLight:
     """Light on voxels.
 
     Parameters
@@ -81,7 +79,6 @@ def voxel_light(
     normals : (m, 3) ndarray of float32
         A voxel without normal has light 1, or what shadows leave of it, and highlight 0.
     falling : Lighting
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -99,7 +96,7 @@ def voxel_light(
     scale = 2.0 ** math.ceil(math.log2(brightest))
     codes = empty((len(voxels), bounds.channels), np.uint16)
     _, ny, nz = voxels.shape_xyz
-    if compiled(backend):
+    if compiled():
         near = falling.near
         light = (components(normals), falling.material, None if near else falling.rays(), near)
         rows = (ny, read_only(voxels.row_start), read_only(voxels.column))

@@ -112,7 +112,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist_rays(plane, mist))
-    if not compiled(quality.backend):
+    if not compiled():
         yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
         return image
     workers = thread_count(quality.threads)

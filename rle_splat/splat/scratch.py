@@ -225,7 +225,7 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, 
     Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``shortened``:
     whether rays have intervals.
     """
-    if not compiled(quality.backend):
+    if not compiled():
         return 0
     group = GROUP if scalars and not shortened and worth_grouping(plane.sheets) else 1
     sizes = _sizes(

@@ -41,7 +41,7 @@ def splat_steps(
     Deterministic: the same bits for any number of threads.
     """
     voxels, decoding = encoded.voxel_data, encoded.decoding
-    if not compiled(quality.backend):
+    if not compiled():
         voxels, decoding = encoded.decoded(), None
     tables = Tables(
         encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs,
@@ -56,7 +56,7 @@ def splat_steps(
     # Opacities are taken as they are added only where every sheet stands for one voxel of depth.
     as_added = not quality.length_correction and intervals is None and bool((plane.sheets.thickness == 1.0).all())
     model = (least, None if quality.model == "extinction" else as_added)
-    if not compiled(quality.backend):
+    if not compiled():
         yield from splat_sheets_numpy(tables, sheets, rays, wide, *model, around, *image.arrays)
         return image
     workers = thread_count(quality.threads)

@@ -33,9 +33,7 @@ class Cuts:
     holes: tuple = ()
 
 
-def clip_intervals(
-    plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = None, backend: str = "auto", threads: int = 0
-) -> np.ndarray:
+def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = None, threads: int = 0) -> np.ndarray:
     """Shorten ray intervals to what clip objects leave.
 
     Parameters
@@ -44,7 +42,6 @@ def clip_intervals(
     cuts : Cuts
     intervals : (2, H, W) ndarray of float32 or None
         Ray intervals as of ``ray_intervals``; None for whole rays.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -60,7 +57,7 @@ def clip_intervals(
         intervals[0], intervals[1] = -MOST, MOST
     sides, bodies = np.concatenate((cuts.kept, *cuts.holes)), np.cumsum((len(cuts.kept), *map(len, cuts.holes)))
     crossings = _crossings(plane, sides)
-    if not compiled(backend):
+    if not compiled():
         return _clip_numpy(crossings, bodies, intervals)
     found = np.empty((2 * len(bodies), *intervals.shape[1:]), np.float32)
     has_hole = np.zeros((plane.height, len(bodies)), np.bool_)

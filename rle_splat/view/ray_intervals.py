@@ -40,7 +40,7 @@ def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, 
 
 def ray_intervals(
     plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0), *,
-    backend: str = "auto", threads: int = 0,
+    threads: int = 0,
 ) -> np.ndarray:
     """Ray intervals of the sheet pixels of a plane.
 
@@ -53,7 +53,6 @@ def ray_intervals(
         Planar depth at which each pixel's ray meets a mesh, inf for none. Must cover ``pixels_read(plane)``.
     first_pixel : (column, row)
         Pixel of the picture at which ``layer`` begins.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -66,7 +65,7 @@ def ray_intervals(
     intervals = np.empty((2, plane.height, plane.width), np.float32)
     if layer is not None:
         layer = read_only(np.ascontiguousarray(layer, np.float32))
-    if compiled(backend):
+    if compiled():
         picture = plane.view.width - 1.0, plane.view.height - 1.0
         arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, intervals)
         with parallel_call(threads):

@@ -79,13 +79,12 @@ def slabs(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, multi
         yield first, min(first + planes, n_planes)
 
 
-def block_steps(volume, *, backend: str = "auto", threads: int = 0):
+def block_steps(volume, *, threads: int = 0):
     """Compute the blocks of a volume. Reads every voxel once.
 
     Parameters
     ----------
     volume : Volume
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -110,7 +109,7 @@ def block_steps(volume, *, backend: str = "auto", threads: int = 0):
         yield first / nz
         part = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         arguments = (voxels[first:last], most, least, low[part], high[part], nan_voxels[part])
-        if compiled(backend):
+        if compiled():
             with parallel_call(threads):
                 _extremes(*arguments)
         else:

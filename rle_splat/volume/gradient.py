@@ -26,9 +26,7 @@ GAP = 64  # columns: hidden voxels between visible ones up to this width are com
 AT_ONCE = 16  # columns tested together
 
 
-def unit_normals(
-    volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, backend: str = "auto", threads: int = 0
-) -> np.ndarray:
+def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0) -> np.ndarray:
     """Unit normals of selected voxels, in world space.
 
     Parameters
@@ -40,7 +38,6 @@ def unit_normals(
         x of the selected voxels.
     index_to_world : (4, 4) array_like
         Voxel index (x, y, z) to world; any invertible affine.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -61,7 +58,7 @@ def unit_normals(
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
     normals = empty((3, len(column)), np.float32)  # one component after another, for SIMD
     lists = (read_only(row_start), read_only(column))
-    if compiled(backend):
+    if compiled():
         covector = tuple(covector.ravel().tolist())
         with parallel_call(threads):
             if is_integer:

@@ -13,9 +13,7 @@ from ..runtime.parallel import share_out
 from .gradient import CHUNK, central_numpy
 
 
-def gradient_sizes(
-    volume, row_start: np.ndarray, column: np.ndarray, *, backend: str = "auto", threads: int = 0
-) -> np.ndarray:
+def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads: int = 0) -> np.ndarray:
     """Gradient magnitude of selected voxels.
 
     Parameters
@@ -25,7 +23,6 @@ def gradient_sizes(
         First entry of ``column`` of each row of voxels along x.
     column : (m,) ndarray of integers
         x of the selected voxels.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -36,7 +33,7 @@ def gradient_sizes(
     """
     covector = np.linalg.inv(np.asarray(volume.affine, np.float64)[:3, :3]).T * volume.slope
     voxels, sizes = read_only(np.asarray(volume.voxels)), np.empty(len(column), np.float32)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _measure(voxels, read_only(row_start), read_only(column), tuple(covector.ravel().tolist()), sizes)
         return sizes

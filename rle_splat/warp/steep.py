@@ -28,7 +28,7 @@ def most_in_tile(width: int, height: int, threshold: float) -> int:
 
 
 def steep_pixels(
-    rgba: np.ndarray, threshold: float, most: int = TILE**2, first_pixel=(0, 0), backend: str = "auto", threads: int = 0
+    rgba: np.ndarray, threshold: float, most: int = TILE**2, first_pixel=(0, 0), threads: int = 0
 ) -> np.ndarray:
     """Find the steep pixels of a picture.
 
@@ -42,7 +42,6 @@ def steep_pixels(
     first_pixel : (column, row)
         Number of the first pixel in the frame. In a tile of which the picture has only a part, the result may differ
         from that of the whole frame.
-    backend : {"auto", "numba", "numpy"}
     threads : int
         0 for one per core.
 
@@ -51,7 +50,7 @@ def steep_pixels(
     (H, W) ndarray of bool
     """
     spread = np.empty(rgba.shape[:2], np.float32)
-    if compiled(backend):
+    if compiled():
         with parallel_call(threads):
             _spread(rgba.reshape(len(rgba), -1), spread)
     else:

@@ -55,7 +55,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
     rgba = np.empty((bottom - top, right - left, 4), np.float32)
     depth = np.empty((bottom - top, right - left), np.float32)
     name = quality.warp_filter
-    with_kernels, prefiltered = compiled(quality.backend), is_prefiltered(name)
+    with_kernels, prefiltered = compiled(), is_prefiltered(name)
     # Pixels farther than this from everything that an image holds are transparent and are skipped.
     reach = TAPS + 1 + MARGIN * prefiltered
     parts = [(image, image.filled_part(reach)) for image in images]
@@ -98,7 +98,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
 def _coefficients(pixels, rows: slice, columns: slice, quality: Quality):
     """Spline coefficients of color and alpha, of a part of an image."""
     coefficients = empty((rows.stop - rows.start, columns.stop - columns.start, 4), np.float32)
-    if compiled(quality.backend):
+    if compiled():
         spline_coefficients(pixels, rows, columns, coefficients, quality.threads)
     else:
         spline_coefficients_numpy(pixels, rows, columns, coefficients)

@@ -13,7 +13,9 @@ from rle_splat.classify.presets import fit_preset
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
 
-OPTIONS = SimpleNamespace(size=32, probes=60, repeats=1, threads=1, backend="numpy")  # no kernels to compile
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
+OPTIONS = SimpleNamespace(size=32, probes=60, repeats=1, threads=1)  # no kernels to compile
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +106,7 @@ def test_a_narrow_transfer_function_is_what_pre_is_worst_at(subject):
     low, high = subject.volume.value_range
     band = [value for value, alpha in hard.function.opacity]
     assert 0.0 < band[-1] - band[0] < 0.03 * (high - low)
-    plans = [Quality(name="only", classification="pre", backend="numpy")]
+    plans = [Quality(name="only", classification="pre")]
     soft, narrow = (
         drain(sweep_steps(s.scene(32, False), plans, plans[0], probes=60, repeats=1)).plan("only")["as_ray_caster"]
         for s in (subject, hard)

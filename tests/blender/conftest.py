@@ -102,6 +102,13 @@ def grids_in_cycles(tmp_path_factory):
         grids.needs_any_grid(tmp_path_factory.mktemp("grids"))
 
 
+@pytest.fixture(scope="module")
+def by_numpy(installed):
+    """Let the numpy reference of the installed add-on do the work of a whole module: no kernels to compile."""
+    with import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference():
+        yield
+
+
 @pytest.fixture
 def classified_first(addon):
     """The scene's classification is the paper's, for tests whose closed forms have its ramps over the face voxels."""

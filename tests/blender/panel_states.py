@@ -25,7 +25,6 @@ def add_volume(folder, name="scan"):
     voxels = np.clip(255.0 - 62.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
     owner = scenes.import_raw(folder, voxels, name=name)
     scene = bpy.context.scene
-    scene.rle_splat.backend = "numpy"
     scene.render.resolution_x, scene.render.resolution_y = 48, 36
     if scene.camera is None:
         middle = (SIDE - 1) / 2

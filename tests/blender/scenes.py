@@ -181,12 +181,12 @@ def load_color(folder, color, alpha=0.3, **transfer):
 def cube_scene(folder, size=(24, 24), **cube):
     """A cube as ``add_cube`` makes it in Cycles, seen from above, a world unit of two pixels; returns its object.
 
-    Its pictures are made by numpy: they are small, and no kernel is to be compiled for each way to edit a scene.
+    Its pictures are small: modules that use it are marked with the fixture ``by_numpy``, so that no kernel is compiled.
     """
     scene = use_cycles(size)
     owner = add_cube(folder, **cube)
     add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=12.0)
-    scene.rle_splat.quality, scene.rle_splat.backend = "standard", "numpy"
+    scene.rle_splat.quality = "standard"
     return owner
 
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = (24, 20)
 
 
@@ -23,7 +25,6 @@ def volume(bridge, core, tmp_path):
         ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))
     scenes.add_camera((3.5, -5.5, 15.0), (0.6, 0.0, 0.0))
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = SIZE
-    bpy.context.scene.rle_splat.backend = "numpy"  # no kernels to compile for each of a dozen plans
     return owner
 
 

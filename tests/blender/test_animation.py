@@ -9,7 +9,7 @@ import pytest
 
 from tests.blender import scenes
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 N = 9
 ALPHA = 0.1
@@ -24,7 +24,7 @@ def volume(bridge, core, tmp_path):
     scene = scenes.use_cycles((32, 32))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=32.0)
-    scene.rle_splat.quality, scene.rle_splat.backend = "fine", "numpy"  # no kernels to compile for a small scene
+    scene.rle_splat.quality = "fine"
     return owner
 
 
@@ -89,7 +89,7 @@ def test_an_animated_transfer_function(volume, tmp_path):
 
 def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
-    settings.classification, settings.backend = "post", "numpy"
+    settings.classification = "post"
     bpy.ops.rle_splat.composite()
     key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.2))
     animated(tmp_path)

@@ -164,11 +164,11 @@ def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
     assert "libegl1" in refusal("composite")
 
 
-def test_numba_asked_for_and_missing(volume, core, monkeypatch):
-    scenes.add_camera((4.0, 4.0, 30.0))
-    monkeypatch.setattr(core("runtime.jit"), "numba", None)
-    bpy.context.scene.rle_splat.backend = "numba"
-    assert "numba cannot be loaded" in refusal("render_image")
+def test_the_removed_backend_is_accepted_and_a_sentence_says_so(volume):
+    settings = bpy.context.scene.rle_splat
+    settings.backend = "numpy"
+    assert settings.message.startswith("The setting backend was removed; numba is used")
+    assert settings.backend == "auto"
 
 
 def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
@@ -176,10 +176,10 @@ def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
     scenes.add_camera((4.0, 4.0, 30.0))
     bpy.ops.rle_splat.render_image()
     compiled = scenes.image_pixels(bpy.context.scene.rle_splat.image)
-    monkeypatch.setattr(core("runtime.jit"), "numba", None)
     for module in ("runtime.jit", "pipeline.report"):
         monkeypatch.setattr(core(module), "NUMBA_PROBLEM", "ImportError: no numba here")
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    with core("runtime.jit").use_reference():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings = bpy.context.scene.rle_splat
     for shown in (settings.last_report, settings.last_report_json):
         assert "without compiled kernels (ImportError: no numba here)" in shown

@@ -7,6 +7,8 @@ from mathutils import Matrix
 
 from tests.blender.scenes import add_camera, add_white_floor, import_raw, load_color, picture_of, rendered, use_cycles
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = 24
 BALL = np.clip(
     250.0 - 35.0 * np.sqrt(sum((axis - 6.0) ** 2 for axis in np.mgrid[:13, :13, :13])), 0.0, 255.0
@@ -24,7 +26,7 @@ def ball(addon, tmp_path):
         scene.cycles.volume_biased = True  # otherwise Cycles takes seconds to begin
     owner = import_raw(tmp_path, BALL)
     load_color(tmp_path, COLOR, alpha=0.15)
-    scene.rle_splat.quality, scene.rle_splat.backend, scene.rle_splat.classification = "fine", "numpy", "pre"
+    scene.rle_splat.quality, scene.rle_splat.classification = "fine", "pre"
     add_camera((6.0, 6.0, 40.0), type="ORTHO", ortho_scale=18.0)
     return owner
 

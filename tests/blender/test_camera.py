@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from tests.blender import scenes
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 SIZES = ((64, 48), (48, 64))
 ASPECTS = ((1.0, 1.0), (2.0, 1.0), (1.0, 1.5))
@@ -101,7 +101,6 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
     spacing = 0.07
     owner = scenes.import_raw(tmp_path, voxels, (spacing,) * 3)
     owner.location = place - 2.0 * spacing
-    bpy.context.scene.rle_splat.backend = "numpy"  # one voxel, for which no kernel is to be compiled
     scenes.give_transfer(
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))

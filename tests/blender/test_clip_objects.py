@@ -9,6 +9,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 N, ALPHA, VIEW = 9, 0.08, 12.0
 
 
@@ -23,7 +25,7 @@ def settings(bridge, core, tmp_path):
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
     settings = bpy.context.scene.rle_splat
-    settings.quality, settings.backend = "fine", "numpy"  # a small scene, for which no kernel is to be compiled
+    settings.quality = "fine"
     return settings
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from tests.blender import scenes
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 N = 9
 ALPHA = 0.08  # per world unit
@@ -35,7 +35,7 @@ def volume(bridge, core, tmp_path):
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=VIEW)
     settings = bpy.context.scene.rle_splat
-    settings.quality, settings.backend = "fine", "numpy"  # a small scene, for which no kernel is to be compiled
+    settings.quality = "fine"
     return owner
 
 

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+import pytest
 
 from tests.blender import scenes
+
+pytestmark = pytest.mark.usefixtures("by_numpy")
 
 PAGES = Path(__file__).resolve().parents[2] / "docs/how-to"
 
@@ -51,7 +54,7 @@ def test_the_camera_path_of_a_scene_shows_it_on_the_command_line(tmp_path, core,
     assert "scene scale: 1.0" in capsys.readouterr().out
     done = core("cli.main").main([
         "render", str(tmp_path / "scan.raw"), "--shape", "7", "7", "7", "--dtype", "uint8", "--size", "24",
-        "-o", str(tmp_path / "a.npy"), "--backend", "numpy", "--camera-path", str(tmp_path / "cameras.json"),
+        "-o", str(tmp_path / "a.npy"), "--camera-path", str(tmp_path / "cameras.json"),
         "--volume-matrix", str(tmp_path / "volume.json"), "--transfer-function", str(tmp_path / "one_color.json"),
     ])  # fmt: skip
     assert done == 0, capsys.readouterr().err

@@ -13,6 +13,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 KINDS = ("file", "pre", "post")
 SIDE = 12  # voxels
 NOBODY = 65534  # a user without rights
@@ -34,7 +36,7 @@ def scan(bridge, core, tmp_path):
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
     settings = scene.rle_splat
-    settings.backend, settings.quality = "numpy", "custom"
+    settings.quality = "custom"
     settings.classification, settings.rays, settings.depth_rule = "post", 0.0, "preintegrated"
     return owner
 
@@ -46,7 +48,7 @@ def encode(scan, bridge, core, tmp_path):
     def made(kind):
         plain, quality = bridge("render_scene").read_scene(
             scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-        quality = core("scene").Quality(classification="post" if kind == "post" else "pre", backend="numpy")
+        quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
             core("encode.store").save(path, core("pipeline.encode_scene").encode_scene(plain, quality))

@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 N, ALPHA = 9, 0.2
 COLOR = (0.9, 0.5, 0.2)
 
@@ -20,7 +22,6 @@ def owner(bridge, core, tmp_path):
         bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
-    bpy.context.scene.rle_splat.backend = "numpy"  # small pictures, for which no kernel is to be compiled
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
     labels = np.zeros((N, N, N), np.uint8)

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = 48, 40
 SIDE = 8  # voxels
 
@@ -54,7 +56,7 @@ def contents(live, core):
     plain = scene.Scene(volume, transfer, scene.Camera(), 1, 1, placed, headlight=False)
     half = 0.5 * SIDE
     corners = np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)])
-    return live.frames.Contents(plain, scene.Quality(backend="numpy"), "first", corners)
+    return live.frames.Contents(plain, scene.Quality(), "first", corners)
 
 
 def request_of(live, distance=30.0, volumes=("one",), **more):

@@ -22,6 +22,8 @@ from tests.blender.scenes import (
     use_cycles,
 )
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = 32  # pixels along each side of a picture, and world units that it shows
 LEFT, TOP = -19.0, 22.5  # world coordinates of its corner
 ALPHA, THICK = 0.2, 4  # opacity of a voxel of the slab, and how many it is thick
@@ -60,7 +62,7 @@ def slab(grids_in_cycles, addon, tmp_path):
     owner = import_raw(tmp_path, voxels)
     load_color(tmp_path, COLOR, alpha=ALPHA)
     owner.location = (0.0, 0.0, 14.0)
-    scene.rle_splat.quality, scene.rle_splat.backend = "standard", "numpy"
+    scene.rle_splat.quality = "standard"
     add_white_floor(60.0)
     add_sun()
     add_camera((LEFT + SIZE / 2, TOP - SIZE / 2, 60.0), type="ORTHO", ortho_scale=float(SIZE))
@@ -385,7 +387,6 @@ def test_a_linked_volume_casts_its_shadow_and_a_linked_scene_says_why_not(cube, 
     use_cycles((4, 4))
     march_volumes()
     bpy.context.scene.rle_splat.scene_scale = 1.0
-    bpy.context.scene.rle_splat.backend = "numpy"
     add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.view_layer.objects.active = into.objects[0]
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}

@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender.scenes import add_camera, gray_world, image_pixels, import_raw
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = 24
 BALL = np.clip(
     250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
@@ -17,7 +19,6 @@ BALL = np.clip(
 @pytest.fixture
 def volume(addon, tmp_path):
     found = import_raw(tmp_path, BALL)
-    bpy.context.scene.rle_splat.backend = "numpy"  # each mode would take a quarter of a minute to compile
     add_camera(location=(0.0, 0.0, 40.0))
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = SIZE

@@ -13,16 +13,17 @@ import pytest
 from tests.blender import layout_recorder, scenes
 from tests.blender.real_blender import MODULE
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 N = 9
 
 
 @pytest.fixture
 def owner(addon, tmp_path):
-    """A volume whose values grow from 0 to 200 along x, seen from above; pictures are made by numpy."""
+    """A volume whose values grow from 0 to 200 along x, seen from above."""
     voxels = np.broadcast_to(np.linspace(0.0, 200.0, N).astype(np.uint8), (N, N, N)).copy()
     found = scenes.import_raw(tmp_path, voxels)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=N - 1.0)
-    bpy.context.scene.rle_splat.backend = "numpy"
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 32
     return found

@@ -21,6 +21,8 @@ from tests.blender.broken_panels import BROKEN, broken_panel
 from tests.blender.panel_states import SENTENCE, STATES
 from tests.blender.real_blender import MODULE
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "

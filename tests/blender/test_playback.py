@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 N = 7
 ALPHAS = (0.05, 0.1, 0.2, 0.4)
 
@@ -24,7 +26,7 @@ def sequence(tmp_path):
 def owner(sequence, bridge, core):
     """The sequence imported, its values shown with the opacities ALPHAS."""
     scene = scenes.use_cycles((16, 16))
-    scene.rle_splat.scene_scale, scene.rle_splat.classification, scene.rle_splat.backend = 1.0, "pre", "numpy"
+    scene.rle_splat.scene_scale, scene.rle_splat.classification = 1.0, "pre"
     scene.rle_splat.quality = "fine"
     assert bpy.ops.rle_splat.import_volume(
         filepath=str(sequence), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1), use_sequence=True) == {"FINISHED"}

@@ -13,7 +13,7 @@ import pytest
 from tests.blender import scenes
 from tests.blender.conftest import MODULE
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 N, SIZE, VIEW = 9, 24, 12.0
 RED, BLUE = (0.9, 0.3, 0.1), (0.1, 0.4, 0.8)
@@ -35,7 +35,7 @@ def cubes(bridge, core, tmp_path):
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 40.0), type="ORTHO", ortho_scale=VIEW)
     settings = bpy.context.scene.rle_splat
-    settings.quality, settings.backend = "fine", "numpy"  # a small scene, for which no kernel is to be compiled
+    settings.quality = "fine"
     bpy.context.view_layer.objects.active = found["red"]
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     return found

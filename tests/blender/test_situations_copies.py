@@ -6,6 +6,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 
 def own_pictures(first, copy, camera):
     """The copy, moved up, gets images of its own; the first's picture and followed backdrop stay the first's."""

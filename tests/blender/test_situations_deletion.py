@@ -6,6 +6,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 
 def delete(*objects):
     """X in the 3D view, and what Blender does after it."""

@@ -6,6 +6,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIMPLE = {"BOOLEAN", "INT", "FLOAT", "STRING", "ENUM"}
 
 

@@ -10,6 +10,8 @@ import pytest
 from tests.blender import scenes
 from tests.blender.test_animation import animated
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 PICTURES = ("render_image", "set_backdrop", "shadow_pass", "measure_accuracy", "error_map")
 
 

@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 DATA = Path(__file__).resolve().parent / "data"
 LONG = "sub-01_ses-02_acq-highres_run-01_desc-prep_"  # what T1w and T2w of one session agree in
 

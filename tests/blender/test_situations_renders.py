@@ -11,6 +11,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 MIDDLE = 1.0 - 0.7**6  # opacity of six units of the cube
 
 

@@ -7,6 +7,8 @@ import pytest
 from tests.blender import scenes
 from tests.blender.test_panels import draw_all, texts
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 OUT_OF_DATE = "out of date"
 
 

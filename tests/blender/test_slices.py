@@ -8,6 +8,8 @@ from mathutils import Vector
 from tests.blender import scenes
 from tests.blender.test_messages import delete_as_a_user
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 NX, NY, NZ = 9, 8, 7
 LOW, HIGH = 20.0, 220.0
 KINDS = {"axial": 2, "coronal": 1, "sagittal": 0}

@@ -113,7 +113,7 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     said, gray = drawn()
     assert said == "Pictures with a Maximum Error have no shadows."
     assert gray >= {*planned, "use_shadows", "ambient_occlusion"}
-    assert not gray & {"threads", "backend", "classification"}
+    assert not gray & {"threads", "classification"}
     settings.quality = "fine"
     assert "quality" in drawn()[1]
     settings.use_shadows = False

@@ -11,6 +11,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch, core):
@@ -22,15 +24,15 @@ def cache(tmp_path, monkeypatch, core):
 
 @pytest.fixture
 def thumbnails(bridge, monkeypatch, core):
-    """The module, with thumbnails made by numpy, so that no kernel is compiled; forgets everything."""
+    """The module, which counts the thumbnails that it makes; forgets everything."""
     module, picture = bridge("thumbnails"), core("pipeline.thumbnail")
     made = []
 
-    def by_numpy(*arguments):
+    def counted(*arguments):
         made.append(arguments)
-        return picture.thumbnail_steps(*arguments, backend="numpy")
+        return picture.thumbnail_steps(*arguments)
 
-    monkeypatch.setattr(module, "thumbnail_steps", by_numpy)
+    monkeypatch.setattr(module, "thumbnail_steps", counted)
     module.stop()
     module.rendered = made
     yield module

@@ -14,6 +14,8 @@ from mathutils import Matrix
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 FRAMES = 4
 
 

@@ -6,6 +6,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 WIDTH, HEIGHT = 64, 32
 BALL = np.clip(250.0 - 25.0 * np.sqrt(sum((axis - 7.0) ** 2 for axis in np.mgrid[:15, :15, :15])), 0.0, 255.0).astype(
     np.uint8
@@ -21,7 +23,6 @@ def ball(addon, tmp_path):
     scene = bpy.context.scene
     scene.render.resolution_x = scene.render.resolution_y = 32
     scene.render.resolution_percentage = 100
-    scene.rle_splat.backend = "numpy"  # no kernels to compile for a small ball
     scene.rle_splat.quality = "strict"  # what is tested is the light, not the edge of the ball
     return found
 

@@ -20,6 +20,7 @@ from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
+    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -38,7 +39,8 @@ MIDDLE = np.full(3, 0.5 * (N - 1))
 def set_up():
     yield from new_file()
     scene = bpy.context.scene
-    scene.view_settings.view_transform, scene.rle_splat.backend = "Standard", "numpy"
+    by_numpy()
+    scene.view_settings.view_transform = "Standard"
     with in_the_view():
         volume = import_cube(FOLDER)
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")

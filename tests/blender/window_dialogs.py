@@ -19,6 +19,7 @@ from tests.blender.panel_states import add_volume
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
+    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -131,7 +132,7 @@ def write_encoded() -> None:
     owner = add_volume(FOLDER)
     plain, _ = module("bridge.render_scene").read_scene(
         owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    quality = module("rle_splat.scene").Quality(classification="pre", backend="numpy")
+    quality = module("rle_splat.scene").Quality(classification="pre")
     file, header = ENCODED
     module("rle_splat.encode.store").save(
         FOLDER / file, module("rle_splat.pipeline.encode_scene").encode_scene(plain, quality))
@@ -290,6 +291,7 @@ def check_series():
 
 
 def scenario():
+    by_numpy()
     bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
     bpy.context.preferences.addons[MODULE].preferences.show_imported = False  # no kernel is compiled
     FILES.update(write_every_format(FOLDER, MODULE))

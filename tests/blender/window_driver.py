@@ -93,6 +93,7 @@ class Run:
     console: Console
     passed: list
     start = ""
+    by_numpy = None
 
 
 def drive(scenario) -> None:
@@ -137,6 +138,16 @@ def check_backend() -> None:
     print(f"drawn with {backend}, {gpu.platform.renderer_get()}", flush=True)
     if "--gpu-backend" in sys.argv:
         assert sys.argv[sys.argv.index("--gpu-backend") + 1].upper() == backend
+
+
+def by_numpy() -> None:
+    """Let numpy make the pictures from now on: small ones, for which no kernel is to be compiled.
+
+    Threads of Blender's own that render do not know of it.
+    """
+    if Run.by_numpy is None:
+        Run.by_numpy = import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference()
+        Run.by_numpy.__enter__()
 
 
 def preparation(on: bool) -> None:

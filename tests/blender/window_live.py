@@ -16,6 +16,7 @@ from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
+    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -91,7 +92,8 @@ def set_up():
     yield from new_file()
     scene = bpy.context.scene
     scene.view_settings.view_transform = "Standard"
-    scene.rle_splat.backend, scene.rle_splat.quality = "numpy", "standard"
+    by_numpy()
+    scene.rle_splat.quality = "standard"
     with in_the_view():
         volume = import_cube(FOLDER)
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")

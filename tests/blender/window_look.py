@@ -18,6 +18,7 @@ from tests.blender.scenes import image_pixels
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
+    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -73,7 +74,7 @@ def set_up():
     yield from new_file()
     scene = bpy.context.scene
     scene.view_settings.view_transform = "Standard"
-    scene.rle_splat.backend = "numpy"
+    by_numpy()
     with in_the_view():
         path = FOLDER / "ball.mha"
         path.write_bytes(FILE.encode() + ball().tobytes())

@@ -14,7 +14,17 @@ import bpy
 import numpy as np
 
 from tests.blender import panel_states, scenes
-from tests.blender.window_driver import MODULE, drive, in_the_view, new_file, open_panels, passed, photograph, until
+from tests.blender.window_driver import (
+    MODULE,
+    by_numpy,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    until,
+)
 
 FLOOR = -6.0  # its height below the ball
 
@@ -63,6 +73,7 @@ def rendered(path: Path):
 
 
 def scenario():
+    by_numpy()
     open_panels("RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_diagnostics", "RLE_SPLAT_PT_effects")
     yield from new_file()
     shadows = import_module(f"{MODULE}.bridge.mesh_shadows")

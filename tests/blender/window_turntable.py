@@ -14,6 +14,7 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.window_driver import (
+    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -69,7 +70,7 @@ def scenario():
     scene = bpy.context.scene
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 64, 48
-    scene.rle_splat.backend = "numpy"  # no kernel is compiled for so small a picture
+    by_numpy()
     camera = scenes.add_camera()
     before = settings()
     yield from confirmed("turn", frames=6)

@@ -12,7 +12,17 @@ import bpy
 import numpy as np
 
 from tests.blender import panel_states, scenes
-from tests.blender.window_driver import MODULE, area_of, drive, in_the_view, new_file, passed, photograph, until
+from tests.blender.window_driver import (
+    MODULE,
+    area_of,
+    by_numpy,
+    drive,
+    in_the_view,
+    new_file,
+    passed,
+    photograph,
+    until,
+)
 
 SIZE = 64
 HANDLERS = (
@@ -123,6 +133,7 @@ def check_slots(path: Path):
 
 
 def scenario():
+    by_numpy()
     yield from new_file()
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_world_"))
     with in_the_view():

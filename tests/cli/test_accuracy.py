@@ -14,6 +14,8 @@ from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
 from rle_splat.cli import accuracy as command
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 SIZE = ("--size", "40", "30")
 VIEW = ("--azimuth", "35", "--elevation", "-20")
 
@@ -21,7 +23,7 @@ VIEW = ("--azimuth", "35", "--elevation", "-20")
 @pytest.fixture
 def words(raw, raw_options, function_file):
     function = ("--transfer-function", function_file, *SIZE, *VIEW)
-    return ("accuracy", raw, *raw_options, *function, "--repeats", "1", "--backend", "numpy")  # no kernels to compile
+    return ("accuracy", raw, *raw_options, *function, "--repeats", "1")
 
 
 @pytest.fixture
@@ -43,7 +45,7 @@ def test_errors_are_those_of_the_picture(measured, raw, shape_xyz, function_file
     camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, width=40, height=30)
     function = rle_splat.TransferFunction.from_json(function_file)
     scene = rle_splat.Scene(volume, function, camera, 40, 30, volume_matrix=matrix)
-    rendering = rle_splat.render(scene, rle_splat.Quality.preset("standard", backend="numpy"))
+    rendering = rle_splat.render(scene, rle_splat.Quality.preset("standard"))
     assert np.array_equal(np.load(tmp_path / "p.npy"), rendering.rgba)
     name = rendering.report["error"]["truth"]
     true = truth(scene, name, **shading_of(scene, name))[0].reshape(30, 40, 4)
@@ -116,6 +118,6 @@ def test_bad_input(refused, words, extra, said):
 
 def test_tables_have_no_truth(call, refused, words, raw, raw_options, function_file, tmp_path):
     encoded = tmp_path / "ball.rle"
-    function = ("--transfer-function", function_file, "--backend", "numpy")
+    function = "--transfer-function", function_file
     assert call("encode", raw, *raw_options, *function, "-o", encoded).code == 0
     assert "voxels" in refused("accuracy", encoded, *SIZE).lower()

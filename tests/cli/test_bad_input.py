@@ -7,6 +7,8 @@ import gzip
 import numpy as np
 import pytest
 
+from rle_splat.runtime.jit import use_reference
+
 TRANSFER_FUNCTION = {"name": "t", "unit": None, "opacity": [[10, 0], [200, 0.5]], "color": [[0, 1, 1, 1]]}
 
 
@@ -242,7 +244,7 @@ def test_shading_contradicts_no_shading(render_refused, write_json):
         (("--classification", "post", "--model", "opacity"), "extinction only"),
         (("--classification", "post", "--record", "8"), "16 only"),
         (("--paper", "--classification", "post"), "--paper"),
-        (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"), (("--backend", "gpu"), "numpy"),
+        (("--warp-filter", "sharp"), "bilinear"), (("--model", "light"), "extinction"),
         (("--axis-fade", "16"), "0 to 15 degrees"),
         (("--sheet-density", "-1"), "density"), (("--termination", "0.9"), "termination"),
         (("--quality", "fine", "--paper"), "--paper"), (("--quality", "fine", "--model", "opacity"), "--model"),
@@ -257,15 +259,10 @@ def test_quality_that_does_not_exist_or_contradicts(render_refused, options, exp
     assert expected in render_refused(*options)
 
 
-def test_numba_missing(render_refused, monkeypatch):
-    monkeypatch.setattr("rle_splat.runtime.jit.numba", None)
-    assert "numba" in render_refused("--backend", "numba")
-
-
 def test_numba_missing_is_said_beside_the_slow_picture(call, raw, raw_options, tmp_path, monkeypatch):
-    monkeypatch.setattr("rle_splat.runtime.jit.numba", None)
     monkeypatch.setattr("rle_splat.pipeline.report.NUMBA_PROBLEM", "ImportError: no numba here")
-    result = call("render", raw, *raw_options, "--size", "12", "-o", tmp_path / "slow.npy")
+    with use_reference():
+        result = call("render", raw, *raw_options, "--size", "12", "-o", tmp_path / "slow.npy")
     assert result.code == 0 and (tmp_path / "slow.npy").exists()
     assert "without compiled kernels (ImportError: no numba here)" in result.out + result.err
 

@@ -10,6 +10,7 @@ import pytest
 import rle_splat
 from rle_splat.scene import NO_DEPTH
 from rle_splat.scene.display import to_bytes
+from tests.ways import both
 
 SIZE = ("--size", "40", "30")
 
@@ -160,7 +161,7 @@ def test_qualities_reach_the_plan(picture):
     assert plan["model"] == "opacity" and plan["quality"] == "paper" and not plan["length_correction"]
     plan = picture("--sheet-density", "2", "--termination", "0.01")[1]["plan"]
     assert (plan["quality"], plan["sheet_density"], plan["termination"]) == ("custom", 2.0, 0.01)
-    assert picture("--backend", "numpy")[1]["plan"]["backend"] == "numpy"
+    assert both(lambda: picture()[1]["plan"]["backend"])[1] == "numpy"
     assert picture("--minification", "widen")[1]["plan"]["minification"] == "widen"
 
 
@@ -198,7 +199,7 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ca
     remarks = picture("--minification", "pool", "--sheet-density", "0.5")[1]["remarks"]
     assert "The minification 'pool' was removed; 'widen' is used instead." in remarks
     assert "Classified by pre, because post does not support --minification widen." in remarks
-    words = (raw, *raw_options, "--classification", "refined", "--backend", "numpy", "-o", tmp_path / "x.png")
+    words = (raw, *raw_options, "--classification", "refined", "-o", tmp_path / "x.png")
     for command in (
         ("render", *words, "--size", "16", "--tolerance", "9"), ("figure", *words, "--width-cm", "2", "--dpi", "60"),
         ("accuracy", *words, "--size", "16", "--repeats", "1", "--probes", "20"),
@@ -207,6 +208,22 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ca
         assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
     assert "--refinement has no effect" in refused("render", *words[:-4], "--classification", "pre", *words[-2:],
                                                    "--refinement", "3")
+
+
+def test_the_removed_backend_is_accepted_and_a_sentence_says_so(call, picture, raw, raw_options, tmp_path):
+    sentence = "The option --backend was removed; numba is used where it can be loaded, and numpy elsewhere."
+    expected, report = picture()
+    found, told = picture("--backend", "numpy")
+    assert np.array_equal(found, expected) and told["plan"]["backend"] == report["plan"]["backend"]
+    assert told["remarks"].count(sentence) == 1 and sentence not in report["remarks"]
+    words = (raw, *raw_options, "--backend", "auto")
+    for command in (
+        ("encode", *words, "-o", tmp_path / "x.rle"),
+        ("figure", *words, "-o", tmp_path / "x.png", "--width-cm", "2", "--dpi", "60"),
+        ("accuracy", *words, "--size", "16", "--repeats", "1", "--probes", "20"),
+    ):
+        done = call(*command)
+        assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
 
 
 def test_the_default_transfer_function_is_explained_and_not_blank(picture, call, raw, raw_options, tmp_path):

@@ -14,7 +14,9 @@ from rle_splat.cli import frames as frames_module
 from rle_splat.cli import series
 from tests.cli.conftest import ROOT, SHAPE_XYZ, ball
 
-QUICK = ["--size", "24", "--backend", "numpy", "--quality", "draft", "--preset", "x-ray"]
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
+QUICK = ["--size", "24", "--quality", "draft", "--preset", "x-ray"]
 
 
 @pytest.fixture
@@ -49,7 +51,7 @@ def test_frames_are_numbered_pictures_with_the_look_of_the_first(sequence, call,
 
 
 def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_path):
-    words = ("--size", "24", "--backend", "numpy", "--preset", "x-ray", "--json", tmp_path / "report.json")
+    words = ("--size", "24", "--preset", "x-ray", "--json", tmp_path / "report.json")
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 2, *words, *raw_options)
     assert done.code == 0, done.err
     plans = [frame["plan"] for frame in json.loads((tmp_path / "report.json").read_text())["frames"]]
@@ -145,7 +147,7 @@ def test_a_camera_path_has_a_camera_for_each_frame(raw, call, raw_options, write
 
 def test_a_range_of_frames_is_like_another_range(sequence, call, raw_options, tmp_path):
     (tmp_path / "b").mkdir()
-    words = sequence, *raw_options, "--size", 24, "--backend", "numpy"  # the transfer function follows the values
+    words = sequence, *raw_options, "--size", 24  # the transfer function follows the values
     frames_of(call, tmp_path, *words, "-o", tmp_path / "a.npy", "--frames", 1, 2)
     frames_of(call, tmp_path, *words, "-o", tmp_path / "b/a.npy", "--frames", 2, 2, "--like", 1)
     np.testing.assert_array_equal(np.load(tmp_path / "a_0002.npy"), np.load(tmp_path / "b/a_0002.npy"))
@@ -189,7 +191,7 @@ def test_whole_frames_of_the_same_scene_are_kept(sequence, call, raw_options, tm
 
 @pytest.mark.parametrize("option", [("--fit", 1.5), ("--termination", 0.01), ("--no-shading",), ("--size", 20)])
 def test_a_frame_by_other_options_is_made_again(raw, call, raw_options, tmp_path, option):
-    words = raw, *raw_options, "--backend", "numpy", "--size", 24, "-o", tmp_path / "out.npy", "--frames", 1, 1
+    words = raw, *raw_options, "--size", 24, "-o", tmp_path / "out.npy", "--frames", 1, 1
     words = *words, "--turn", 5
     assert kept(frames_of(call, tmp_path, *words)[0]) == [False]
     assert kept(frames_of(call, tmp_path, *words, *option)[0]) == [False]
@@ -200,7 +202,7 @@ def test_a_frame_by_other_options_is_made_again(raw, call, raw_options, tmp_path
 def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path, form):
     tables = tmp_path / "ball.rle"
     assert call("encode", raw, *raw_options, "-o", tables, *form).code == 0
-    words = tables, "--size", 24, "--backend", "numpy", "-o", tmp_path / "out.png", "--frames", 1, 2, "--turn", 90
+    words = tables, "--size", 24, "-o", tmp_path / "out.png", "--frames", 1, 2, "--turn", 90
     assert kept(frames_of(call, tmp_path, *words, "--tile", 16)[0]) == [False, False]
     assert kept(frames_of(call, tmp_path, *words)[0]) == [True, True]
 
@@ -225,7 +227,8 @@ def test_wrong_series_are_one_sentence(refused, write_json, tmp_path, words, sen
 def test_a_command_that_is_killed_keeps_its_whole_frames(raw, call, raw_options, tmp_path):
     words = raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1
     command = [sys.executable, "-m", "rle_splat", "render", *map(str, (*words, 400))]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=ROOT)
+    by_numpy = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=ROOT, env=by_numpy)
     while not (tmp_path / "k_0003.npy").exists() and process.poll() is None:
         time.sleep(0.01)
     process.kill()

@@ -8,6 +8,8 @@ import pytest
 from rle_splat.cli.images import write_exr
 from rle_splat.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 SUN = {"type": "SUN", "energy": 4.0, "matrix_world": [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]}
 SHADE = {"ambient": 0.2, "diffuse": 0.8, "specular": 0.0, "shininess": 10}
 
@@ -27,7 +29,7 @@ def render(tmp_path):
         lit = ("--lights", str(tmp_path / "lights.json")) if lights else ()
         code = main([
             "render", str(tmp_path / volume), *shape, "--transfer-function", str(tmp_path / "tf.json"), "--size", "24",
-            "--backend", "numpy", "-o", str(out), "--json", str(tmp_path / "report.json"), *lit, *options,
+            "-o", str(out), "--json", str(tmp_path / "report.json"), *lit, *options,
         ])  # fmt: skip
         if code:
             return code

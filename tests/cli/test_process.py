@@ -23,13 +23,13 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "rle_splat")
 
 
-def start(*words):
+def start(*words, **environ):
     def hear_ctrl_c():  # whoever runs the tests in the background may have it ignored, which is inherited
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
     return subprocess.Popen(
         [*COMMAND, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        preexec_fn=None if os.name == "nt" else hear_ctrl_c,
+        env={**os.environ, **environ}, preexec_fn=None if os.name == "nt" else hear_ctrl_c,
     )
 
 
@@ -142,8 +142,8 @@ def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     np.random.default_rng(1).integers(0, 256, 96**3, dtype=np.uint8).tofile(volume)
     output.write_bytes(b"old")
     before = sorted(tmp_path.iterdir())
-    words = ("--shape", 96, 96, 96, "--dtype", "uint8", "--backend", "numpy", "--size", 1500, "--preset", "x-ray")
-    process = start("render", volume, *words, "-o", output, "--progress")
+    words = ("--shape", 96, 96, 96, "--dtype", "uint8", "--size", 1500, "--preset", "x-ray")
+    process = start("render", volume, *words, "-o", output, "--progress", NUMBA_DISABLE_JIT="1")
     seen = b""
     while b"Splatting" not in seen and process.poll() is None:
         seen += process.stderr.read(1)

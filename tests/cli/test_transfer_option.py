@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 MRML = """<MRML>
 <VolumeProperty name="Red" shade="0" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 1 255 1"
  colorTransfer="4 0 1 0 0"/>
@@ -19,8 +21,7 @@ def picture(call, raw, raw_options, tmp_path):
 
     def render(*words):
         out, report = tmp_path / "out.npy", tmp_path / "report.json"
-        done = call("render", raw, *raw_options, *words, "--size", "16", "--backend", "numpy", "-o", out,
-                    "--json", report)  # fmt: skip
+        done = call("render", raw, *raw_options, *words, "--size", "16", "-o", out, "--json", report)
         if done.code:
             return done, None, None
         return done, np.load(out), json.loads(report.read_text())["transfer_function"]
@@ -74,7 +75,7 @@ def test_a_coarser_level_is_as_dense(call, tmp_path, write_json):
     inside = []
     for level in (0, 2):
         out = tmp_path / f"{level}.npy"
-        done = call("render", tmp_path / "ball.raw", *words, "--level", level, "--backend", "numpy", "-o", out)
+        done = call("render", tmp_path / "ball.raw", *words, "--level", level, "-o", out)
         assert done.code == 0 and ("one was read" in done.out) == (level == 2)
         inside.append(np.load(out)[14:18, 14:18, 3].mean())
     assert inside[0] == pytest.approx(1.0 - 0.97**24, abs=0.05) and inside[1] == pytest.approx(inside[0], abs=0.05)

@@ -15,6 +15,7 @@ from rle_splat.comparison.probe_truth import probe_truth
 from rle_splat.comparison.table import SYSTEMS, draw
 from rle_splat.runtime.jit import numba
 from rle_splat.scene import Quality, RleSplatError
+from tests.ways import NUMPY
 
 PARALLEL_ONLY = {"westover-sheet", "westover-composite", "laur-hanrahan", "totsuka-levoy"}
 COMPILED_ONLY = PARALLEL_ONLY | {"levoy"}
@@ -83,9 +84,10 @@ def test_systems_share_one_medium_of_classified_voxels(stand):
         compare(stand.scene(blobs((9, 8, 7), 2), size=(12, 12)), Quality(), probes=9, repeats=1)
 
 
-def test_without_numba_the_rest_still_compares(stand):
+@NUMPY
+def test_without_numba_the_rest_still_compares(stand, way):
     scene = stand.scene(blobs((9, 8, 7), 2), size=(12, 12))
-    report = compare(scene, Quality.preset("draft", classification="pre", backend="numpy"), probes=9, repeats=1)
+    report = compare(scene, Quality.preset("draft", classification="pre"), probes=9, repeats=1)
     refused = {entry["name"]: entry["refused"] for entry in report["systems"] if "refused" in entry}
     assert set(refused) == COMPILED_ONLY and all("needs numba" in sentence for sentence in refused.values())
 

@@ -10,6 +10,7 @@ from rle_splat.encode.encode import encode
 from rle_splat.encode.validate import scanline_data_pointers
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Quality
+from tests.ways import NUMPY
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -54,9 +55,10 @@ def test_shear_warp_is_coarser_than_ours_and_finer_than_the_letter_of_the_paper(
     assert plan["termination"] == 0.05
 
 
-def test_without_numba_the_engine_still_draws(stand):
+@NUMPY
+def test_without_numba_the_engine_still_draws(stand, way):
     scene = stand.scene(blobs((9, 8, 7), 1), size=(16, 16))
-    quality = Quality.preset("draft", classification="pre", backend="numpy")
+    quality = Quality.preset("draft", classification="pre")
     medium = stand.medium(scene, quality)
     for module in (ours, lacroute, unaccelerated):
         assert module.prepare(medium, quality).draw().rgba.max() > 0.05

@@ -9,12 +9,10 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import EFFECTS, analyze, analyzed
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
-from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-BACKENDS = ("numba", "numpy") if compiled() else ("numpy",)
 CLASSIFICATIONS = ("pre", "post")
 SIZE = 32
 Z, Y, X = np.mgrid[:14, :15, :16] - 7.0
@@ -109,11 +107,10 @@ PAIRS = {
 }
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
 @pytest.mark.parametrize("name", PAIRS)
-def test_an_effect_forced_off_leaves_the_picture_of_a_scene_without_it(name, classification, backend):
-    quality = Quality(classification=classification, backend=backend)
+def test_an_effect_forced_off_leaves_the_picture_of_a_scene_without_it(name, classification, way):
+    quality = Quality(classification=classification)
     having, without = PAIRS[name]
     forced = render(replace(having, effects={name: False}), quality)
     plain = render(without, quality)

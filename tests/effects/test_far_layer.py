@@ -35,13 +35,12 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("backend", ["numba", "numpy"])
 @pytest.mark.parametrize("perspective", [False, True])
 @pytest.mark.parametrize("case", CASES)
-def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, perspective, backend, monkeypatch):
+def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, perspective, way, monkeypatch):
     more, classification = CASES[case]
     scene = scene_of(perspective, **more)
-    quality = Quality(classification=classification, backend=backend)
+    quality = Quality(classification=classification)
     left_out = []
     asked = mesh_occlusion.leave_out_like
     monkeypatch.setattr(mesh_occlusion, "leave_out_like", lambda *a: left_out.append(asked(*a)) or left_out[-1])

@@ -1,5 +1,7 @@
 """Mesh depth per ray, against plain ray-triangle intersection (Moeller and Trumbore)."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids
 from rle_splat.view.ray_intervals import ray_intervals
+from tests.ways import both
 
 
 def intersect(origins, directions, triangles, ahead):
@@ -44,11 +47,10 @@ TRIANGLES = np.array([
 
 
 @pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])
-@pytest.mark.parametrize("backend", ["numba", "numpy"])
-def test_depth_is_the_ray_intersection(kind, backend):
+def test_depth_is_the_ray_intersection(kind, way):
     width, height = 24, 18
     eye = camera(kind)
-    depth = mesh_depth(TRIANGLES, eye, width, height, backend=backend)
+    depth = mesh_depth(TRIANGLES, eye, width, height)
     s = 6
     column, row = np.meshgrid(np.arange(width) + SAMPLE_COLUMNS[s], np.arange(height) + SAMPLE_ROWS[s])
     rays = camera_rays(eye, width, height, column, row)
@@ -64,7 +66,7 @@ def test_depth_is_the_ray_intersection(kind, backend):
 
 def test_kernels_agree_with_their_references():
     for kind in ("ORTHO", "PERSP"):
-        one, two = (mesh_depth(TRIANGLES, camera(kind), 20, 31, backend=b) for b in ("numba", "numpy"))
+        one, two = both(partial(mesh_depth, TRIANGLES, camera(kind), 20, 31))
         np.testing.assert_array_equal(np.isfinite(one), np.isfinite(two))
         np.testing.assert_allclose(one[np.isfinite(one)], two[np.isfinite(two)], rtol=1e-6)
 
@@ -108,12 +110,11 @@ def test_no_mesh_at_all():
     assert not layers.has_silhouettes and np.isinf(layers.near).all() and (layers.coverage == 1).all()
 
 
-@pytest.mark.parametrize("backend", ["auto", "numpy"])
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
-def test_a_part_of_the_picture_has_the_depths_and_the_layers_of_the_whole(kind, backend):
+def test_a_part_of_the_picture_has_the_depths_and_the_layers_of_the_whole(kind, way):
     left, top, right, bottom = region = (9, 5, 47, 39)
-    whole = mesh_depth(TRIANGLES, camera(kind), 60, 44, backend=backend)
-    part = mesh_depth(TRIANGLES, camera(kind), 60, 44, region=region, backend=backend)
+    whole = mesh_depth(TRIANGLES, camera(kind), 60, 44)
+    part = mesh_depth(TRIANGLES, camera(kind), 60, 44, region=region)
     np.testing.assert_array_equal(part, whole[top:bottom, left:right])
     one, two = depth_layers(whole, 0.1), depth_layers(part, 0.1, first_pixel=(left, top))
     assert one.has_silhouettes and two.has_silhouettes
@@ -157,7 +158,7 @@ def test_references_find_the_same_layers():
     silhouettes = 0
     for _ in range(40):
         samples = torn_surfaces(rng, *rng.integers(1, 40, 2))
-        one, two = (depth_layers(samples, 0.3, backend=backend) for backend in ("numba", "numpy"))
+        one, two = both(partial(depth_layers, samples, 0.3))
         silhouettes += one.has_silhouettes
         for name in ("near", "far", "coverage"):
             np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-6, err_msg=name)
@@ -175,9 +176,7 @@ def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, 
         plane = base_plane(view, (6, 7, 4), axis, sign, "slice", 1.5)
         if plane is None:
             continue
-        one, again, two = (
-            ray_intervals(plane, 0.1, 50.0, layer, backend=backend, threads=threads)
-            for backend, threads in (("numba", 1), ("numba", 2), ("numpy", 1))
-        )
+        one, two = both(partial(ray_intervals, plane, 0.1, 50.0, layer, threads=1))
+        again = ray_intervals(plane, 0.1, 50.0, layer, threads=2)
         np.testing.assert_array_equal(one, again)
         np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-5)

@@ -16,8 +16,8 @@ from rle_splat.scene import Light, Quality, Scene
 from rle_splat.shade.shading import normals
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY
 
-BACKENDS = ("numba", "numpy") if compiled() else ("numpy",)
 needs_kernels = pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 SIZE = 24
 VOLUME = Volume(np.random.default_rng(3).integers(0, 255, (15, 14, 16)).astype(np.uint8), np.eye(4))
@@ -59,18 +59,17 @@ def scene_of(azimuth=25.0, **more) -> Scene:
     })  # fmt: skip
 
 
-def worked(scene, classification, backend="auto", **knobs):
+def worked(scene, classification, **knobs):
     """(stages made, kernels run) for a first picture."""
     cache = StageCache()
-    quality = Quality(classification=classification, backend=backend, **{"name": GIVEN, **knobs})
+    quality = Quality(classification=classification, **{"name": GIVEN, **knobs})
     report = render(scene, quality, cache=cache).report
     return set(cache.made), set(report["kernels"])
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("classification", KERNELS)
-def test_a_plain_unlit_scene_makes_these_stages_and_no_other(classification, backend):
-    assert worked(scene_of(), classification, backend)[0] == STAGES[classification]
+def test_a_plain_unlit_scene_makes_these_stages_and_no_other(classification, way):
+    assert worked(scene_of(), classification)[0] == STAGES[classification]
 
 
 @needs_kernels
@@ -79,10 +78,9 @@ def test_a_plain_unlit_scene_runs_these_kernels_and_no_other(classification):
     assert worked(scene_of(), classification)[1] == KERNELS[classification]
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_the_plan_of_a_preset_takes_one_stage_more_and_no_kernel(backend):
+def test_the_plan_of_a_preset_takes_one_stage_more_and_no_kernel(way):
     hazy = scene_of(transfer_function=replace(FUNCTION, opacity=((0.0, 0.0), (1e6, 0.01))))
-    given, preset = (worked(hazy, "post", backend, name=name) for name in (GIVEN, "standard"))
+    given, preset = (worked(hazy, "post", name=name) for name in (GIVEN, "standard"))
     assert preset == (given[0] | {"roughness"}, given[1])
 
 
@@ -127,25 +125,23 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("classification", KERNELS)
-def test_shading_that_is_off_by_hand_computes_no_gradient(classification, backend, monkeypatch):
+def test_shading_that_is_off_by_hand_computes_no_gradient(classification, way, monkeypatch):
     calls, asked = [], normals
     for module in ("rle_splat.pipeline.scan_source", "rle_splat.pipeline.scalar_source"):
         monkeypatch.setattr(f"{module}.normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
-    assert worked(replace(lit, effects={"shading": False}), classification, backend)[0] == STAGES[classification]
+    assert worked(replace(lit, effects={"shading": False}), classification)[0] == STAGES[classification]
     assert not calls
-    worked(lit, classification, backend)
+    worked(lit, classification)
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("classification", KERNELS)
-def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, backend):
+def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, way):
     """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it: that is shaded again,
     or, where light is made as it is read, nothing is made but the picture."""
-    quality = Quality(classification=classification, backend=backend, name=GIVEN)
+    quality = Quality(classification=classification, name=GIVEN)
     kept, codes = {"pre": ("records", "records"), "post": ("light", "normal codes")}[classification]
     for tf, shaded, again in ((MATT, kept, 1), (SHINY, codes, 2 if classification == "pre" else 1)):
         cache = StageCache()
@@ -199,5 +195,6 @@ def test_kernels_are_noted_where_somebody_asks_and_only_there():
     assert not names and {name.rpartition(".")[2] for name in inner} == {"_twice"}
 
 
-def test_without_kernels_none_are_listed():
-    assert worked(scene_of(), "post", "numpy")[1] == set()
+@NUMPY
+def test_without_kernels_none_are_listed(way):
+    assert worked(scene_of(), "post")[1] == set()

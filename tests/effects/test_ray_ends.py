@@ -15,9 +15,11 @@ from rle_splat.view.projection import depth_row
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 FUNCTION = TransferFunction(opacity=((0.0, 0.2), (1.0, 0.3)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.2, 0.5, 0.9)))
 SIZE = 48, 40
-QUALITY = Quality(backend="numpy")
+QUALITY = Quality()
 REACH = 5  # pixels on either side of a silhouette that the warp may mix
 
 
@@ -37,7 +39,7 @@ def wall_of(scene):
 
 
 def depths_of(scene, triangles):
-    return mesh_depth(triangles, scene.camera, *SIZE, backend="numpy").mean(axis=-1, dtype=np.float64).astype("f4")
+    return mesh_depth(triangles, scene.camera, *SIZE).mean(axis=-1, dtype=np.float64).astype("f4")
 
 
 @pytest.mark.parametrize("perspective", [False, True])
@@ -56,7 +58,7 @@ def test_away_from_silhouettes_both_agree():
     ends = depths_of(scene, triangles)
     found = render(replace(scene, ray_ends=ends), QUALITY).rgba
     expected = render(replace(scene, triangles=triangles), QUALITY).rgba
-    ended = np.isfinite(mesh_depth(triangles, scene.camera, *SIZE, backend="numpy"))
+    ended = np.isfinite(mesh_depth(triangles, scene.camera, *SIZE))
     near = np.pad(ended.any(axis=-1) & ~ended.all(axis=-1), REACH)
     edges = np.zeros(ends.shape, bool)
     for down in range(2 * REACH + 1):

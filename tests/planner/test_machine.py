@@ -18,6 +18,7 @@ from rle_splat.accuracy.planner.tolerance_report import CHOSEN, KEPT
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline import plan_model
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
@@ -57,9 +58,12 @@ def test_a_machine_is_measured_once(folder):
     for _ in range(3):
         assert drain(profile_steps(Quality(classification="post"))) == PROFILE
     assert len(measured) == 1
-    others = Quality(classification="pre"), Quality(classification="pre", record=8), Quality("post", backend="numpy")
-    for other in others:
+    for other in (Quality(classification="pre"), Quality(classification="pre", record=8)):
         drain(profile_steps(other))
+    with use_reference():
+        drain(profile_steps(Quality()))
+    with use_reference():
+        drain(profile_steps(Quality()))
     assert len(measured) == 4
     (kept,) = path.iterdir()
     assert len(json.loads(kept.read_text())) == 4
@@ -100,10 +104,9 @@ def test_where_nothing_can_be_kept_it_is_measured_each_time(folder, monkeypatch,
 
 
 @CLASSIFICATIONS
-@pytest.mark.parametrize("backend", ("auto", "numpy"))
-def test_this_machine_has_a_speed(monkeypatch, classification, backend):
+def test_this_machine_has_a_speed(monkeypatch, classification, way):
     monkeypatch.setattr(machine, "KERNELS", machine.NUMPY)
-    profile = drain(machine._measure_steps(Quality(classification=classification, backend=backend)))
+    profile = drain(machine._measure_steps(Quality(classification=classification)))
     assert profile.splat > 0.0 and profile.warp > 0.0 and profile.memory > 1 << 28
     assert (profile.cell_us > 0.0 and profile.slab_us > 0.0) == (classification == "post")
 

@@ -19,7 +19,9 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-NUMPY = Quality(backend="numpy")  # no kernels to compile
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
+BASE = Quality()
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +67,7 @@ def test_the_crop_is_where_the_picture_is_steepest():
 
 @pytest.mark.parametrize("step", (1, 4, 100))
 def test_an_error_map_is_picture_less_truth(scene, step):
-    quality = Quality.preset("draft", backend="numpy")
+    quality = Quality.preset("draft")
     steps = error_map_steps(scene, quality, step=step)
     errors, report = drain(steps)
     true = truth(scene, report["error"]["truth"])[0].reshape(24, 30, 4)
@@ -77,25 +79,25 @@ def test_an_error_map_is_picture_less_truth(scene, step):
 
 
 def test_measuring_tells_how_far_it_is_and_stops_when_told(scene):
-    steps = sweep_steps(scene, sensible_plans(NUMPY)[:2], NUMPY, probes=40, repeats=1)
+    steps = sweep_steps(scene, sensible_plans(BASE)[:2], BASE, probes=40, repeats=1)
     told = [next(steps) for _ in range(5)]
     assert all(isinstance(step, Progress) for step in told)
     steps.close()
-    done = list(sweep_steps(scene, sensible_plans(NUMPY)[:2], NUMPY, probes=40, repeats=1))
+    done = list(sweep_steps(scene, sensible_plans(BASE)[:2], BASE, probes=40, repeats=1))
     fractions = [step.fraction for step in done]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0 and min(fractions) >= 0.0
 
 
 def test_meshes_are_refused(scene):
     hidden = replace(scene, triangles=np.zeros((1, 3, 3)))
-    for steps in (sweep_steps(hidden, sensible_plans(NUMPY), NUMPY), error_map_steps(hidden, NUMPY)):
+    for steps in (sweep_steps(hidden, sensible_plans(BASE), BASE), error_map_steps(hidden, BASE)):
         with pytest.raises(RleSplatError, match="meshes"):
             drain(steps)
 
 
 def test_plans_for_tolerances_say_what_was_predicted(scene):
     """What the tolerance would choose is measured like any plan; a stricter wish has a smaller prediction."""
-    base = Quality(classification="pre", backend="numpy")
+    base = Quality(classification="pre")
     report = drain(sweep_steps(scene, [base], base, probes=300, repeats=1, tolerances=(6.0, 1.0))).report
     wished = {entry["name"]: entry for entry in report["plans"] if entry["predicted"]}
     assert set(wished) == {"for 6 levels", "for 1 level"}
@@ -109,7 +111,7 @@ def test_plans_for_tolerances_say_what_was_predicted(scene):
 
 
 def test_plans_for_tolerances_have_the_rays_that_keep_them(scene):
-    base = Quality(classification="post", backend="numpy", rays=0.0)
+    base = Quality(classification="post", rays=0.0)
     report = drain(sweep_steps(scene, [base], base, probes=200, repeats=1, tolerances=(0.5,))).report
     strict, plain = (next(e for e in report["plans"] if bool(e["predicted"]) == wished) for wished in (True, False))
     assert strict["error"]["largest"] <= 0.5 < plain["error"]["largest"]
@@ -118,7 +120,7 @@ def test_plans_for_tolerances_have_the_rays_that_keep_them(scene):
 
 
 def test_wishes_that_cost_too_much_are_said_and_not_measured(scene, monkeypatch):
-    base = Quality(classification="pre", backend="numpy")
+    base = Quality(classification="pre")
     monkeypatch.setattr(measure_plans, "LONGEST", 0.0)
     report = drain(sweep_steps(scene, [base], base, probes=40, repeats=1, tolerances=(8.0, 1e-6))).report
     assert not any(entry["predicted"] for entry in report["plans"])

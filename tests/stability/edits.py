@@ -238,13 +238,13 @@ def blur(draw, shot: Shot) -> Shot:
 
 
 def limited_blur(shot: Shot) -> Shot:
-    """The shot blurred by no more than BLUR, and by kernels: the numpy versions take too long for several pictures."""
+    """The shot blurred by no more than BLUR."""
     blur = widest_blur(shot.scene)
     if blur > BLUR:
         shot = shot.with_camera(aperture_radius=shot.scene.camera.aperture_radius * BLUR / blur)
     if distance_moved(shot.scene) > BLUR:
         shot = shot.with_scene(motion=())
-    return shot.with_quality(backend="auto") if is_blurred(shot) else shot
+    return shot
 
 
 def is_blurred(shot: Shot) -> bool:
@@ -443,11 +443,9 @@ def records_of_voxels(draw, shot: Shot) -> Shot:
     return shot.with_quality(model=other)
 
 
-def machine(draw, shot: Shot) -> Shot:
-    """One thread or two; kernels or their reference implementations."""
-    if draw(st.booleans()):
-        return shot.with_quality(threads=3 - shot.quality.threads)
-    return shot.with_quality(backend="auto" if shot.quality.backend == "numpy" else "numpy")
+def threads(draw, shot: Shot) -> Shot:
+    """One thread or two."""
+    return shot.with_quality(threads=3 - shot.quality.threads)
 
 
 def without_extras(draw, shot: Shot) -> Shot:
@@ -462,7 +460,7 @@ EDITS = (
     heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, voxels,
     meaning_of_voxels, matrix_of_volume, orbit, knob_of_camera, picture, blur, lights, headlight, volume_shadows, world,
     ambient_occlusion, mist, clips, meshes, labels, channels, mode, forced_effects, classification, preset,
-    knob_of_plan, records_of_voxels, machine, without_extras,
+    knob_of_plan, records_of_voxels, threads, without_extras,
 )  # fmt: skip
 
 

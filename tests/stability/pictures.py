@@ -1,12 +1,13 @@
 """Pictures of a few scenes, made in a process of its own and written to a file, to be held against another's.
 
-python -m tests.stability.pictures FILE [--backend numba|numpy] [--threads N ...] [--scenes NAME ...]
+python -m tests.stability.pictures FILE [--threads N ...] [--scenes NAME ...]
 writes FILE (.npz) with the picture and the depth of each scene and number of threads.  Needs numpy, and numba or not.
 """
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,14 +46,13 @@ def scene(name: str) -> tuple[Scene, Quality]:
 SCENES = ("parallel", "inside", "opacities", *(("post",) if "post" in CLASSIFICATIONS else ()))
 
 
-def pictures(names=SCENES, threads=(0,), backend: str = "auto") -> dict[str, np.ndarray]:
+def pictures(names=SCENES, threads=(0,)) -> dict[str, np.ndarray]:
     """(H, W, 5) float32 of each scene and number of threads: color, alpha and depth."""
     made = {}
     for name in names:
         shown, quality = scene(name)
         for count in threads:
-            knobs = {**vars(quality), "threads": count, "backend": backend}
-            picture = render(shown, Quality(**knobs))
+            picture = render(shown, replace(quality, threads=count))
             made[f"{name} {count}"] = np.concatenate((picture.rgba, picture.depth[..., None]), axis=-1)
     return made
 
@@ -60,8 +60,7 @@ def pictures(names=SCENES, threads=(0,), backend: str = "auto") -> dict[str, np.
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("file")
-    parser.add_argument("--backend", default="auto")
     parser.add_argument("--threads", type=int, nargs="*", default=[0])
     parser.add_argument("--scenes", nargs="*", default=SCENES)
     wanted = parser.parse_args()
-    np.savez(wanted.file, **pictures(wanted.scenes, wanted.threads, wanted.backend))
+    np.savez(wanted.file, **pictures(wanted.scenes, wanted.threads))

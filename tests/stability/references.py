@@ -16,6 +16,7 @@ import numpy as np
 
 from rle_splat.encode.tables import RunLengthVolume
 from rle_splat.pipeline.render import render_steps
+from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.splat.scalar_splat import scalar_splat_steps, value_splat_steps
 from rle_splat.splat.splat import OPAQUE, splat_steps
@@ -68,14 +69,13 @@ class Splat:
         ``along``, ``across``: voxels by which its rays are moved.  ``turn``: part of the largest number by which the
         values move that the lookup table begins and ends at.  ``grow``: share of itself that extinction gains."""
         plane, given = self.given["plane"], dict(self.given)
-        given["quality"] = replace(given["quality"], backend="numpy")
         given["plane"] = replace(plane, offset=plane.offset + np.array((along, across)) * plane.scale)
         if turn:
             given["table"] = _turned(given["encoded"], given["table"], turn)
         if grow:
             records = (given["encoded"].decoded() * (1.0 + grow)).astype(np.float32)
             given["encoded"] = replace(given["encoded"], voxel_data=records, decoding=None)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), use_reference():
             return drain(self.steps(**given)).pixels
 
     def differences(self) -> Differences:
@@ -155,7 +155,8 @@ def warps_apart(warps) -> float:
     """Largest difference of warped pictures of the same sheets, kernel and reference, color by the brightest."""
     worst = 0.0
     for images, (view, region, quality, most), (rgba, _) in warps:
-        reference, _ = drain(warp_steps(images, view, region, replace(quality, backend="numpy"), most))
+        with use_reference():
+            reference, _ = drain(warp_steps(images, view, region, quality, most))
         off = abs(rgba.astype(np.float64) - reference) / np.array([max(most, 1.0)] * 3 + [1.0])
         worst = max(worst, float(off.max(initial=0.0)))
     return worst

@@ -15,7 +15,6 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp_steps
 
-BACKENDS = ("numba", "numpy")
 # Where what is interpolated is the scalar.
 FINER = tuple(name for name in CLASSIFICATIONS if name != "pre")
 # One sheet per slice, one sheet pixel per voxel, nothing mixed: a pixel is its own column of voxels.
@@ -42,12 +41,12 @@ def from_above(voxels, transfer_function, scale: float = 1.0, **more) -> Scene:
     return Scene(Volume(voxels, np.eye(4)), transfer_function, camera, nx, ny, grown, headlight=False, **more)
 
 
-def columns(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
+def columns(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
     """(ny, nx, 4) float32: the pixel of each column of a scene ``from_above``, premultiplied color and alpha."""
-    return render(scene, replace(quality, backend=backend, **knobs)).rgba[::-1]
+    return render(scene, replace(quality, **knobs)).rgba[::-1]
 
 
-def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knobs) -> np.ndarray:
+def sheets(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
     """As ``columns``, before the warp has rounded alpha: premultiplied color and transmittance."""
     caught = []
 
@@ -56,16 +55,16 @@ def sheets(scene: Scene, backend: str = "auto", quality: Quality = EXACT, **knob
         return warp_steps(images, *rest)
 
     with patch("rle_splat.pipeline.render.warp_steps", catching):
-        render(scene, replace(quality, backend=backend, **knobs))
+        render(scene, replace(quality, **knobs))
     (image,) = caught
     (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz
     assert tuple(image.base_plane.density) == (1.0, 1.0) and image.base_plane.axis == 2
     return image.pixels[-v : ny - v, -u : nx - u]
 
 
-def drawn(scene: Scene, classification: str, backend: str = "auto", **knobs) -> np.ndarray:
+def drawn(scene: Scene, classification: str, **knobs) -> np.ndarray:
     """A picture at standard quality."""
-    return render(scene, Quality.preset("standard", classification=classification, backend=backend, **knobs)).rgba
+    return render(scene, Quality.preset("standard", classification=classification, **knobs)).rgba
 
 
 def transfer(opacity, color=WHITE, distance=1.0, shade=None, **more) -> TransferFunction:

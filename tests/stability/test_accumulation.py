@@ -27,10 +27,9 @@ from rle_splat.view.footprints import FOOTPRINTS, GAUSSIAN, footprint_values
 from rle_splat.view.principal_axis import candidate_pyramids
 from rle_splat.warp.warp import warp_steps
 from tests.stability.catalogue import WIDTHS
-from tests.stability.scenes import BACKENDS, columns, from_above, sheets, transfer
+from tests.stability.scenes import columns, from_above, sheets, transfer
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 
-AVAILABLE = BACKENDS if compiled() else ("numpy",)
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 STAGE = Stage()
 PIPELINE = import_module("rle_splat.pipeline.render")
@@ -102,12 +101,11 @@ def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count)
             record("A1", "color + T - 1 behind up to 1e7 sheets", gained, 1e-12, width, why=none)
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("model, classification", (("extinction", "pre"), ("opacity", "pre"), ("extinction", "post")))
-def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, monkeypatch):
+def test_A1_the_plan_counts_the_sheets(record, model, classification, way, monkeypatch):
     """A column of more slices than float32 is good for, and one slice fewer; the reference implementation has a lower
     limit here, for it takes its time."""
-    if backend == "numpy":
+    if way == "numpy":
         monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 500)
     most = pixel_block.MOST_SHEETS_IN_SINGLE
     assert accumulator(most) is np.float32 and accumulator(most + 1) is np.float64
@@ -119,7 +117,7 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
         long = count - (classification == "post")  # half of the first slice and of the last are outside its box
         alpha = np.float32(-math.expm1(-1.0 / long))
         scene = from_above(np.ones((count, 4, 4), np.uint8), transfer(((0.0, 0.0), (1.0, float(alpha)))))
-        found = columns(scene, backend, model=model, classification=classification)[1, 1]
+        found = columns(scene, model=model, classification=classification)[1, 1]
         assert set(asked) == {count}
         asked.clear()
         claim = f"error of A in a picture of {'no more' if width == SINGLE else 'more'} than {most} sheets"
@@ -130,16 +128,15 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, backend, m
 # --- A2, A3: the end of a ray ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("tau", (0.05, 2.0, 16.6))
 @BY_CLASSIFICATION
-def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, backend, tau, classification):
+def test_A2_transmittance_underflows_to_the_end_of_the_ray(record, width, way, tau, classification):
     """No least transmittance is asked for: behind 1e-30 the ray ends, and no denormal number is left to work with."""
     count = int(70.0 / tau) + 40
     seen = transfer(((0.5, 0.0), (0.5, -math.expm1(-tau))))
     solid = np.ones((2 * count, 4, 4), np.uint8)
     whole, front = (
-        sheets(from_above(voxels, seen), backend, classification=classification)[1:3, 1:3]
+        sheets(from_above(voxels, seen), classification=classification)[1:3, 1:3]
         for voxels in (solid, solid * (np.arange(2 * count) >= count)[:, None, None])
     )
     transmittance = whole[..., 3]
@@ -163,16 +160,15 @@ def test_A3_early_termination_costs_its_bound_and_no_more(record, width, termina
 # --- A4, A5: orders and bands ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("footprint, taps", (("tent", 8), ("bspline2", 27), ("bspline3", 27), ("gaussian", 125)))
-def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, backend, footprint, taps):
+def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, way, footprint, taps):
     """The same voxels met in the opposite order, along scanlines and across them."""
     voxels = np.random.default_rng(4).integers(1, 256, (3, 24, 24)).astype(np.uint8)
     voxels[:, :4] = voxels[:, -4:] = voxels[..., :4] = 0
     voxels[..., -4:] = 0
     faint = transfer(((0.0, 0.0), (255.0, 0.2)), color=((0.0, 1.0, 0.2, 0.1), (255.0, 0.2, 0.4, 0.9)))
     plain, turned = (
-        columns(from_above(v, faint), backend, kernel=footprint).astype(np.float64)
+        columns(from_above(v, faint), kernel=footprint).astype(np.float64)
         for v in (voxels, voxels[:, ::-1, ::-1])
     )
     assert plain[..., 3].max() > 0.3
@@ -241,31 +237,29 @@ def test_A6_over_is_associative(record, width, depth_rule, pieces):
         record("A6", "numbers that over changes where one side is nothing", (both != whole.pixels).sum(), 0, width)
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("slices", (15, 128))
 @pytest.mark.parametrize("tau", (1e-7, 1e-3, 0.1, 1.0, 5.0, 16.6))
 @BY_CLASSIFICATION
-def test_A7_a_white_furnace_is_as_bright_as_it_is_opaque(record, width, backend, slices, tau, classification):
+def test_A7_a_white_furnace_is_as_bright_as_it_is_opaque(record, width, way, slices, tau, classification):
     """Emission of color one: what is emitted is what is hidden, sheet for sheet, before any clamp."""
     scene = from_above(np.ones((slices, 8, 8), np.uint8), transfer(((0.0, 0.0), (1.0, -math.expm1(-tau)))))
-    pixels = sheets(scene, backend, classification=classification)[1:-1, 1:-1].astype(np.float64)
+    pixels = sheets(scene, classification=classification)[1:-1, 1:-1].astype(np.float64)
     assert pixels[..., 3].min() < math.exp(-min((slices - 1) * tau, 30.0)) * 1.001
     error = np.abs(pixels[..., :3] + pixels[..., 3:] - 1.0).max()
     if slices == 15:
         record("A7", "emitted + transmitted light - 1, behind 15 sheets", error, 1e-6, width)
     record("A7", "emitted + transmitted light - 1, in units of n 2^-24", error / (slices * ULP), 1.0, width)
-    rgba = columns(scene, backend, classification=classification).astype(np.float64)
+    rgba = columns(scene, classification=classification).astype(np.float64)
     unequal = np.abs(rgba[..., :3] - rgba[..., 3:]).max() / (slices * ULP)
     record("A7", "color - alpha of a white picture, in units of n 2^-24", unequal, 1.0, width)
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @BY_CLASSIFICATION
-def test_A8_a_denser_medium_hides_more_and_more_light_shows_more(record, width, backend, classification, monkeypatch):
+def test_A8_a_denser_medium_hides_more_and_more_light_shows_more(record, width, way, classification, monkeypatch):
     random = np.random.default_rng(8)
     field = np.where(random.random((14, 14, 14)) < 0.5, 0.0, random.random((14, 14, 14)) * 0.4)
     field[0, 0, 0] = 0.9  # out of the way: the range of values, and so the table, stays the same
-    quality = Quality(classification=classification, termination=0.0, depth_rule="simpson", backend=backend)
+    quality = Quality(classification=classification, termination=0.0, depth_rule="simpson")
 
     def seen(field, **more):
         images = []
@@ -288,9 +282,8 @@ def test_A8_a_denser_medium_hides_more_and_more_light_shows_more(record, width, 
 
 
 @pytest.mark.parametrize("warp_filter", WARP_FILTERS)
-@pytest.mark.parametrize("backend", AVAILABLE)
 @BY_CLASSIFICATION
-def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filter, backend, classification):
+def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filter, way, classification):
     """A binary medium of HDR colors, so that the filters' negative lobes have something to overshoot."""
     random = np.random.default_rng(9)
     colors = ((0.0, 7.5, 0.0, 0.2), (1.0, 0.1, 2.0, 0.0))
@@ -303,7 +296,6 @@ def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filt
             warp_filter=warp_filter,
             sheet_density=1.0,
             termination=0.0,
-            backend=backend,
             classification=classification,
         ).rgba.astype(np.float64)
         assert rgba[..., 3].max() > 0.9
@@ -315,10 +307,9 @@ def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filt
 # --- A10, A11: kernels ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 @pytest.mark.parametrize("rule", ("slice", "simpson", "gauss2"))
-def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, width, footprint, backend, rule):
+def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, width, footprint, way, rule):
     """Optical depth of every sheet pixel over the middle of a block, at 0.39 and 2.93 pixels a voxel."""
     block = np.zeros((20, 26, 26), np.uint8)
     block[4:-4, 1:-1, 1:-1] = 1
@@ -326,7 +317,7 @@ def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, wid
     for pixels in (76, 10):
         for moved in (0.0, 1 / 3, 0.5):
             camera = replace(scene.camera, shift_x=moved / pixels, shift_y=-0.3 * moved / pixels)
-            quality = Quality(classification="pre", kernel=footprint, depth_rule=rule, termination=0.0, backend=backend)
+            quality = Quality(classification="pre", kernel=footprint, depth_rule=rule, termination=0.0)
             image, sheets = intermediate(replace(scene, camera=camera, width=pixels, height=pixels), quality)
             x, y = image.base_plane.points()
             middle = np.ix_(np.abs(y - 12.5) < 8.0, np.abs(x - 12.5) < 8.0)

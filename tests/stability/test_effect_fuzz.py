@@ -14,7 +14,7 @@ from hypothesis import event, given
 from hypothesis import strategies as st
 
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.jit import compiled, use_reference
 from rle_splat.scene import RleSplatError
 from tests.stability.effect_strategies import BLURS, scenes_with_effects
 from tests.stability.fuzz import examples
@@ -75,7 +75,8 @@ def search_effects(given_scene, quality, shares):
     assert (never is None and off is None) or bits_apart(never, off) == 0
     if not compiled() or (set(names) & set(BLURS)):
         return
-    reference, by_reference, _ = by_stages(scene, replace(quality, backend="numpy"))
+    with use_reference():
+        reference, by_reference, _ = by_stages(scene, quality)
     check_range(reference, most)
     check_references(splats[:FEW], warps[:FEW], by_reference[:FEW])
 

@@ -5,6 +5,7 @@ import os
 import sys
 import tracemalloc
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,8 +31,9 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
 from tests.encoded import to_volume_order, validate
-from tests.stability.scenes import BACKENDS, unlike
+from tests.stability.scenes import unlike
 from tests.unit.test_encode import ALL_TABLES, CASES, classified_from, dense_from
+from tests.ways import WAYS, both, by
 
 TABLES_ARE_WHOLE = "whole numbers"
 QUALITY = Quality.preset("standard", classification="pre")
@@ -41,7 +43,6 @@ FINE = replace(QUALITY, depth_rule="midpoint-8", sheet_density=4.0, termination=
 LONG = 70_000  # more than 16 bits count
 LARGE = (65_536, 16_400, 2)  # more voxels than 31 bits count; what a raw file may have along an edge
 every_axis = pytest.mark.parametrize("axis", (0, 1, 2))
-every_backend = pytest.mark.parametrize("backend", BACKENDS)
 needs_kernels = pytest.mark.skipif(not compiled(), reason="too slow without kernels")
 
 
@@ -79,23 +80,22 @@ def test_S1_S8_decoding_gives_the_volume_back(record, name, axis):
     mask = CASES[name]
     classified = classified_from(mask)
     dense = dense_from(mask, classified, "extinction")
-    for encoder in BACKENDS:
-        encoded = encode(classified, classified.color, axis, backend=encoder)
-        wrong = sum(unlike(to_volume_order(decode(encoded, backend=decoder), axis), dense) for decoder in BACKENDS)
+    for encoder in WAYS:
+        with by(encoder):
+            encoded, again = (encode(classified, classified.color, axis) for _ in range(2))
+        wrong = sum(unlike(to_volume_order(found, axis), dense) for found in both(partial(decode, encoded)))
         why = "records are copied"
         record("S1", "numbers that differ after encoding and decoding", wrong, 0, "either", why)
         record("S8", "numbers in which an axis' encoding differs from the volume", wrong, 0, "either", why)
-        again = encode(classified, classified.color, axis, backend=encoder)
         record("S1", "entries that differ when encoded twice", tables_unlike(encoded, again), 0, "either", why)
 
 
 @every_axis
-@every_backend
 @pytest.mark.parametrize("seed", range(6))
-def test_S1_random_masks_in_canonical_form(record, seed, axis, backend):
+def test_S1_random_masks_in_canonical_form(record, seed, axis, way):
     rng = np.random.default_rng(seed)
     mask = rng.random(rng.integers(1, 24, 3)) < rng.choice((0.02, 0.3, 0.7, 0.98))
-    encoded = encode(classified_from(mask, seed), np.ones((int(mask.sum()), 3), np.float32), axis, backend=backend)
+    encoded = encode(classified_from(mask, seed), np.ones((int(mask.sum()), 3), np.float32), axis)
     validate(encoded)
     pointers = encoded.scanline_pointers.reshape(-1)
     starts = pointers[pointers >= 0]
@@ -144,11 +144,10 @@ def solid(n) -> Volume:
 
 
 @every_axis
-@every_backend
-def test_S3_a_checkerboard_has_one_run_per_voxel_and_the_empty_first(record, axis, backend):
+def test_S3_a_checkerboard_has_one_run_per_voxel_and_the_empty_first(record, axis, way):
     n = 8
     mask = np.indices((n, n, n)).sum(axis=0) % 2 == 0
-    encoded = encode(classified_from(mask), np.ones((int(mask.sum()), 3)), axis, backend=backend)
+    encoded = encode(classified_from(mask), np.ones((int(mask.sum()), 3)), axis)
     lengths = np.diff(np.append(encoded.scanline_pointers.reshape(-1), len(encoded.runs))).reshape(n, n)
     expected = n + np.indices((n, n)).sum(axis=0) % 2  # those that begin transparent have an empty run less
     off = np.abs(lengths - (2 * n + 1 - expected)).sum()
@@ -207,30 +206,28 @@ def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkey
 # --- long dimensions, and more than 32 bits count ---------------------------------------------------------------
 
 
-@every_backend
 @pytest.mark.parametrize("length", (65535, 65536, 70000))
 @pytest.mark.parametrize("axis", (0, 2))
-def test_S4_long_runs_are_not_wrapped(record, length, axis, backend):
+def test_S4_long_runs_are_not_wrapped(record, length, axis, way):
     shape = (1, 2, length) if axis == 2 else (1, length, 2)
     full, last = np.ones(shape, bool), np.zeros(shape, bool)
     np.moveaxis(last, 2 if axis == 2 else 1, 0)[-1] = True
     for mask, line in ((full, [0, length]), (last, [length - 1, 1])):
         classified = classified_from(mask)
-        encoded = encode(classified, classified.color, axis, backend=backend)
+        encoded = encode(classified, classified.color, axis)
         assert encoded.runs.dtype == (np.uint16 if length <= 65535 else np.uint32)
         validate(encoded)
-        dense = to_volume_order(decode(encoded, backend=backend), axis)
+        dense = to_volume_order(decode(encoded), axis)
         off = unlike(encoded.runs, line + line) + unlike(dense, dense_from(mask, classified, "extinction"))
         record("S4", "runs and voxels that differ in scanlines of 65,535 to 70,000", off, 0, "either", TABLES_ARE_WHOLE)
 
 
-@every_backend
-def test_S4_columns_grow_with_the_width(record, backend):
+def test_S4_columns_grow_with_the_width(record, way):
     shown = TransferFunction(opacity=((100, 0.0), (120, 1.0)), color=((0, 1, 1, 1),))
     for length, stored_type in ((65536, np.uint16), (65537, np.int32), (70000, np.int32)):
         voxels = np.zeros((1, 1, length), np.uint8)
         voxels[0, 0, [0, 65535, length - 1]] = 255
-        classified = classify(Volume(voxels, np.eye(4)), shown, np.eye(4), backend=backend)
+        classified = classify(Volume(voxels, np.eye(4)), shown, np.eye(4))
         assert classified.column.dtype == stored_type
         off = unlike(classified.column, sorted({0, 65535, length - 1}))
         record("S4", "visible voxels of a long row at a wrong position", off, 0, "either", TABLES_ARE_WHOLE)
@@ -352,9 +349,8 @@ def test_S5_tables_with_more_than_32_bits_of_runs_and_records(record, width, axi
 # --- memory layout --------------------------------------------------------------------------------------------
 
 
-@every_backend
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32))
-def test_S6_memory_layout_does_not_matter(record, tmp_path, dtype, backend):
+def test_S6_memory_layout_does_not_matter(record, tmp_path, dtype, way):
     """Strided, transposed, Fortran-ordered, read-only, mapped and masked arrays: tables and picture."""
     values = np.random.default_rng(1).integers(0, 250, (6, 5, 9)).astype(dtype)
     path = tmp_path / "odd.raw"
@@ -368,7 +364,7 @@ def test_S6_memory_layout_does_not_matter(record, tmp_path, dtype, backend):
         "transposed": np.ascontiguousarray(values.transpose(2, 0, 1)).transpose(1, 2, 0),
         "masked": np.ma.masked_array(values, mask=values > 200),
     }  # fmt: skip
-    quality = replace(QUALITY, backend=backend)
+    quality = replace(QUALITY)
 
     def drawn(voxels):
         scene = replace(close_up(Volume(voxels, np.eye(4)), 2, (4.0, 2.0, 3.0)), headlight=True)

@@ -23,6 +23,8 @@ from rle_splat.volume.volume import Volume
 from tests.stability.fuzz import examples
 from tests.stability.test_reader_fuzz import ANY_JSON, GOOD_FUNCTION, altered, outcome, places, says
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 SHAPE = (7, 6, 5)  # z, y, x
 PLANES = 3  # of a slab
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
@@ -42,7 +44,7 @@ def whole(tmp_path, monkeypatch, request):
     classification, lights = TABLES[request.param]
     voxels = np.random.default_rng(2).integers(0, 101, SHAPE, dtype=np.uint8)
     scene = replace(view_of(Volume(voxels, np.eye(4)), 1), lights=lights, headlight=not lights)
-    encode_folder.encode_folder(scene, tmp_path / "a.rle", Quality(classification=classification, backend="numpy"))
+    encode_folder.encode_folder(scene, tmp_path / "a.rle", Quality(classification=classification))
     names = {path.name.rpartition(".")[2] for path in (tmp_path / "a.rle").iterdir()}
     assert request.param in names
     return tmp_path / "a.rle"
@@ -102,7 +104,7 @@ def rendered(path, axis, planes=None):
     stored = load(path)
     scene = replace(view_of(stored, axis), volume=stored.of_planes(*planes) if planes else stored)
     return render(scene, Quality(classification=stored.classification, depth_rule="slice", warp_filter="bilinear",
-                                 backend="numpy", threads=1, rays=0.0, sheet_density=1.0))  # fmt: skip
+                                threads=1, rays=0.0, sheet_density=1.0))  # fmt: skip
 
 
 def with_sizes(header, pieces) -> dict:

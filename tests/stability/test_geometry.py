@@ -19,11 +19,9 @@ from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.turntable import turntable
-from tests.stability.scenes import BACKENDS
 from tests.truths.conftest import Stage
 from tests.truths.test_popping import by_axis
 
-AVAILABLE = BACKENDS if compiled() else ("numpy",)
 STAGE = Stage()
 LEVEL = 1.0 / 255.0
 STANDARD = Quality(classification="pre", depth_rule="simpson")
@@ -173,14 +171,13 @@ def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
 # --- C4 to C7: places and sizes -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("pixels", ((1, 0), (-3, 2), (7, -11)))
-def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixels, backend):
+def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixels, way):
     size, (right, down) = 48, pixels
     scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, size=(size, size), fit=1.6)
-    base = picture(scene, plan, backend=backend)
+    base = picture(scene, plan)
     camera = replace(scene.camera, shift_x=-right / size, shift_y=down / size)
-    shifted = np.roll(picture(replace(scene, camera=camera), plan, backend=backend), (-down, -right), axis=(0, 1))
+    shifted = np.roll(picture(replace(scene, camera=camera), plan), (-down, -right), axis=(0, 1))
     inside = np.s_[12:-12, 12:-12]
     assert base[inside].max() > 0.3
     record("C4", "change of a picture shifted by whole pixels", np.abs(shifted - base)[inside].max(), 1e-6, width)
@@ -190,7 +187,7 @@ def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixel
     back = scene.volume_matrix @ placed(np.eye(3), (-1.0, 0.0, -2.0))
     other = replace(scene, volume=STAGE.volume(padded), volume_matrix=back)
     for density in (0.0, 1.5):
-        knobs = dict(backend=backend, sheet_density=density)
+        knobs = dict(sheet_density=density)
         change = np.abs(picture(other, plan, **knobs) - picture(scene, plan, **knobs)).max()
         if density == 0.0:
             record("C4", "change when voxels are renumbered, one sheet pixel per voxel", change, 1e-6, width)
@@ -254,14 +251,13 @@ def mirrored(claim, density, change, width, record):
         record("C6", f"{claim}, at the highest density", change, 0.3 * LEVEL, width, looser=SAMPLED)
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
-def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, width, plan, backend):
+def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, width, plan, way):
     field = BLOBS + BLOBS[:, :, ::-1]
     field = 0.4 * (field + field[::-1])
     for perspective in (False, True):
         scene = STAGE.on_turntable(field, 0.0, 0.0, perspective, size=(48, 48))
-        for density in DENSITIES if backend == "numba" else DENSITIES[:1]:
-            rgba = picture(scene, plan, backend=backend, sheet_density=density)
+        for density in DENSITIES if way == "numba" else DENSITIES[:1]:
+            rgba = picture(scene, plan, sheet_density=density)
             assert rgba.max() > 0.3
             uneven = max(np.abs(rgba - rgba[:, ::-1]).max(), np.abs(rgba - rgba[::-1]).max())
             mirrored("asymmetry of a symmetric scene", density, uneven, width, record)
@@ -372,13 +368,12 @@ def thin_picture(size, perspective, truth_name):
     return scene, truth(scene, truth_name, tolerance=1e-7)[0]
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("size", ((1, 1), (1, 37), (37, 1), (2, 2), (1, 300)), ids=str)
-def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size, backend):
+def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size, way):
     """Against the truth; and every crop of one pixel is that pixel of the whole."""
     for perspective in (False, True):
         scene, true = thin_picture(size, perspective, TRUE[plan.classification])
-        quality = replace(plan, depth_rule="midpoint-4", sheet_density=3.0, backend=backend)
+        quality = replace(plan, depth_rule="midpoint-4", sheet_density=3.0)
         whole = render(scene, quality)
         assert whole.rgba.shape == (size[1], size[0], 4)
         assert true[..., 3].max() > 0.1

@@ -16,7 +16,7 @@ from rle_splat.pipeline.render import render, render_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Light, Quality, RleSplatError
 from tests.stability.scenes import from_above, transfer
-from tests.stability.test_geometry import AVAILABLE, LEVEL, placed, turned
+from tests.stability.test_geometry import LEVEL, placed, turned
 from tests.truths.conftest import OPACITY_IS_VALUE, Stage
 
 STAGE = Stage()
@@ -300,15 +300,14 @@ def test_C13_moving_a_clip_plane_is_continuous(record, width, plan, side):
     record("C13", "change per voxel that a clip plane moves, in units of the densest voxel's", jump, 1.0, width)
 
 
-@pytest.mark.parametrize("backend", AVAILABLE)
 @pytest.mark.parametrize("classification", ("pre", "post"))
 @pytest.mark.parametrize("rule", ("slice", "simpson"))
-def test_C13_the_depth_of_a_medium_that_a_clip_plane_cuts(record, width, rule, classification, backend):
+def test_C13_the_depth_of_a_medium_that_a_clip_plane_cuts(record, width, rule, classification, way):
     """In a homogeneous medium half the light is gone ln 2 / extinction behind the plane, wherever it cuts a slab; seen
     askew no depth lies before the plane or beyond the other."""
     dense = transfer(((0.0, 1.0 - math.exp(-2.0)),))
     block = from_above(np.ones((8, 6, 6), np.uint8), dense)
-    quality = Quality(classification=classification, depth_rule=rule, termination=0.0, backend=backend)
+    quality = Quality(classification=classification, depth_rule=rule, termination=0.0)
     for clip in (11.5, 11.8, 12.03, 13.25):  # the first slice's center is 11 away
         scene = replace(block, camera=replace(block.camera, clip_start=clip))
         depth = render(scene, quality).depth[2:4, 2:4]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -20,8 +21,9 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
 from rle_splat.volume.volume import Volume
 from tests.stability.references import NUDGE, STEPS, Splat, by_stages, tables_apart
-from tests.stability.scenes import BACKENDS, EXACT, from_above, sheets, transfer, turned, unlike
+from tests.stability.scenes import EXACT, from_above, sheets, transfer, turned, unlike
 from tests.stability.strategies import smooth_field
+from tests.ways import both
 
 pytestmark = pytest.mark.skipif(not compiled(), reason="kernels are what is compared")
 VALUE_IS_OPACITY = ((0.0, 0.0), (1.0, 1.0))
@@ -85,13 +87,13 @@ def test_K1_rays_on_the_step_where_a_footprint_ends(record, width, kernel):
 CODED = 256
 
 
-def coded(numbers, channel: int, size: int, backend: str = "numba"):
+def coded(numbers, channel: int, size: int):
     """Codes of records whose ``channel``, red or density, is ``numbers``, and what is made of them again."""
     records = np.zeros((len(numbers), 4), np.float32)
     records[:, 3] = 1.0
     records[:, channel] = numbers
     decoding, codes = decoding_of(size, 1.0, 1.0), empty_records(size, len(numbers))
-    pack(records, decoding, codes, backend=backend)
+    pack(records, decoding, codes)
     return codes.reshape(len(numbers), -1), unpack(codes, decoding)[:, channel]
 
 
@@ -110,7 +112,7 @@ def test_K2_a_number_on_the_middle_between_two_codes(record, size):
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         jump = 0.0
         for side in (low, high):
-            one, two = (coded(side.view(np.float32), channel, size, backend)[0] for backend in BACKENDS)
+            one, two = (codes for codes, _ in both(partial(coded, side.view(np.float32), channel, size)))
             claim = "codes of one number that differ between kernels and reference implementation"
             record("K2", claim, unlike(one, two), 0, "either", WHOLE)
             jump = coded(side.view(np.float32), channel, size)[1] - jump
@@ -124,7 +126,7 @@ def test_K2_lit_records_are_a_code_apart_at_most(record, size):
     volume = Volume(smooth_field((24, 24, 24), np.random.default_rng(2)), np.eye(4))
     scene = replace(turned(volume, transfer(VALUE_IS_OPACITY, shade=Shade())), headlight=True)
     plan = Quality(classification="pre", record=size)
-    one, two = (splat_of(scene, plan, backend=backend).given["encoded"] for backend in BACKENDS)
+    one, two = (splat.given["encoded"] for splat in both(partial(splat_of, scene, plan)))
     unlike_tables, _ = tables_apart(one, two)
     claim = "tables of lit media that differ between kernels and reference implementation"
     record("K2", claim, unlike_tables, 0, "either", WHOLE)
@@ -144,7 +146,7 @@ def test_K3_a_ray_that_ends_a_sheet_sooner(record):
     alphas, ended = np.linspace(0.2, 0.6, 64), 0
     front = np.tile(alphas, (4, 2, 1))
     scene = from_above(np.concatenate((np.full((3, 2, 64), 0.5), front)), transfer(VALUE_IS_OPACITY))
-    behind = [sheets(from_above(front, transfer(VALUE_IS_OPACITY)), backend)[0, :, 3] for backend in BACKENDS]
+    behind = [seen[0, :, 3] for seen in both(partial(sheets, from_above(front, transfer(VALUE_IS_OPACITY))))]
     apart = np.flatnonzero(behind[0] != behind[1])[:5]
     exact = 1.0 - (1.0 - alphas) ** 4 * 0.5**3
     for n in apart:

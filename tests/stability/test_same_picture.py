@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.jit import compiled, use_reference
 from rle_splat.splat import pixel_block
 from tests.stability.pictures import SCENES, pictures
+from tests.ways import both
 
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
@@ -50,10 +51,10 @@ def test_A5_one_to_sixty_four_threads(record, tmp_path):
             record("A5", "numbers that differ between 1 and 2 to 8 and 64 threads", changed, 0, "either", why=BITS)
 
 
-@pytest.mark.parametrize("backend", ("numba", "numpy") if compiled() else ("numpy",))
-def test_A12_run_to_run_and_process_to_process(record, tmp_path, backend):
-    first = pictures(backend=backend)
-    for made in (pictures(backend=backend), elsewhere(tmp_path, "--backend", backend)):
+def test_A12_run_to_run_and_process_to_process(record, tmp_path, way):
+    first = pictures()
+    alike = {"NUMBA_DISABLE_JIT": "1"} if way == "numpy" else {}
+    for made in (pictures(), elsewhere(tmp_path, **alike)):
         changed = sum(differing(made[name], first[name]) for name in first)
         record("A12", "numbers that differ from run to run and process to process", changed, 0, "either", why=BITS)
 
@@ -73,7 +74,7 @@ def test_A13_another_processor(record, tmp_path):
 
 @WITH_KERNELS
 def test_A13_kernels_and_their_reference_implementations(record, width):
-    fast, slow = pictures(backend="numba"), pictures(backend="numpy")
+    fast, slow = both(pictures)
     for name in fast:
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
         if name.startswith("post"):
@@ -83,11 +84,10 @@ def test_A13_kernels_and_their_reference_implementations(record, width):
             record("A13", "difference between kernels and their reference implementations", error, 1e-5, width)
 
 
-@pytest.mark.parametrize("backend", ("numba", "numpy") if compiled() else ("numpy",))
-def test_A13_single_and_double_width(record, monkeypatch, backend):
-    single = pictures(backend=backend)
+def test_A13_single_and_double_width(record, monkeypatch, way):
+    single = pictures()
     monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 0)
-    double = pictures(backend=backend)
+    double = pictures()
     for name in single:
         error = float(np.abs(single[name][..., :4] - double[name][..., :4]).max())
         # T falls below its least, 1/1024, a sheet sooner or later.
@@ -105,8 +105,9 @@ def test_A13_other_versions_of_python_and_numpy(record, tmp_path, python):
     """Each of Blender's, by the reference implementations; its kernels are compared with those in tests/blender."""
     if python is None:
         pytest.skip("no environment of another Python is at hand")
-    here = pictures(backend="numpy")
-    there = elsewhere(tmp_path, "--backend", "numpy", python=python)
+    with use_reference():
+        here = pictures()
+    there = elsewhere(tmp_path, python=python, NUMBA_DISABLE_JIT="1")
     for name in here:
         error = float(np.abs(here[name][..., :4] - there[name][..., :4]).max())
         record("A13", "difference between versions of Python and numpy", error, 1e-5, "float32", why="as float32")

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render_steps
-from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.jit import compiled, use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
@@ -28,6 +28,7 @@ from rle_splat.warp.warp import warp_steps
 from tests.stability.fuzz import examples
 from tests.stability.references import STEPS, by_stages, tables_apart, warps_apart
 from tests.stability.strategies import plain_scenes, qualities, scenes
+from tests.ways import both
 
 ROUNDING = 2.0**-20
 TRUE = {"pre": "T1", "post": "T2"}
@@ -144,7 +145,8 @@ def search_anything(scene, quality):
     if not compiled():
         return
     assert bits_apart(made, picture(scene, replace(quality, threads=2))) == 0
-    reference, by_reference, _ = by_stages(scene, replace(quality, backend="numpy"))
+    with use_reference():
+        reference, by_reference, _ = by_stages(scene, quality)
     check_picture(scene, quality, reference)
     check_references(splats, warps, by_reference)
 
@@ -286,7 +288,7 @@ def test_P1_opacities_as_they_are_added_in_sheets_that_are_not_one_voxel_deep(re
     camera, matrix = turntable(volume, 20.0, 15.0, width=24, height=24)
     scene = Scene(volume, function, camera, 24, 24, matrix, headlight=False)
     quality = Quality(classification="pre", model="opacity", length_correction=False, depth_rule=rule)
-    kernels, reference = (picture(scene, replace(quality, backend=backend)) for backend in ("numba", "numpy"))
+    kernels, reference = both(lambda: picture(scene, quality))
     worst = float(np.abs(kernels.rgba - reference.rgba).max())
     claim = f"kernels off their reference implementations, opacities as added, {rule}"
     record("P1", claim, worst, 1e-6, "float32", "one width")

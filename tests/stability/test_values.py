@@ -16,7 +16,6 @@ from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, LIGHT_TYPES, NO_DEPTH, Light, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.stability.scenes import (
-    BACKENDS,
     EXACT,
     FINER,
     WHITE,
@@ -29,7 +28,6 @@ from tests.stability.scenes import (
     turned,
 )
 
-every_backend = pytest.mark.parametrize("backend", BACKENDS)
 every_classification = pytest.mark.parametrize("classification", CLASSIFICATIONS)
 every_finer = pytest.mark.parametrize("classification", FINER)
 
@@ -37,38 +35,35 @@ every_finer = pytest.mark.parametrize("classification", FINER)
 # --- opacities at both ends -----------------------------------------------------------------------------------
 
 
-@every_backend
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
-def test_V1_nothing_visible(record, dtype, backend):
+def test_V1_nothing_visible(record, dtype, way):
     clear = TransferFunction(opacity=((0, 0.0),), color=WHITE)
     volume = Volume(np.ones((3, 4, 5), dtype), np.eye(4))
-    classified = classify(volume, clear, np.eye(4), backend=backend)
+    classified = classify(volume, clear, np.eye(4))
     assert classified.visible_fraction == 0.0 and len(classified.row_start) == 13
     entries = classified.visible_voxels + int(classified.row_start.any())
     for axis in (0, 1, 2):
-        tables = encode(classified, classified.color, axis, backend=backend)
+        tables = encode(classified, classified.color, axis)
         entries += int((tables.scanline_pointers != -1).sum()) + len(tables.runs) + len(tables.voxel_data)
     record("V1", "voxels, runs and scanlines that are not flagged empty", entries, 0, "either", "whole numbers")
-    picture = render(turned(volume, clear), Quality(backend=backend))
+    picture = render(turned(volume, clear), Quality())
     assert (picture.depth == NO_DEPTH).all() and "transparent" in " ".join(picture.report["remarks"])
     record("V1", "largest channel of the picture", np.abs(picture.rgba).max(), 0, "either", "exactly 0 in any width")
 
 
-@every_backend
 @every_classification
-def test_V1_nothing_visible_however_classified(record, classification, backend):
+def test_V1_nothing_visible_however_classified(record, classification, way):
     volume = Volume(noise(), np.eye(4))
     for points in (((0, 0.0),), ((500, 0.0), (501, 0.7)), ((-501, 0.7), (-500, 0.0))):
-        picture = drawn(turned(volume, TransferFunction(opacity=points, color=WHITE)), classification, backend)
+        picture = drawn(turned(volume, TransferFunction(opacity=points, color=WHITE)), classification)
         record("V1", "largest channel of the picture", np.abs(picture).max(), 0, "either", "exactly 0 in any width")
 
 
-@every_backend
 @pytest.mark.parametrize("termination", (0.0, 1 / 1024))
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
-def test_V2_all_opaque(record, width, model, termination, backend):
+def test_V2_all_opaque(record, width, model, termination, way):
     scene = from_above(np.ones((6, 8, 9), np.float32), transfer(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
-    picture = render(scene, replace(EXACT, backend=backend, termination=termination, model=model))
+    picture = render(scene, replace(EXACT, termination=termination, model=model))
     assert np.isfinite(picture.rgba).all() and np.isfinite(picture.depth).all()
     record(
         "V2",
@@ -84,22 +79,20 @@ def test_V2_all_opaque(record, width, model, termination, backend):
     record("V2", "voxels behind the first slice at which half the light is left", max(behind, 0.0), 0.5, width)
 
 
-@every_backend
 @every_finer
-def test_V2_all_opaque_however_classified(record, width, classification, backend):
+def test_V2_all_opaque_however_classified(record, width, classification, way):
     scene = from_above(np.ones((6, 8, 9), np.float32), transfer(((0, 1.0),), ((0, 0.5, 1.0, 0.0),)))
-    picture = drawn(scene, classification, backend, termination=0.0)
+    picture = drawn(scene, classification, termination=0.0)
     assert np.isfinite(picture).all()
     alpha = picture[2:-2, 2:-2, 3]
     record("V2", "1 - alpha over max(T_min, 2^-24)", (1.0 - alpha).max() * 2.0**24, 1.0, width)
 
 
-@every_backend
-def test_V3_opacities_next_to_one_and_denormal(record, width, backend):
+def test_V3_opacities_next_to_one_and_denormal(record, width, way):
     alphas = [0.0, 2.0**-149, 2.0**-126, 1e-30, 2.0**-24, 2.0**-23, 1e-3, 0.5, 1 - 2.0**-23, 1 - 2.0**-24, 1.0]
     n, row = 5, np.arange(len(alphas), dtype=np.float64)
     scene = from_above(np.broadcast_to(row, (n, 3, len(alphas))), transfer(tuple(zip(row, alphas))))
-    seen = sheets(scene, backend)[1]
+    seen = sheets(scene)[1]
     assert np.isfinite(seen).all()
     alpha = 1.0 - seen[:, 3].astype(np.float64)
     record("V3", "alpha falling while the voxels' alpha grows", max(-np.diff(alpha).min(), 0.0), 0, width)
@@ -150,10 +143,9 @@ def corrected(alphas, exponent, width_of_row=10, **how) -> np.ndarray:
     return sheets(scene, **how)[..., 0].ravel().astype(np.float64)
 
 
-@every_backend
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
-def test_V4_opacity_correction(record, width, model, backend):
-    alphas, how = float32_opacities(), dict(backend=backend, model=model)
+def test_V4_opacity_correction(record, width, model, way):
+    alphas, how = float32_opacities(), dict(model=model)
     identity = corrected(alphas, 1.0, **how)
     record(
         "V4",
@@ -184,13 +176,12 @@ def test_V4_opacity_correction(record, width, model, backend):
         )
 
 
-@every_backend
-def test_V5_phi(record, width, backend):
+def test_V5_phi(record, width, way):
     tau = np.concatenate((10.0 ** np.linspace(-30, -1, 100), np.linspace(0.1, 100, 150)))
     alphas, value = -np.expm1(-0.1 * tau), np.arange(250.0)
     tau = 10.0 * -np.log1p(-alphas)
     scene = from_above(value.reshape(1, 10, 25), transfer(tuple(zip(value, alphas)), distance=0.1))
-    seen = sheets(scene, backend).reshape(-1, 4)
+    seen = sheets(scene).reshape(-1, 4)
     phi = -np.expm1(-tau) / tau
     record(
         "V5", "relative error of phi, tau from 1e-30 to 100", np.abs(seen[:, 0] / tau / phi - 1.0).max(), 3e-7, width
@@ -201,14 +192,13 @@ def test_V5_phi(record, width, backend):
 # --- colors and extinctions of any size ----------------------------------------------------------------------
 
 
-@every_backend
 @pytest.mark.parametrize("warp_filter", ("bilinear", "cubic"))
-def test_V14_colors_above_one(record, width, warp_filter, backend):
+def test_V14_colors_above_one(record, width, warp_filter, way):
     bright = TransferFunction(
         opacity=((0, 0.0), (120, 1.0)), color=((0, 50.0, 0.5, 0.0), (120, 1.0, 7.0, 1000.0)), shade=None
     )
     scene = turned(Volume(noise("uint8"), np.eye(4)), bright)
-    knobs = Quality(backend=backend, classification="pre", warp_filter=warp_filter, sheet_density=1.5)
+    knobs = Quality(classification="pre", warp_filter=warp_filter, sheet_density=1.5)
     picture = render(scene, knobs).rgba.astype(np.float64)
     assert picture[..., 2].max() > 100.0 and np.isfinite(picture).all()
     record(
@@ -223,15 +213,14 @@ def test_V14_colors_above_one(record, width, warp_filter, backend):
         TransferFunction(opacity=((0, 0.5),), color=((0, 1.0, -1e-9, 1.0),))
 
 
-@every_backend
 @pytest.mark.parametrize("record_bytes", (16, 8))
-def test_V14_the_brightest_there_may_be(record, width, record_bytes, backend):
+def test_V14_the_brightest_there_may_be(record, width, record_bytes, way):
     """Colors and extinctions at their limits multiply to what float32 still holds; beyond, one sentence."""
     voxels = Volume(noise("float32"), np.eye(4))
     function = TransferFunction(
         opacity=((0, 0.0), (120, 1.0)), color=((0, BRIGHTEST, 0.0, 1.0),), opacity_unit_distance=1e-300, shade=None
     )
-    quality = Quality(backend=backend, classification="pre", record=record_bytes)
+    quality = Quality(classification="pre", record=record_bytes)
     picture = render(turned(voxels, function), quality).rgba
     bad = (~np.isfinite(picture)).sum()
     record("V14", "pixels that are not finite at the limits", bad, 0, width)
@@ -248,14 +237,13 @@ def test_V14_the_brightest_there_may_be(record, width, record_bytes, backend):
             TransferFunction(opacity=((0, 0.5),), color=((0, *channels),))
 
 
-@every_backend
 @every_finer
 @pytest.mark.parametrize("distance", (1e-300, 1e-30, 1e30, 1e300))
-def test_V14_V15_the_brightest_and_the_densest_however_classified(record, width, distance, classification, backend):
+def test_V14_V15_the_brightest_and_the_densest_however_classified(record, width, distance, classification, way):
     function = TransferFunction(
         opacity=((0, 0.0), (120, 1.0)), color=((0, BRIGHTEST, 0.0, 1.0),), opacity_unit_distance=distance, shade=None
     )
-    picture = drawn(turned(Volume(noise(), np.eye(4)), function), classification, backend)
+    picture = drawn(turned(Volume(noise(), np.eye(4)), function), classification)
     assert (picture[..., 3].max() > 0.9) == (distance < 1.0)
     case = "V14" if distance < 1.0 else "V15"
     record(case, "pixels that are not finite at the limits", (~np.isfinite(picture)).sum(), 0, width)
@@ -263,12 +251,11 @@ def test_V14_V15_the_brightest_and_the_densest_however_classified(record, width,
     record(case, "relative error of the color at the limits, finer classifications", error, 1e-5, width)
 
 
-@every_backend
 @pytest.mark.parametrize(
     ("classification", "kind"),
     [*(("pre", kind) for kind in LIGHT_TYPES), *((name, kind) for name in FINER for kind in ("SUN", "POINT"))],
 )
-def test_V14_lights_of_any_energy(record, classification, kind, backend):
+def test_V14_lights_of_any_energy(record, classification, kind, way):
     """As bright as it may be, or refused in one sentence; never a pixel that is no number."""
     function = TransferFunction(opacity=((0, 0.0), (120, 1.0)), color=((0, 1.0, 0.0, 0.5),))
     pose = np.eye(4)
@@ -278,7 +265,7 @@ def test_V14_lights_of_any_energy(record, classification, kind, backend):
         light = Light(kind, (1.0, 0.5, 1e-300), energy, pose)
         scene = turned(Volume(noise("float32"), np.eye(4)), function, 24, lights=(light,))
         try:
-            bad += (~np.isfinite(drawn(scene, classification, backend))).sum()
+            bad += (~np.isfinite(drawn(scene, classification))).sum()
         except RleSplatError as problem:
             assert "brighter" in str(problem) and str(problem).endswith(".")
             refused += 1
@@ -316,9 +303,8 @@ def test_V14_a_lamp_lights_small_volumes_at_any_distance(record, away, classific
     )
 
 
-@every_backend
 @pytest.mark.parametrize("model", ("extinction", "opacity"))
-def test_V15_extinction_of_any_size(record, width, model, backend):
+def test_V15_extinction_of_any_size(record, width, model, way):
     """Slabs of optical depth 1e-30 to beyond float32, by the reference distance and by the scale of the world."""
     value = np.arange(4.0)
     alphas = (0.0, 1e-6, 0.5, 1.0)
@@ -329,30 +315,29 @@ def test_V15_extinction_of_any_size(record, width, model, backend):
         with np.errstate(over="ignore"):
             true = -np.expm1(-3.0 * tau / distance)
         scene = from_above(np.broadcast_to(value, (3, 2, 4)), function)
-        seen = columns(scene, backend, model=model)[0]
+        seen = columns(scene, model=model)[0]
         assert np.isfinite(seen).all()
         record("V15", "error of alpha, extinction 1e-300 to 1e300", np.abs(seen[:, 3] - true).max(), 2e-6, width)
         off = np.abs(seen[:, :3] - seen[:, 3:] * np.array(colors[0][1:])).max()
         record("V15", "error of the color, extinction 1e-300 to 1e300", off, 1e-6, width)
         if distance <= 1e-12:
-            behind = sheets(scene, backend, model=model)[0, 2:, 3].max()
+            behind = sheets(scene, model=model)[0, 2:, 3].max()
             record("V15", "transmittance of what is opaque by far", behind, 1e-30, width)
     dense = classify(
-        Volume(np.ones((2, 2, 2)), np.eye(4)), transfer(((0, 1.0),), distance=1e-300), np.eye(4), backend=backend
+        Volume(np.ones((2, 2, 2)), np.eye(4)), transfer(((0, 1.0),), distance=1e-300), np.eye(4)
     )
     assert dense.opacity_distance == LEAST_DISTANCE and 1e27 < dense.extinction.min() < dense.extinction.max() * 1.01
 
 
-@every_backend
 @every_classification
-def test_V15_the_world_may_be_of_any_size(record, width, classification, backend):
+def test_V15_the_world_may_be_of_any_size(record, width, classification, way):
     function = transfer(((0, 0.0), (120, 0.6)), ((0, 0.2, 0.5, 1.0), (120, 1.0, 0.3, 0.0)), None)
     scenes = [from_above(noise(), function, scale) for scale in (1e-12, 1.0, 1e12)]
     if classification == "pre":
-        finer, bound, pictures = "", 1e-3, [columns(scene, backend) for scene in scenes]
+        finer, bound, pictures = "", 1e-3, [columns(scene) for scene in scenes]
     else:
         finer, bound = ", finer classifications", 0.01
-        pictures = [drawn(scene, classification, backend) for scene in scenes]
+        pictures = [drawn(scene, classification) for scene in scenes]
     assert pictures[1][..., 3].max() > 0.5
     for picture in pictures[::2]:
         worst = difference(picture, pictures[1]).largest

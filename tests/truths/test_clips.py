@@ -9,9 +9,9 @@ import pytest
 from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.pipeline.render import render
-from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Clip, Quality, RleSplatError
 from tests.truths.closed_forms import box_depths, composed, over
+from tests.ways import both
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 CLASSIFICATIONS = pytest.mark.parametrize("classification", ("pre", "post"))
@@ -229,7 +229,7 @@ def test_a_cut_through_a_dense_medium_shows_no_steps(stage, perspective):
 def test_kernels_agree_with_their_references(stage, classification, perspective):
     scene = stage.on_turntable(0.6 * FIELD, perspective=perspective, size=(24, 20), clips=SCENES["all"])
     knobs = dict(classification=classification, depth_rule=RULES[classification])
-    one, two = (stage.render(scene, backend=backend, **knobs) for backend in ("numba", "numpy"))
+    one, two = both(lambda: stage.render(scene, **knobs))
     np.testing.assert_allclose(one.rgba, two.rgba, atol=5e-6)
     np.testing.assert_allclose(one.depth, two.depth, rtol=1e-5)
 
@@ -264,26 +264,23 @@ def test_nothing_left_is_a_transparent_picture_and_says_so(stage, classification
 
 
 @pytest.mark.parametrize("mode", ("mip", "minip", "average"))
-@pytest.mark.parametrize("backend", ("numba", "numpy"))
-def test_values_that_are_wholly_cut_away_are_not_seen(stage, mode, backend):
+def test_values_that_are_wholly_cut_away_are_not_seen(stage, mode, way):
     """Found by the search of effects: a rounding of nothing left a ray's slab with values that it did not have.
 
     A box cuts away one half and more; rays that meet the volume only in it are transparent to the last."""
-    if backend == "numba" and not compiled():
-        pytest.skip("numba cannot be loaded")
     box = placed((-40.0, 7.5, 7.5), (0.0, 0.0, 1.0), 0.0, (47.5, 60.0, 60.0))
     seen = hidden = 0
     for azimuth, rule in ((20.0, "midpoint-3"), (50.0, "midpoint-7"), (70.0, "slice"), (110.0, "midpoint-3")):
         scene = stage.on_turntable(
             np.full((N, N, N), 0.5), azimuth, 15.0, size=(48, 44), mode=mode, clips=(Clip("box", box, "outside"),)
         )
-        picture = render(scene, Quality(depth_rule=rule, warp_filter="bilinear", backend=backend)).rgba[..., 3]
+        picture = render(scene, Quality(depth_rule=rule, warp_filter="bilinear")).rgba[..., 3]
         rays = camera_rays(scene.camera, 48, 44, *(a.ravel() + 0.5 for a in np.meshgrid(np.arange(48), np.arange(44))))
         grown = box_depths(rays, scene.index_to_world, (6.0, -2.0, -2.0), (N + 1.0,) * 3)
         beside = (grown[0] >= grown[1]).reshape(44, 48)  # two voxels and more from all that is kept
         assert (picture[beside] == 0.0).all()
         seen += (picture > 0.0).sum()
-        whole = render(replace(scene, clips=()), Quality(depth_rule=rule, warp_filter="bilinear", backend=backend)).rgba
+        whole = render(replace(scene, clips=()), Quality(depth_rule=rule, warp_filter="bilinear")).rgba
         hidden += (whole[beside][..., 3] > 0.0).sum()
     assert seen > 1000 and hidden > 300
 

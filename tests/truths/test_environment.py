@@ -104,12 +104,11 @@ def test_the_environment_behind_the_light_on_a_sphere():
     np.testing.assert_allclose(found.second, environment.second, atol=1e-9)
 
 
-@pytest.mark.parametrize("backend", ("auto", "numpy"))
-def test_a_ball_has_the_light_of_the_hemisphere_outside_it(ball, backend):
+def test_a_ball_has_the_light_of_the_hemisphere_outside_it(ball, way):
     mean, environment = panorama_moments(sky(), np.eye(3))
     lit = replace(ball, world=mean, environment=environment)
     indices = scene_medium(lit, Quality(classification="pre")).indices
-    colors = classify_and_shade(lit, Quality(backend=backend), Clock())[1]
+    colors = classify_and_shade(lit, Quality(), Clock())[1]
     np.testing.assert_allclose(VoxelLight(lit).color(indices), colors, atol=2e-5)  # written apart, in float64
     place = np.stack(indices[::-1], axis=1) - 9.0
     radius = np.linalg.norm(place, axis=1)

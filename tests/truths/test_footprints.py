@@ -1,4 +1,4 @@
-"""Proves the footprints and depth rules: partition of unity, the shape of one voxel, orders, and both backends."""
+"""Proves the footprints and depth rules: partition of unity, the shape of one voxel, orders, kernels and reference."""
 
 import math
 
@@ -7,10 +7,8 @@ import pytest
 
 from benchmarks.phantoms import FIELDS
 from rle_splat.accuracy.metrics import difference
-from rle_splat.runtime.jit import numba
 from rle_splat.scene import DEPTH_RULES, FOOTPRINTS
-
-WITH_NUMBA = pytest.mark.skipif(numba is None, reason="numba cannot be loaded, so there is nothing to compare with")
+from tests.ways import both
 
 
 def kernel_from_its_definition(name):
@@ -27,14 +25,13 @@ def kernel_from_its_definition(name):
 
 
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
-@pytest.mark.parametrize("backend", [pytest.param("numba", marks=WITH_NUMBA), "numpy"])
-def test_a_constant_medium_stays_constant(stage, kernel, backend):
+def test_a_constant_medium_stays_constant(stage, kernel, way):
     """Partition of unity (A10): inside a constant block every ray has the same optical depth, to rounding."""
     scene = stage.on_turntable(np.full((14, 14, 14), 0.05), size=(40, 40), fit=0.4)
-    scene_rgba = stage.render(scene, kernel=kernel, backend=backend, depth_rule="midpoint-4", termination=0.0).rgba
+    scene_rgba = stage.render(scene, kernel=kernel, depth_rule="midpoint-4", termination=0.0).rgba
     # Rays near the middle, all of one length through the block only if seen along an axis:
     straight = stage.on_turntable(np.full((14, 14, 14), 0.05), 0.0, 0.0, size=(40, 40), fit=0.4)
-    rgba = stage.render(straight, kernel=kernel, backend=backend, depth_rule="midpoint-4", termination=0.0).rgba
+    rgba = stage.render(straight, kernel=kernel, depth_rule="midpoint-4", termination=0.0).rgba
     tau = -np.log1p(-rgba[8:32, 8:32, 3].astype(np.float64))
     assert np.ptp(tau) < 2e-6 * tau.mean()
     np.testing.assert_allclose(tau.mean(), -14 * math.log1p(-0.05), rtol=2e-5 if kernel != "gaussian" else 1e-3)
@@ -78,13 +75,12 @@ def test_finer_depth_rules_come_nearer_to_the_truth(stage, name, perspective):
     assert rmse["midpoint-16"] < 0.1
 
 
-@WITH_NUMBA
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
 @pytest.mark.parametrize("minification, fit", [("off", 1.25), ("widen", 1.25), ("widen", 6.0)])
 def test_numpy_equals_numba(stage, kernel, minification, fit):
     scene = stage.on_turntable(FIELDS["smooth"](20)[:, :17, :13], perspective=True, size=(40, 36), fit=fit)
     knobs = dict(kernel=kernel, minification=minification, depth_rule="gauss2", sheet_density=1.0)
-    fast, slow = (stage.render(scene, backend=backend, **knobs).rgba for backend in ("numba", "numpy"))
+    fast, slow = both(lambda: stage.render(scene, **knobs).rgba)
     if kernel == "nearest":  # a ray on a voxel's border may see either voxel
         assert (np.abs(fast - slow).max(axis=-1) > 1e-5).mean() < 0.02
     else:

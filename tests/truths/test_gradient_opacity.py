@@ -13,10 +13,12 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import Quality, RleSplatError
 from rle_splat.volume.gradient_size import gradient_sizes
 from rle_splat.volume.volume import Volume
 from tests.truths.closed_forms import box_depths, composed
+from tests.ways import NUMPY
 
 COLOR = (0.9, 0.4, 0.2)
 EVEN = TransferFunction(  # the same everywhere, so that only the gradient tells
@@ -36,16 +38,17 @@ def path_of(scene, size=16):
     return rays, *box_depths(rays, scene.index_to_world, np.zeros(3), high)
 
 
+@NUMPY
 @pytest.mark.parametrize(("classification", "depth_rule"), RULES)
 @pytest.mark.parametrize("dtype", (np.float32, np.int16))
-def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule, dtype):
+def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule, dtype, way):
     """7 values a voxel, voxels 2 long: 3.5 values a unit, between 1.5 and 5.5 half of everything is left."""
     z, _, _ = np.mgrid[:16, :16, :16]
     volume = Volume((7 * z).astype(dtype), np.diag((2.0, 2.0, 2.0, 1.0)))
     options = dict(transfer_function=steep(1.5, 5.5), size=(32, 32), spacing=(2.0,) * 3)
     scene = stage.on_turntable(7.0 * z, 30.0, 20.0, **options)
     scene = replace(scene, volume=volume)
-    knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0, backend="numpy")
+    knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0)
     found = stage.render(scene, **knobs).rgba
     half = replace(EVEN, opacity=((0.0, float(-np.expm1(-0.5 * SIGMA))),))
     plain = stage.render(replace(scene, transfer_function=half), **knobs).rgba
@@ -58,9 +61,10 @@ def test_an_even_slope_thins_everything_evenly(stage, classification, depth_rule
         np.testing.assert_allclose(found[inside], true[inside], atol=0.01)
 
 
+@NUMPY
 @pytest.mark.parametrize(("classification", "depth_rule"), RULES)
 @pytest.mark.parametrize("mode", ("composite", "xray"))
-def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, mode):
+def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, mode, way):
     """The square of the radius has a gradient of twice the radius, and central differences find it exactly."""
     scene = stage.on_turntable(
         radius_from_center(16) ** 2, 35.0, 25.0, size=(32, 32), transfer_function=steep(4.0, 14.0), mode=mode
@@ -75,7 +79,7 @@ def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, 
     color = COLOR if mode == "composite" else (1.0, 1.0, 1.0)
     true = composed(SIGMA * factor * np.maximum(leave - enter, 0.0), color).reshape(32, 32, 4)
     inside = (leave - enter > 10.0).reshape(32, 32)
-    knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0, backend="numpy")
+    knobs = dict(classification=classification, depth_rule=depth_rule, sheet_density=2.0)
     found = stage.render(scene, **knobs).rgba
     assert true[inside][:, 3].std() > 0.015
     ramps = classification == "pre" and mode == "composite"  # half a voxel at either end, there
@@ -83,21 +87,18 @@ def test_a_field_that_grows_steeper_outwards(stage, classification, depth_rule, 
     assert np.abs(error).max() < (0.08 if ramps else 0.03) and abs(error.mean()) < (0.05 if ramps else 0.006)
 
 
-def test_sizes_of_gradients_whatever_the_spacing_the_type_and_what_is_no_number():
+def test_sizes_of_gradients_whatever_the_spacing_the_type_and_what_is_no_number(way):
     z, y, x = np.mgrid[:7, :6, :5].astype(float)
     field = 3.0 * x - 4.0 * y + 12.0 * z
     affine = np.diag((2.0, 0.5, 3.0, 1.0))
     affine[:3, :3] = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))) @ affine[:3, :3]
     everything = np.arange(0, 7 * 6 * 5 + 1, 5), np.tile(np.arange(5, dtype=np.uint16), 42)
     true = 2.0 * np.hypot(np.hypot(3.0 / 2.0, 4.0 / 0.5), 12.0 / 3.0)
-    for backend in ("numba", "numpy"):
-        for dtype in (np.int16, np.float32):
-            volume = Volume(field.astype(dtype), affine, slope=-2.0)
-            np.testing.assert_allclose(gradient_sizes(volume, *everything, backend=backend), true, rtol=1e-6)
-        field[3, 3, 3] = np.nan
-        found = gradient_sizes(Volume(field.astype(np.float32), affine), *everything, backend=backend)
-        assert np.isfinite(found).all()
-        field[3, 3, 3] = 3.0 * 3 - 4.0 * 3 + 12.0 * 3
+    for dtype in (np.int16, np.float32):
+        volume = Volume(field.astype(dtype), affine, slope=-2.0)
+        np.testing.assert_allclose(gradient_sizes(volume, *everything), true, rtol=1e-6)
+    field[3, 3, 3] = np.nan
+    assert np.isfinite(gradient_sizes(Volume(field.astype(np.float32), affine), *everything)).all()
 
 
 def test_threads_and_numpy_make_the_same_picture(stage):
@@ -108,7 +109,8 @@ def test_threads_and_numpy_make_the_same_picture(stage):
     )
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    reference = stage.render(scene, classification="post", backend="numpy")
+    with use_reference():
+        reference = stage.render(scene, classification="post")
     np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
     plain = stage.render(replace(scene, transfer_function=tf), classification="post")
     assert np.abs(one.rgba - plain.rgba).max() > 0.1

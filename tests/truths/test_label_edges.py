@@ -1,6 +1,7 @@
 """Proves that edges of labels are smooth: outline and depth of a voxelized sphere and plane against the exact ones."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import Volume
+from tests.ways import both
 
 N = 32
 PIXELS = 160
@@ -140,8 +142,8 @@ def test_labels_that_hide_nothing_change_nothing_under_post(stage):
     labels = Labels(majority(in_sphere), {7: None})
     one, other = (stage.render(each, **POST) for each in (scene, replace(scene, labels=labels)))
     np.testing.assert_allclose(one.rgba, other.rgba, atol=1e-6)
-    kernels, numpy = (stage.render(replace(scene, labels=Labels(majority(in_sphere), {1: None})), backend=b, **POST)
-                      for b in ("numba", "numpy"))
+    scene = replace(scene, labels=Labels(majority(in_sphere), {1: None}))
+    kernels, numpy = both(lambda: stage.render(scene, **POST))
     np.testing.assert_allclose(kernels.rgba, numpy.rgba, atol=1e-5)
 
 
@@ -176,7 +178,7 @@ def random_numbers(kinds: int):
 def test_the_kernel_and_numpy_share_voxels_alike():
     numbers, hidden = random_numbers(4), np.array((False, True, False, False, True))
     for first, last in ((0, 9), (0, 4), (3, 9)):
-        one, other = (edge_shares(numbers, hidden, first, last, backend=b) for b in ("numba", "numpy"))
+        one, other = both(partial(edge_shares, numbers, hidden, first, last))
         for name in ("at", "voxel", "number", "source", "share"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 

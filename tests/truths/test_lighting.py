@@ -53,15 +53,14 @@ def test_every_voxel_has_the_renderers_color(stage, scene, name, kind):
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
 
 
-@pytest.mark.parametrize("backend", ("auto", "numpy"))
 @pytest.mark.parametrize("kind", ("PERSP", "ORTHO"))
 @pytest.mark.parametrize("name", ("sun", "point"))
 @pytest.mark.parametrize(("highlight", "two_sided"), (("phong", True), ("phong", False), ("blinn-phong", False)))
-def test_highlights_by_phong_and_surfaces_of_one_side(stage, scene, highlight, two_sided, name, kind, backend):
+def test_highlights_by_phong_and_surfaces_of_one_side(stage, scene, highlight, two_sided, name, kind, way):
     usual = replace(scene, camera=replace(scene.camera, type=kind), lights=(lights(stage)[name],), headlight=False)
     shade = replace(SHADE, highlight=highlight, two_sided=two_sided)
     lit = replace(usual, transfer_function=replace(usual.transfer_function, shade=shade))
-    quality = Quality(backend=backend)
+    quality = Quality()
     theirs = classify_and_shade(lit, quality, Clock())[1]
     ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
     np.testing.assert_allclose(ours, theirs, atol=2e-5)

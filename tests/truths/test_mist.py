@@ -11,6 +11,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import MIST_FALLOFFS, Mist, Quality, RleSplatError
 from tests.truths.closed_forms import box_depths
 
@@ -98,7 +99,8 @@ def test_threads_and_numpy_make_the_same_picture(stage, classification):
     scene = replace(scene, mist=Mist(distance - 8.0, 16.0, "INVERSE_QUADRATIC", tuple(FOG)))
     one, two = (stage.render(scene, classification=classification, threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
-    reference = stage.render(scene, classification=classification, backend="numpy")
+    with use_reference():
+        reference = stage.render(scene, classification=classification)
     np.testing.assert_allclose(one.rgba, reference.rgba, atol=2e-3)
 
 

@@ -79,9 +79,8 @@ def test_each_label_has_its_own_slab(stage, kind):
     assert effect["on"] and effect["reason"] == "1 label(s) with a transfer function, 1 hidden" and effect["ms"] > 0.0
 
 
-@pytest.mark.parametrize("backend", ("numba", "numpy"))
 @pytest.mark.parametrize("kind", (np.uint8, np.int16))
-def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, backend):
+def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, way):
     voxels = random_voxels(1, kind)
     labels = random_voxels(2, np.int32) % 3
     tf = TransferFunction(
@@ -90,10 +89,10 @@ def test_hiding_a_label_is_rendering_with_its_voxels_transparent(stage, kind, ba
     hidden = Labels(Volume(np.ascontiguousarray(labels), np.eye(4)), {2: None}, smooth=False)
     scene = seen_along_y(stage, voxels, tf, kind, labels=hidden)
     without = replace(scene, labels=None, volume=Volume(np.where(labels == 2, kind(0), voxels), np.eye(4)))
-    one, other = (stage.render(each, classification="pre", backend=backend) for each in (scene, without))
+    one, other = (stage.render(each, classification="pre") for each in (scene, without))
     assert one.rgba.tobytes() == other.rgba.tobytes() and one.depth.tobytes() == other.depth.tobytes()
     assert one.report["volume"]["visible_voxels"] == other.report["volume"]["visible_voxels"]
-    whole = stage.render(replace(scene, labels=None), classification="pre", backend=backend)
+    whole = stage.render(replace(scene, labels=None), classification="pre")
     assert np.abs(one.rgba - whole.rgba).max() > 20 * LEVEL
 
 

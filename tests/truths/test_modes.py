@@ -13,6 +13,7 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import NO_DEPTH, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.truths.closed_forms import box_depths, composed, sphere_length
@@ -285,7 +286,8 @@ def test_any_number_of_threads_and_numpy_make_the_same_picture(stage, mode, pers
     one, two = (stage.render(scene, classification="post", threads=threads) for threads in (1, 2))
     np.testing.assert_array_equal(one.rgba, two.rgba)
     np.testing.assert_array_equal(one.depth, two.depth)
-    reference = stage.render(scene, classification="post", backend="numpy")
+    with use_reference():
+        reference = stage.render(scene, classification="post")
     np.testing.assert_allclose(one.rgba, reference.rgba, atol=1e-4)
     same = np.isclose(one.depth, reference.depth, atol=1e-3)
     assert same.mean() > 0.99

@@ -7,24 +7,20 @@ from rle_splat.encode.pooling import pooled_steps
 from rle_splat.pipeline.scan_source import scan_source
 from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.jit import numba
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Quality
 
-WITH_NUMBA = pytest.mark.skipif(numba is None, reason="numba cannot be loaded")
 
-
-@pytest.mark.parametrize("backend", [pytest.param("numba", marks=WITH_NUMBA), "numpy"])
 @pytest.mark.parametrize("level", [1, 2, 3, 6])
-def test_a_node_is_the_average_of_its_cube(stage, level, backend):
+def test_a_node_is_the_average_of_its_cube(stage, level, way):
     """Against numpy's own mean of the volume's extinction and emission, with nothing beyond its ends."""
     field = (0.9 * np.random.default_rng(4).random((13, 50, 29)) ** 3).astype(np.float32)
     field[field < 0.3] = 0.0
     scene = stage.on_turntable(field)
-    quality = Quality(classification="pre", backend=backend, threads=2)
+    quality = Quality(classification="pre", threads=2)
     lit = drain(scan_source(scene, quality).medium_steps(Work(StageCache(0).job(), Clock()))).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
-    means = drain(pooled_steps(voxels, write, level, backend=backend, threads=2))
+    means = drain(pooled_steps(voxels, write, level, threads=2))
     side, extinction = 2**level, -np.log1p(-field.astype(np.float64))
     emission = np.concatenate((extinction[..., None] * stage.color(field), extinction[..., None]), axis=3)
     padded = np.pad(emission, [(0, -n % side) for n in field.shape] + [(0, 0)])

@@ -14,10 +14,12 @@ from rle_splat.accuracy.metrics import LEVEL, difference
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import Light
 from rle_splat.volume.volume import Volume
 from tests.truths.closed_forms import box_length, composed
 from tests.truths.other_rays import depth_to_plane
+from tests.ways import NUMPY
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 SIZE, PIXELS = 20, (40, 40)
@@ -142,10 +144,10 @@ LIT = {
 
 @PROJECTIONS
 @pytest.mark.parametrize(
-    ("lit", "specular", "backend"),
-    (("headlight", 0.4, "auto"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "auto")),
+    ("lit", "specular", "way"),
+    (("headlight", 0.4, "numba"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "numba")), indirect=["way"],
 )
-def test_lit_pictures(stage, lit, specular, backend, perspective):
+def test_lit_pictures(stage, lit, specular, way, perspective):
     """Light and highlight of one channel and of three; stored as bytes, on voxels that are no cubes."""
     field = np.round(12.0 * RADIUS).astype(np.uint8)
     tf = shell(2.5, unit=12.0, shade=replace(SHADE, specular=specular))
@@ -154,7 +156,7 @@ def test_lit_pictures(stage, lit, specular, backend, perspective):
     true = t2(scene)
     dark = stage.render(replace(scene, headlight=False, lights=()), **FINE).rgba
     assert difference(dark, true).rmse > 3.0
-    found = stage.error(scene, true, **FINE, backend=backend)
+    found = stage.error(scene, true, **FINE)
     assert found.rmse < 0.5 and found.largest < 10.0 and abs(found.bias) < 0.05
 
 
@@ -330,30 +332,29 @@ def lit_bytes(stage, perspective):
 
 
 @PROJECTIONS
-@pytest.mark.parametrize("backend", ("numba", "numpy"))
-def test_a_crop_is_a_part_of_the_picture_to_the_bit(stage, perspective, backend):
+def test_a_crop_is_a_part_of_the_picture_to_the_bit(stage, perspective, way):
     scenes = lit_bytes(stage, perspective), turned(stage, CURVES["thin"], perspective)
-    for scene in scenes if backend == "numba" else scenes[:1]:
-        whole = stage.render(scene, classification="post", backend=backend)
+    for scene in scenes if way == "numba" else scenes[:1]:
+        whole = stage.render(scene, classification="post")
         assert whole.rgba.max() > 0.3
         for left, top, right, bottom in ((9, 14, 31, 27), (0, 0, 7, 40), (20, 21, 21, 22)):
-            part = stage.render(replace(scene, crop=(left, top, right, bottom)), classification="post", backend=backend)
+            part = stage.render(replace(scene, crop=(left, top, right, bottom)), classification="post")
             np.testing.assert_array_equal(part.rgba, whole.rgba[top:bottom, left:right])
             np.testing.assert_array_equal(part.depth, whole.depth[top:bottom, left:right])
 
 
 @PROJECTIONS
-def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage, perspective):
+def test_the_same_picture_from_both_ways_and_any_number_of_threads(stage, perspective):
     inside = stage.before(
         stage.volume(RADIUS), stage.looking((11.3, 8.2, 10.1), (9.7, 10.1, 9.4), lens=14.0, clip_start=1e-4), PIXELS,
         shell(2.0),
     )
     for scene in (lit_bytes(stage, perspective), turned(stage, CURVES["steps"], perspective), inside):
         for rule in ("simpson", "slice-2", "preintegrated"):
-            one, two, slow = (
-                stage.render(scene, classification="post", depth_rule=rule, **machine)
-                for machine in (dict(threads=1), dict(threads=2), dict(backend="numpy"))
-            )
+            knobs = dict(classification="post", depth_rule=rule)
+            one, two = (stage.render(scene, threads=threads, **knobs) for threads in (1, 2))
+            with use_reference():
+                slow = stage.render(scene, **knobs)
             np.testing.assert_array_equal(one.rgba, two.rgba)
             np.testing.assert_array_equal(one.depth, two.depth)
             off = np.abs(one.rgba - slow.rgba)
@@ -364,8 +365,9 @@ def test_the_same_picture_from_both_backends_and_any_number_of_threads(stage, pe
             np.testing.assert_allclose(one.depth[near], slow.depth[near], atol=1e-3)
 
 
+@NUMPY
 @pytest.mark.parametrize("dtype", (np.int8, np.int16, np.uint16, np.int32, np.float32, np.float64))
-def test_the_same_picture_from_every_type(stage, dtype):
+def test_the_same_picture_from_every_type(stage, dtype, way):
     """Whole numbers, stored in any type, with slope and intercept that make the same values of them."""
     values = np.round(5.0 * RADIUS)
     base = turned(stage, shell(2.0, unit=5.0))
@@ -373,7 +375,7 @@ def test_the_same_picture_from_every_type(stage, dtype):
     for slope, intercept in ((1.0, 0.0), (-1.0, 100.0)):
         stored = ((values - intercept) / slope).astype(dtype)
         other = replace(scene, volume=Volume(stored, base.volume.affine, slope=slope, intercept=intercept))
-        one, two = (stage.render(each, classification="post", backend="numpy").rgba for each in (scene, other))
+        one, two = (stage.render(each, classification="post").rgba for each in (scene, other))
         assert one.max() > 0.3 and np.abs(one - two).max() < (1e-4 if np.dtype(dtype).kind != "f" else LEVEL)
 
 
@@ -390,13 +392,15 @@ HARD = {
 }
 
 
-@pytest.mark.parametrize(("hard", "backend"), [*((name, "numba") for name in HARD), ("low values shown", "numpy")])
-def test_values_that_are_hard(stage, hard, backend):
+@pytest.mark.parametrize(
+    ("hard", "way"), [*((name, "numba") for name in HARD), ("low values shown", "numpy")], indirect=["way"]
+)
+def test_values_that_are_hard(stage, hard, way):
     """V6, V7, and what is shown down to minus infinity: what is not kept stays transparent."""
     field, tf = HARD[hard]
     scene = turned(stage, tf, field=field, size=(32, 32))
     true = t2(scene)
-    found = stage.error(scene, true, **FINE, backend=backend)
+    found = stage.error(scene, true, **FINE)
     assert true[..., 3].max() > 0.3 and found.rmse < 1.7 and found.largest < 16.0
 
 

@@ -12,8 +12,10 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Camera, Pose, Quality
 from rle_splat.view.box_order import box_of, near_to_far
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 N = 9
-QUALITY = Quality(classification="pre", depth_rule="simpson", backend="numpy")  # homogeneous, so pre is exact
+QUALITY = Quality(classification="pre", depth_rule="simpson")  # homogeneous, so pre is exact
 RED, BLUE = (0.9, 0.3, 0.1), (0.1, 0.4, 0.8)
 
 

@@ -19,6 +19,7 @@ from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY, both, by
 
 CODE = 1.0 / 65535  # of what is stored
 MATT = Shade(ambient=0.0, diffuse=1.0, specular=0.0, shininess=1.0)
@@ -55,11 +56,12 @@ def scene_of(field, affine=None, lights=(), **more) -> Scene:
     return Scene(volume, width=24, height=24, lights=tuple(lights), **(usual | more))
 
 
-def reaching(scene, classification="pre", stage="shadows", backend="numpy", threads=0):
+def reaching(scene, classification="pre", stage="shadows", way="numpy", threads=0):
     """(m, 3) indices x, y, z of voxels, and (m,) what reaches each of the scene's light."""
     cache = StageCache()
-    quality = Quality(classification=classification, backend=backend, threads=threads, name="")
-    render(scene, quality, cache=cache)
+    quality = Quality(classification=classification, threads=threads, name="")
+    with by(way):
+        render(scene, quality, cache=cache)
     held = {place[0]: cache.job().get(*place, None) for place in cache.contents}
     voxels = held["visible"] if classification == "pre" else held["relevant"].voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
@@ -175,8 +177,8 @@ def test_kernels_say_the_same_as_their_reference_on_any_number_of_threads(light)
     lit = scene_of(smooth((20, 22, 24), np.random.default_rng(7)), SKEWED, [light])
     lit = replace(lit, triangles=np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 19.0, 8.0)]]))
     _, reference = reaching(lit)
-    _, alone = reaching(lit, backend="numba", threads=1)
-    _, both = reaching(lit, backend="numba", threads=2)
+    _, alone = reaching(lit, way="numba", threads=1)
+    _, both = reaching(lit, way="numba", threads=2)
     np.testing.assert_array_equal(alone, both)
     assert np.ptp(reference) > 0.5
     np.testing.assert_allclose(alone, reference, atol=2.5 * CODE)
@@ -338,22 +340,24 @@ def lit_blob(**more):
     return scene_of(field, None, [sun((0.4, 0.7, -1.0), energy=3.0)], **more)
 
 
-def test_a_voxels_color_loses_what_its_light_loses():
+@NUMPY
+def test_a_voxels_color_loses_what_its_light_loses(way):
     """Of one light alone every shaded color is its share of what it would be, with a normal or without."""
     shaded, plain = lit_blob(), lit_blob(volume_shadows=False)
     _, share = reaching(shaded)
-    colors = [classify_and_shade(scene, Quality(backend="numpy"), Clock())[1] for scene in (shaded, plain)]
+    colors = [classify_and_shade(scene, Quality(), Clock())[1] for scene in (shaded, plain)]
     assert np.ptp(share) > 0.5
     np.testing.assert_allclose(colors[0], colors[1] * share[:, None], atol=2e-6)
 
 
-def test_a_voxel_without_a_normal_keeps_the_share_of_all_light_that_arrives():
+@NUMPY
+def test_a_voxel_without_a_normal_keeps_the_share_of_all_light_that_arrives(way):
     field = np.full((9, 9, 9), 0.3)
     tf = replace(EXTINCTION_IS_VALUE, shade=replace(MATT, ambient=0.25))
     lights = [sun((0, 0, -1), energy=np.pi), sun((0, 0, 1), energy=np.pi, casts_shadow=False)]
     scene = scene_of(field, None, lights, transfer_function=tf)
     _, share = reaching(scene)
-    colors = classify_and_shade(scene, Quality(backend="numpy"), Clock())[1]
+    colors = classify_and_shade(scene, Quality(), Clock())[1]
     np.testing.assert_allclose(colors[:, 0], (0.25 + share + 1.0) / 2.25, atol=1e-5)
 
 
@@ -363,17 +367,16 @@ def test_kernels_shade_in_shadow_as_their_reference_does(classification):
     tf = replace(scene.transfer_function, shade=Shade(0.1, 0.6, 0.3, 9.0))
     scene = replace(scene, transfer_function=tf, lights=(*scene.lights, point((30, 8, 8), energy=2e4)))
     quality = Quality(classification=classification)
-    ours, reference = (render(scene, replace(quality, backend=backend)).rgba for backend in ("numba", "numpy"))
+    ours, reference = both(lambda: render(scene, quality).rgba)
     assert np.abs(ours - reference).max() < 2e-3
     plain = render(replace(scene, volume_shadows=False, ambient_occlusion=0.0), quality).rgba
     assert np.abs(ours - plain).max() > 0.1
 
 
-def test_the_world_lights_a_medium_alike_from_everywhere():
+@NUMPY
+def test_the_world_lights_a_medium_alike_from_everywhere(way):
     scene = lit_blob(volume_shadows=False, world=(0.2, 0.5, 1.0))
-    colors = [
-        classify_and_shade(s, Quality(backend="numpy"), Clock())[1] for s in (scene, replace(scene, world=None))
-    ]
+    colors = [classify_and_shade(s, Quality(), Clock())[1] for s in (scene, replace(scene, world=None))]
     with_normal = np.abs(colors[0] - colors[1]).max(axis=1) > 0.0
     assert with_normal.sum() > 0.9 * len(with_normal)
     gained = (colors[0] - colors[1])[with_normal]
@@ -382,9 +385,10 @@ def test_the_world_lights_a_medium_alike_from_everywhere():
     np.testing.assert_allclose(VoxelLight(scene).color((z, y, x)), colors[0], atol=1e-5)
 
 
+@NUMPY
 @pytest.mark.parametrize("classification", ["pre", "post"])
-def test_without_shadows_nothing_is_swept_and_nothing_changes(classification):
-    quality = Quality(classification=classification, backend="numpy")
+def test_without_shadows_nothing_is_swept_and_nothing_changes(classification, way):
+    quality = Quality(classification=classification)
     usual = render(replace(lit_blob(), volume_shadows=False), quality)
     cache = StageCache()
     for scene in (
@@ -400,9 +404,10 @@ def test_without_shadows_nothing_is_swept_and_nothing_changes(classification):
     assert analyze(lightless, quality)["shadows"].reason == "no light casts shadows"
 
 
+@NUMPY
 @pytest.mark.parametrize("classification", ["pre", "post"])
-def test_only_what_shadows_depend_on_sweeps_again(stage, classification):
-    cache, quality = StageCache(), Quality(classification=classification, backend="numpy")
+def test_only_what_shadows_depend_on_sweeps_again(stage, classification, way):
+    cache, quality = StageCache(), Quality(classification=classification)
     scene = lit_blob()
 
     def sweeps(changed):

@@ -17,8 +17,10 @@ from rle_splat.pipeline.choose_source import choose_source
 from rle_splat.pipeline.single_rays import can_trace
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.raycast.scalar_rays import COMPOSITED, WALKED
+from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality
+from tests.ways import both
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 POST = Quality(classification="post", termination=1e-6)
@@ -88,7 +90,8 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
     )
     found = traced(scene, 3)
     assert (found == traced(scene, 3, replace(POST, threads=1))).all() and np.isfinite(found).all()
-    assert np.abs(found - traced(scene, 3, replace(POST, backend="numpy"))).max() < 2e-6
+    with use_reference():
+        assert np.abs(found - traced(scene, 3)).max() < 2e-6
 
 
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
@@ -111,10 +114,7 @@ def test_the_work_of_a_ray_is_counted(stage):
     block[3:9, 2:12, 4:14] = 0.5
     thin = replace(CURVES["narrow"], opacity_unit_distance=1e3)
     scene = stage.on_turntable(block, 0.0, 0.0, size=SIZE, transfer_function=thin)
-    found = [
-        drain(single_ray_steps(scene, replace(POST, backend=backend), columns, rows, 4, StageCache(0)))[1]
-        for backend in ("auto", "numpy")
-    ]
+    found = both(lambda: drain(single_ray_steps(scene, POST, columns, rows, 4, StageCache(0)))[1])
     np.testing.assert_array_equal(found[0][:, COMPOSITED], found[1][:, COMPOSITED])
     assert set(found[0][:, COMPOSITED]) == {0, 11}
     assert (found[0][:, COMPOSITED] <= found[0][:, WALKED]).all() and (found[0][:, WALKED] <= found[1][:, WALKED]).all()

@@ -13,9 +13,11 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
 from rle_splat.warp import steep as steepness
 from rle_splat.warp.steep import ALWAYS, TILE, most_in_tile, steep_pixels
+from tests.ways import both
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 SIZE, STEEP = (72, 64), 0.3
@@ -83,7 +85,8 @@ def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, persp
     found = render(scene, POST)
     one = render(scene, replace(POST, threads=1))
     assert (found.rgba == one.rgba).all() and (found.depth == one.depth).all()
-    reference = render(scene, replace(POST, backend="numpy"))
+    with use_reference():
+        reference = render(scene, POST)
     assert reference.report["rays"] == found.report["rays"] and found.report["rays"]["pixels"] > 50
     steep = steep_pixels(render(scene, without(POST)).rgba, STEEP)
     assert np.abs(reference.rgba - found.rgba)[steep].max() < 4e-6
@@ -168,8 +171,8 @@ def test_steep_pixels_are_those_of_which_neighbors_differ():
         rgba = random.random((*shape, 4)).astype(np.float32) ** 3
         expected = steep_everywhere(rgba, 0.97)
         assert not expected.size > 100 or 0.1 < expected.mean() < 0.4
-        for backend in ("numba", "numpy"):
-            assert (steep_pixels(rgba, 0.97, backend=backend) == expected).all()
+        for found in both(lambda: steep_pixels(rgba, 0.97)):  # noqa: B023 - called at once
+            assert (found == expected).all()
 
 
 def test_small_pictures_may_have_all_their_pixels_traced_and_large_ones_a_quarter():
@@ -199,5 +202,5 @@ def test_of_a_tile_the_steepest_pixels_count_and_of_equal_ones_the_first(first_p
             for place in sorted(mine, key=lambda place: -apart[place])[:ALWAYS]:
                 expected[place] = True
     assert crowded > 4
-    for backend in ("numba", "numpy"):
-        assert (steep_pixels(rgba, 0.05, ALWAYS, first_pixel, backend) == expected).all()
+    for found in both(lambda: steep_pixels(rgba, 0.05, ALWAYS, first_pixel)):
+        assert (found == expected).all()

@@ -9,7 +9,6 @@ from rle_splat.runtime.steps import drain
 from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps, slabs
 from rle_splat.volume.volume import Volume
 
-BACKENDS = ("numba", "numpy")
 WHITE = ((0, 1, 1, 1),)
 
 
@@ -18,9 +17,8 @@ def grid(dtype, shape=(19, 21, 70), seed=1):
     return Volume(np.random.default_rng(seed).integers(low, 120, shape).astype(dtype), np.eye(4))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("dtype", "uint8 int8 uint16 int16 int32 float32 float64".split())
-def test_every_block_holds_its_extremes(dtype, backend, monkeypatch):
+def test_every_block_holds_its_extremes(dtype, way, monkeypatch):
     volume = grid(dtype)
     voxels = volume.voxels.copy()
     if voxels.dtype.kind == "f":
@@ -28,7 +26,7 @@ def test_every_block_holds_its_extremes(dtype, backend, monkeypatch):
         voxels[:BLOCK_Z, :BLOCK_Y, :BLOCK_X] = np.nan
         voxels[-1, -1, -1] = np.inf
     monkeypatch.setattr("rle_splat.volume.blocks.VOXELS_AT_ONCE", 1)
-    blocks = drain(block_steps(Volume(voxels, np.eye(4)), backend=backend))
+    blocks = drain(block_steps(Volume(voxels, np.eye(4))))
     nan = np.isnan(voxels) if voxels.dtype.kind == "f" else np.zeros(voxels.shape, bool)
     assert blocks.nan_voxels == nan.sum() and blocks.low.shape == (3, 3, 3) and blocks.low.dtype == voxels.dtype
     for k in range(3):
@@ -57,18 +55,17 @@ def test_a_block_is_relevant_when_one_of_its_values_is_shown(dtype, slope):
         assert relevant.any() == seen.any()
 
 
-@pytest.mark.parametrize("backend", ("numba",))
 @pytest.mark.parametrize("dtype", (np.uint8, np.float32))
-def test_what_is_hidden_is_not_looked_at(dtype, backend):
+def test_what_is_hidden_is_not_looked_at(dtype):
     voxels = np.zeros((16, 16, 64), dtype)
     voxels[:8, 8:, 32:] = 90
     volume = Volume(voxels, np.eye(4))
     shown = Visibility(volume, TransferFunction(opacity=((50, 0.0), (60, 0.5)), color=WHITE))
-    blocks = drain(block_steps(volume, backend=backend))
+    blocks = drain(block_steps(volume))
     assert shown.relevant(blocks).sum() == 1
     voxels[8:] = 90  # behind the back of the blocks: whoever looks there now would see it
-    counted = drain(count_steps(shown, blocks, backend=backend))
-    assert len(drain(fill_steps(shown, blocks, counted, backend=backend))) == 8 * 8 * 32
+    counted = drain(count_steps(shown, blocks))
+    assert len(drain(fill_steps(shown, blocks, counted))) == 8 * 8 * 32
 
 
 def test_slabs_are_whole_and_cover_all_planes():

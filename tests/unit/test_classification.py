@@ -11,8 +11,8 @@ from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.scene import REMOVED_VALUES, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
+from tests.ways import both
 
-BACKENDS = ("numba", "numpy")
 LISTS = ("row_start", "column", "extinction", "opacity", "color")
 STEPPED = TransferFunction(
     opacity=((10, 0.0), (50, 0.2), (50, 0.6), (80, 0.0), (100, 0.0), (120, 1.0)),
@@ -61,11 +61,10 @@ def grid(dtype, shape=(5, 7, 11), seed=3):
     return Volume((values + (0.25 if kind == "f" else 0)).astype(dtype), np.eye(4))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("dtype", "uint8 int8 uint16 int16 uint32 int32 float32 float64".split())
-def test_every_stored_type_is_classified_as_its_points_say(dtype, backend):
+def test_every_stored_type_is_classified_as_its_points_say(dtype, way):
     volume = grid(dtype)
-    classified = classify(volume, STEPPED, np.eye(4), backend=backend)
+    classified = classify(volume, STEPPED, np.eye(4))
     assert_as_expected(classified, volume, STEPPED)
     assert classified.row_start.dtype == np.int64 and classified.column.dtype == np.uint16
 
@@ -73,7 +72,7 @@ def test_every_stored_type_is_classified_as_its_points_say(dtype, backend):
 @pytest.mark.parametrize("dtype", "uint8 int16 int32 float32 float64".split())
 def test_kernel_and_reference_agree_to_the_bit(dtype):
     volume = grid(dtype, (9, 13, 70), seed=8)
-    one, two = (classify(volume, STEPPED, np.eye(4), backend=b) for b in BACKENDS)
+    one, two = both(lambda: classify(volume, STEPPED, np.eye(4)))
     for name in LISTS:
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
@@ -85,23 +84,21 @@ def test_the_number_of_threads_changes_nothing():
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_slope_and_intercept_come_before_the_points(backend):
+def test_slope_and_intercept_come_before_the_points(way):
     stored = np.arange(-30, 34, dtype=np.int16).reshape(4, 4, 4)
     volume = Volume(stored, np.eye(4), slope=-2.5, intercept=40.0)
-    assert_as_expected(classify(volume, STEPPED, np.eye(4), backend=backend), volume, STEPPED)
+    assert_as_expected(classify(volume, STEPPED, np.eye(4)), volume, STEPPED)
     same = Volume(stored.astype(np.float64), np.eye(4), slope=-2.5, intercept=40.0)
-    assert_as_expected(classify(same, STEPPED, np.eye(4), backend=backend), volume, STEPPED)
+    assert_as_expected(classify(same, STEPPED, np.eye(4)), volume, STEPPED)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_a_step_is_decided_by_the_rounded_physical_value(backend):
+def test_a_step_is_decided_by_the_rounded_physical_value(way):
     # 3 * 0.1 rounds to just above 0.3; fused with the intercept it would not.
     tf = TransferFunction(opacity=((0.1 * 3 + 0.7, 0.0), (0.1 * 3 + 0.7, 0.5)), color=((0, 1, 1, 1),))
     for dtype in (np.uint8, np.float32):
         stored = np.arange(8, dtype=dtype).reshape(2, 2, 2)
         volume = Volume(stored, np.eye(4), slope=0.1, intercept=0.7)
-        classified = classify(volume, tf, np.eye(4), backend=backend)
+        classified = classify(volume, tf, np.eye(4))
         assert classified.visible_voxels == int((stored.astype(float) * 0.1 + 0.7 >= 0.1 * 3 + 0.7).sum())
 
 
@@ -126,8 +123,7 @@ def test_a_flat_matrix_is_refused():
         classify(volume, STEPPED, np.diag((1.0, 1.0, 0.0, 1.0)))
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(backend):
+def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(way):
     """One over the gap of the points times the distance to them is beyond float64: an overflow, yet no fault."""
     function = TransferFunction(
         opacity=((0.0, 0.25), (1e-200, 0.5)), color=((0.0, 1.0, 0.0, 0.0), (1e-200, 0.0, 1.0, 0.0))
@@ -135,7 +131,7 @@ def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(ba
     values = np.array([-1e300, -1.0, 0.0, 0.5e-200, 1e-200, 1.0, 1e300]).reshape(1, 1, -1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = classify(Volume(values, np.eye(4)), function, np.eye(4), backend=backend)
+        found = classify(Volume(values, np.eye(4)), function, np.eye(4))
     np.testing.assert_allclose(found.opacity, (0.25, 0.25, 0.25, 0.375, 0.5, 0.5, 0.5), rtol=1e-6)
     np.testing.assert_allclose(found.color[:, 0], (1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0), atol=1e-6)
 

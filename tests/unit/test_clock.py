@@ -13,6 +13,7 @@ from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forwa
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY
 
 
 class Watch:
@@ -83,10 +84,9 @@ def test_what_passes_between_steps_belongs_to_no_stage():
     assert round(clock.report()["warp"]) == 7002
 
 
-@pytest.mark.parametrize("backend", ("auto", "numpy"))
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
-def test_the_stages_of_a_picture_add_up_to_the_call(classification, backend, watch):
-    quality = Quality.preset("draft", classification=classification, backend=backend)
+def test_the_stages_of_a_picture_add_up_to_the_call(classification, way, watch):
+    quality = Quality.preset("draft", classification=classification)
     began = watch.now
     cache = StageCache()
     for _ in range(2):
@@ -102,8 +102,9 @@ def test_the_stages_of_a_picture_add_up_to_the_call(classification, backend, wat
         began = watch.now
 
 
-def test_who_waits_between_the_steps_of_a_picture_is_not_counted(watch):
-    quality = Quality.preset("draft", backend="numpy")
+@NUMPY
+def test_who_waits_between_the_steps_of_a_picture_is_not_counted(watch, way):
+    quality = Quality.preset("draft")
 
     def wait(step):
         watch.now += 1000.0
@@ -112,10 +113,11 @@ def test_who_waits_between_the_steps_of_a_picture_is_not_counted(watch):
     assert found["total"] < 1000.0
 
 
-def test_the_pictures_of_a_blur_add_up(watch):
+@NUMPY
+def test_the_pictures_of_a_blur_add_up(watch, way):
     scene = scene_of()
     camera = replace(scene.camera, aperture_radius=1.0, focus_distance=5.0)
-    quality = Quality.preset("draft", backend="numpy")
+    quality = Quality.preset("draft")
     found = render(replace(scene, camera=camera), quality).report["stages_ms"]
     assert found["total"] == pytest.approx(sum(found[stage] for stage in STAGES)) and found["report"] > 3.0
 

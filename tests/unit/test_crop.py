@@ -10,7 +10,6 @@ from benchmarks.phantoms import FIELDS
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.pipeline.render import render
-from rle_splat.runtime.jit import numba
 from rle_splat.scene import FOOTPRINTS, MODELS, WARP_FILTERS, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.splat.scratch import BAND
@@ -29,7 +28,6 @@ CROPS = [
     (40, 33, 41, 34),  # a pixel
     (0, 41, WIDTH, 42),  # a row
 ]
-BACKENDS = ["numpy"] if numba is None else ["numba", "numpy"]
 FUNCTION = TransferFunction(
     name="crop", opacity=((0.0, 0.0), (0.05, 0.0), (1.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.1, 0.4, 1.0)),
     opacity_unit_distance=1.0,
@@ -72,60 +70,55 @@ def assert_crops_agree(scene, quality, crops=CROPS):
     return whole
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("warp_filter", WARP_FILTERS)
 @pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
 @pytest.mark.parametrize("classification", ["pre", "post"])
-def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter, backend):
-    quality = Quality(classification=classification, warp_filter=warp_filter, backend=backend)
+def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter, way):
+    quality = Quality(classification=classification, warp_filter=warp_filter)
     whole = assert_crops_agree(scene_of(kind), quality)
     assert len(whole.report["plan"]["base_planes"]) > (2 if kind == "inside" else 0)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
-def test_under_every_model_and_footprint(kernel, model, backend):
+def test_under_every_model_and_footprint(kernel, model, way):
     for minification, density in (("off", 1.7), ("widen", 0.6)):
         quality = Quality(
-            classification="pre", kernel=kernel, model=model, minification=minification, sheet_density=density,
-            backend=backend,
+            classification="pre", kernel=kernel, model=model, minification=minification, sheet_density=density
         )
         assert_crops_agree(scene_of("perspective"), quality, CROPS[:1])
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
-def test_with_meshes_and_silhouettes(kind, backend):
+def test_with_meshes_and_silhouettes(kind, way):
     scene = scene_of(kind, triangles=TRIANGLES)
-    alone = render(replace(scene, triangles=None), Quality(backend=backend))
-    whole = assert_crops_agree(scene, Quality(backend=backend))
+    alone = render(replace(scene, triangles=None), Quality())
+    whole = assert_crops_agree(scene, Quality())
     assert np.abs(whole.rgba - alone.rgba).max() > 0.05
 
 
-@pytest.mark.parametrize("kernel, backend", [("tent", BACKENDS[0]), ("gaussian", "numpy")])
-def test_a_mesh_that_only_the_whole_frame_finds_in_the_volume(kernel, backend):
+@pytest.mark.parametrize("kernel, way", [("tent", "numba"), ("gaussian", "numpy")], indirect=["way"])
+def test_a_mesh_that_only_the_whole_frame_finds_in_the_volume(kernel, way):
     """The crop's own rays meet no mesh before the volume's end, so it leaves the meshes out: to no bit's cost."""
     corner = np.array((((-9.0, 8.0, 14.0), (4.0, 8.0, 14.0), (-9.0, 8.0, 30.0)),))
     far = np.array((((-200.0, 90.0, -200.0), (200.0, 90.0, -200.0), (0.0, 90.0, 400.0)),))
     scene = scene_of("ortho", triangles=np.concatenate((corner, far)))
-    quality = Quality(classification="pre", kernel=kernel, backend=backend)
+    quality = Quality(classification="pre", kernel=kernel)
     whole = assert_crops_agree(scene, quality)
     parts = [render(replace(scene, crop=crop), quality) for crop in CROPS]
     on = [e["on"] for r in (whole, *parts) for e in r.report["effects"] if e["name"] == "mesh occlusion"]
     assert on[0] and not all(on)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("clips", [(8.0, 21.0), (1e-3, 16.0), (14.0, 900.0)])
 @pytest.mark.parametrize("kind", ["ortho", "perspective"])
-def test_with_clip_planes(kind, clips, backend):
+def test_with_clip_planes(kind, clips, way):
     scene = scene_of(kind)
     middle = np.linalg.inv(scene.camera.matrix_world) @ (*0.5 * (np.array(VOLUME.shape_xyz) - 1) * VOLUME.spacing, 1.0)
     from_camera = -middle[2] - 14.0
     camera = replace(scene.camera, clip_start=max(clips[0] + from_camera, 1e-3), clip_end=clips[1] + from_camera)
-    clipped = assert_crops_agree(replace(scene, camera=camera), Quality(backend=backend))
-    assert np.abs(clipped.rgba - render(scene, Quality(backend=backend)).rgba).max() > 0.02
+    clipped = assert_crops_agree(replace(scene, camera=camera), Quality())
+    assert np.abs(clipped.rgba - render(scene, Quality()).rgba).max() > 0.02
 
 
 def test_at_any_density_and_number_of_threads():

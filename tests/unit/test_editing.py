@@ -15,6 +15,7 @@ from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.shade.shading import light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY
 
 PRE = Quality.preset("draft", classification="pre")
 POST = Quality(classification="post", depth_rule="slice", sheet_density=0.7, warp_filter="bilinear", rays=0.05)
@@ -98,23 +99,24 @@ EDITS = {  # edited, first, stages where voxels are classified, stages where she
 
 
 @pytest.mark.parametrize(
-    ("classification", "dtype", "backend"),
+    ("classification", "dtype", "way"),
     (
-        ("pre", np.uint8, "auto"), ("pre", np.float32, "auto"), ("post", np.uint8, "auto"),
+        ("pre", np.uint8, "numba"), ("pre", np.float32, "numba"), ("post", np.uint8, "numba"),
         ("post", np.float32, "numpy"),
-    ),
+    ), indirect=["way"],
 )  # fmt: skip
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_redoes_only_what_it_must(name, classification, dtype, backend):
+def test_an_edit_redoes_only_what_it_must(name, classification, dtype, way):
     edited, first, *stages = EDITS[name]
-    volume, quality = ball(dtype), replace(QUALITIES[classification], backend=backend)
+    volume, quality = ball(dtype), QUALITIES[classification]
     redone = work_of(scene(volume=volume, **edited), scene(volume=volume, **first), quality)
     assert redone == stages[classification == "post"]
 
 
-def test_the_numpy_reference_is_kept_alike():
+@NUMPY
+def test_the_numpy_reference_is_kept_alike(way):
     edited, first, stages, _ = EDITS["light"]
-    assert work_of(scene(**edited), scene(**first), replace(PRE, backend="numpy")) == stages
+    assert work_of(scene(**edited), scene(**first), PRE) == stages
 
 
 # --- ranges of values -----------------------------------------------------------------------------------------
@@ -138,13 +140,14 @@ def test_pictures_and_normals_of_other_ranges_are_those_of_a_fresh_start(dtype, 
     assert cache.made["normals"] == 3  # the last was there already
 
 
+@NUMPY
 @pytest.mark.parametrize("rule", ("simpson", "preintegrated"))
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.uint32, np.float32, np.float64))
-def test_a_wider_range_that_is_kept_gives_the_same_picture(dtype, rule):
+def test_a_wider_range_that_is_kept_gives_the_same_picture(dtype, rule, way):
     """Voxels that are kept and do not matter leave no trace: to the bit, for every kind of values.
 
     Between two sheets they would, so that there each range keeps its own."""
-    volume, quality = ball(dtype), replace(POST, depth_rule=rule, backend="numpy")
+    volume, quality = ball(dtype), replace(POST, depth_rule=rule)
     for function in (NARROWER, STEPS, SPLIT):
         edited = scene(function=function, volume=volume, headlight=True)
         cache = StageCache()

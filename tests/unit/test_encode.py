@@ -13,8 +13,8 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.axes import AXES
 from tests.encoded import validate
+from tests.ways import WAYS, both, by
 
-BACKENDS = ("numba", "numpy")
 ALL_TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data", "scanline_data_pointers")
 
 
@@ -105,8 +105,7 @@ def test_tables_are_the_papers_to_the_bit(name, axis, model):
     mask = CASES[name]
     classified = classified_from(mask)
     truth = paper_tables(mask, dense_from(mask, classified, model), axis)
-    for backend in BACKENDS:
-        encoded = encode(classified, classified.color, axis, model, backend=backend)
+    for encoded in both(lambda: encode(classified, classified.color, axis, model)):
         for table, expected in zip(ALL_TABLES, truth):
             got = getattr(encoded, table)
             np.testing.assert_array_equal(got.reshape(-1), np.array(expected, dtype=got.dtype).reshape(-1), table)
@@ -155,17 +154,19 @@ def test_records_of_any_size_go_to_their_scanlines_and_come_back(name, size):
         for bits in (False, True):
             found = with_bits(voxels, mask) if bits else voxels
             tables = run_tables(found, axis)
-            for backend in BACKENDS:
+            for way in WAYS:
                 room = np.zeros((len(x) + 64, size), np.uint8)
                 target = room[32 : 32 + len(x)]
-                drain(place_slabs(tables, found, records, target, backend=backend))
+                with by(way):
+                    drain(place_slabs(tables, found, records, target))
                 np.testing.assert_array_equal(target, records[order])
                 assert not room[:32].any() and not room[32 + len(x) :].any()
                 if axis != 0:
                     continue
                 room = np.zeros_like(room)
                 back = room[32 : 32 + len(x)]
-                drain(fetch_slabs(tables, found, back, target, backend=backend))
+                with by(way):
+                    drain(fetch_slabs(tables, found, back, target))
                 np.testing.assert_array_equal(back, records)
                 assert not room[:32].any() and not room[32 + len(x) :].any()
 

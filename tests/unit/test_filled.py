@@ -14,7 +14,7 @@ from rle_splat.scene import Mist, Quality
 from rle_splat.splat.pixel_block import BLOCK
 from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp_steps
-from tests.unit.test_crop import BACKENDS, TRIANGLES, VOLUME, bits, scene_of
+from tests.unit.test_crop import TRIANGLES, VOLUME, bits, scene_of
 
 PIPELINE = sys.modules["rle_splat.pipeline.render"]  # the module: the package's name for it is the function
 CASES = {
@@ -38,10 +38,9 @@ CASES = {
 DOTS = Volume((np.random.default_rng(3).random(VOLUME.voxels.shape) < 0.012).astype(np.float32), VOLUME.affine)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("kind", ("ortho", "perspective", "inside"))
 @pytest.mark.parametrize("name", CASES)
-def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, backend):
+def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, way):
     quality, more = CASES[name]
     shares = []
 
@@ -69,15 +68,14 @@ def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, back
     monkeypatch.setattr(PIPELINE, "warp_steps", everywhere)
     of_values = more.get("mode") in OF_VALUES
     scene = replace(scene_of(kind, **more), volume=VOLUME if of_values else DOTS)
-    picture = render(scene, replace(quality, backend=backend))
+    picture = render(scene, quality)
     assert picture.rgba[..., 3].max() > 0.2
     assert max(shares) > 0.0 and (of_values or min(shares) < 0.8)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_a_picture_of_nothing_is_clear(backend):
+def test_a_picture_of_nothing_is_clear(way):
     """Of base planes with nothing on them."""
     scene = scene_of("perspective")
     hidden = replace(scene.transfer_function, opacity=((0.0, 0.0), (300.0, 0.0)))
-    picture = render(replace(scene, transfer_function=hidden), replace(Quality(), backend=backend))
+    picture = render(replace(scene, transfer_function=hidden), Quality())
     assert not picture.rgba.any() and len(np.unique(picture.depth)) == 1

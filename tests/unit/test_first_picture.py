@@ -14,6 +14,7 @@ from rle_splat.runtime.jit import compiled, nothing_compiled_yet
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY
 
 ROOT = Path(__file__).resolve().parents[2]
 PIPELINE = """
@@ -114,7 +115,7 @@ def test_thumbnails_load_no_kernels_beside_those_of_a_viewports_drafts(stored, v
     assert drafted > 8 and set(loaded) <= more
 
 
-def _said(first_ever, monkeypatch, classification, backend):
+def _said(first_ever, monkeypatch, classification):
     """What is said of each step of a picture, in order."""
     pipeline = importlib.import_module("rle_splat.pipeline.render")
     watch = importlib.import_module("rle_splat.pipeline.watch_steps")
@@ -122,7 +123,7 @@ def _said(first_ever, monkeypatch, classification, backend):
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
     camera, matrix = turntable(volume, 20, 10, width=12, height=12)
     tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=Shade())
-    quality = Quality.preset("draft", classification=classification, backend=backend)
+    quality = Quality.preset("draft", classification=classification)
     steps = pipeline.render_steps(Scene(volume, tf, camera, 12, 12, matrix, headlight=True), quality)
     return [step.message for step in steps]
 
@@ -130,16 +131,17 @@ def _said(first_ever, monkeypatch, classification, backend):
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_every_step_of_the_first_picture_says_that_kernels_are_compiled(monkeypatch, classification):
-    *said, last = _said(True, monkeypatch, classification, "numba")
+    *said, last = _said(True, monkeypatch, classification)
     assert last == "Done" and all("kernels" in message and "first time" in message for message in said)
     named = {"pre": "Encoding", "post": "Shading"}[classification]
     assert any(message.startswith(named) for message in said)
-    known = [message for message in _said(False, monkeypatch, classification, "numba") if message != said[-1]]
+    known = [message for message in _said(False, monkeypatch, classification) if message != said[-1]]
     assert not any("compiling" in message for message in known)
 
 
-def test_without_kernels_nothing_is_said_of_them(monkeypatch):
-    assert not any("compiling" in message for message in _said(True, monkeypatch, "post", "numpy"))
+@NUMPY
+def test_without_kernels_nothing_is_said_of_them(monkeypatch, way):
+    assert not any("compiling" in message for message in _said(True, monkeypatch, "post"))
 
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")

@@ -37,14 +37,13 @@ def packed(mask):
     return np.packbits(bytes_, axis=1, bitorder="little").view("<u8").copy()
 
 
-@pytest.mark.parametrize("backend", ("numba", "numpy"))
 @pytest.mark.parametrize("share", (0.0, 0.02, 0.15, 0.5, 0.9, 1.0))
-def test_gaps_are_closed_along_the_rows_and_then_across_them(share, backend):
+def test_gaps_are_closed_along_the_rows_and_then_across_them(share, way):
     random = np.random.default_rng(int(100 * share))
     for nx, ny, nz in SHAPES:
         mask = random.random((nz, ny, nx)) < share
         bits = packed(mask)
-        close_gaps(bits, (nx, ny, nz), backend=backend, threads=2)
+        close_gaps(bits, (nx, ny, nz), threads=2)
         along = np.apply_along_axis(walked, 2, mask)
         np.testing.assert_array_equal(bits, packed(np.apply_along_axis(walked, 1, along)), f"{nx} {ny} {nz}")
 
@@ -55,7 +54,7 @@ def test_a_gap_is_closed_up_to_its_length_wherever_it_lies(gap):
         mask = np.zeros((1, 1, 130), bool)
         mask[0, 0, [first, first + gap + 1]] = True
         bits = packed(mask)
-        close_gaps(bits, (130, 1, 1), backend="numba")
+        close_gaps(bits, (130, 1, 1))
         mask[0, 0, first : first + gap + 2] |= gap <= SHORT
         np.testing.assert_array_equal(bits, packed(mask))
 
@@ -89,11 +88,10 @@ KNOBS = {
 }
 
 
-@pytest.mark.parametrize("backend", ("numba", "numpy"))
 @pytest.mark.parametrize("perspective", (False, True))
 @pytest.mark.parametrize("knobs", ("coarse", "strict"))
-def test_pictures_of_sheets_by_themselves_are_the_same_to_the_bit(monkeypatch, knobs, perspective, backend):
-    quality = replace(KNOBS[knobs], backend=backend)
+def test_pictures_of_sheets_by_themselves_are_the_same_to_the_bit(monkeypatch, knobs, perspective, way):
+    quality = replace(KNOBS[knobs])
     for dtype in (np.uint8, np.float32):
         wanted = scene(noisy(dtype), perspective)
         closed = render(wanted, quality)

@@ -6,8 +6,8 @@ import pytest
 from rle_splat.accuracy.normals import normals_at
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
+from tests.ways import both
 
-BACKENDS = ("numba", "numpy")
 INTEGER = ("uint8", "int8", "uint16", "int16", "uint32", "int32")
 FLOAT = ("float32", "float64")
 AFFINES = {
@@ -25,15 +25,14 @@ def everywhere(volume):
     return np.arange(nz * ny + 1, dtype=np.int64) * nx, np.tile(np.arange(nx, dtype=np.uint16), nz * ny)
 
 
-def all_normals(voxels, affine=AFFINES["plain"], backend="numba", slope=1.0):
+def all_normals(voxels, affine=AFFINES["plain"], slope=1.0):
     volume = Volume(voxels, np.eye(4), slope=slope)
-    return unit_normals(volume, *everywhere(volume), affine, backend=backend).reshape(*voxels.shape, 3)
+    return unit_normals(volume, *everywhere(volume), affine).reshape(*voxels.shape, 3)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("dtype", INTEGER + FLOAT)
 @pytest.mark.parametrize("name", AFFINES)
-def test_a_linear_field_has_its_normal_everywhere_faces_too(name, dtype, backend):
+def test_a_linear_field_has_its_normal_everywhere_faces_too(name, dtype, way):
     affine = AFFINES[name]
     z, y, x = np.indices((4, 5, 6))
     voxels = (3 * x - 2 * y + 5 * z + 20).astype(dtype)
@@ -41,14 +40,14 @@ def test_a_linear_field_has_its_normal_everywhere_faces_too(name, dtype, backend
     truth = np.linalg.solve(affine[:3, :3].T, (3.0, -2.0, 5.0))
     truth /= np.linalg.norm(truth)
     for slope in (2.0, -0.001):
-        got = all_normals(voxels, affine, backend, slope)
+        got = all_normals(voxels, affine, slope)
         np.testing.assert_allclose(got, np.broadcast_to(truth * np.sign(slope), got.shape), atol=2e-7)
 
 
 @pytest.mark.parametrize("dtype", INTEGER + FLOAT)
 def test_kernel_and_reference_agree(dtype):
     voxels = np.random.default_rng(2).integers(0, 100, (6, 7, 8)).astype(dtype)
-    one, two = (all_normals(voxels, AFFINES["sheared"], b) for b in BACKENDS)
+    one, two = both(lambda: all_normals(voxels, AFFINES["sheared"]))
     np.testing.assert_allclose(one, two, atol=1e-6)
     assert (np.abs(np.linalg.norm(one, axis=-1) - 1.0) < 1e-6).mean() > 0.9
 
@@ -66,49 +65,45 @@ def test_the_references_have_the_same_normals_by_code_of_their_own(dtype, shape)
     np.testing.assert_allclose(found, all_normals(voxels, AFFINES["sheared"], slope=-2.0).reshape(-1, 3), atol=1e-6)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_the_normal_does_not_know_the_scale_of_world_or_values(backend):
+def test_the_normal_does_not_know_the_scale_of_world_or_values(way):
     voxels = np.random.default_rng(2).random((5, 5, 5)).astype(np.float32)
-    truth = all_normals(voxels, AFFINES["sheared"], backend)
+    truth = all_normals(voxels, AFFINES["sheared"])
     for scale in (1e-12, 1e12, 1e-130, 1e130):
-        np.testing.assert_allclose(all_normals(voxels, AFFINES["sheared"] * scale, backend), truth, atol=1e-6)
+        np.testing.assert_allclose(all_normals(voxels, AFFINES["sheared"] * scale), truth, atol=1e-6)
     faint = voxels * np.float32(2.0**-60)
-    np.testing.assert_allclose(all_normals(faint, AFFINES["sheared"], backend), truth, atol=1e-6)
+    np.testing.assert_allclose(all_normals(faint, AFFINES["sheared"]), truth, atol=1e-6)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_neighbors_that_are_not_finite_do_no_harm(backend):
+def test_neighbors_that_are_not_finite_do_no_harm(way):
     x = np.indices((5, 5, 5))[2].astype(np.float32)
     for bad in (np.nan, np.inf, -np.inf):
         voxels = x.copy()
         voxels[2, 2, 2] = bad
-        got = all_normals(voxels, backend=backend)
+        got = all_normals(voxels)
         np.testing.assert_allclose(got, np.broadcast_to((1, 0, 0), got.shape), atol=1e-6)
-    lost = all_normals(np.full((3, 3, 3), np.inf, np.float32), backend=backend)
+    lost = all_normals(np.full((3, 3, 3), np.inf, np.float32))
     assert not lost.any()  # and no NaN either, which would count as any
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("shape", ((1, 1, 1), (1, 5, 5), (5, 1, 5), (5, 5, 1), (2, 2, 2)))
-def test_thin_volumes_have_no_gradient_across(shape, backend):
+def test_thin_volumes_have_no_gradient_across(shape, way):
     for dtype in (np.uint8, np.float32):
         voxels = np.random.default_rng(0).integers(0, 200, shape).astype(dtype)
-        got = all_normals(voxels, backend=backend)
+        got = all_normals(voxels)
         assert np.isfinite(got).all()
         for axis in range(3):
             if shape[axis] == 1:
                 assert not got[..., 2 - axis].any()
 
 
-def test_only_the_named_voxels_are_visited():
+def test_only_the_named_voxels_are_visited(way):
     voxels = np.random.default_rng(0).integers(0, 200, (4, 5, 6)).astype(np.uint8)
     volume = Volume(voxels, np.eye(4))
     mask = np.random.default_rng(1).random(voxels.shape) < 0.3
     row_start = np.append(0, np.cumsum(mask.reshape(20, 6).sum(axis=1)))
     column = np.nonzero(mask)[2].astype(np.uint16)
-    for backend in BACKENDS:
-        some = unit_normals(volume, row_start, column, AFFINES["turned"], backend=backend)
-        np.testing.assert_array_equal(some, all_normals(voxels, AFFINES["turned"], backend)[mask])
+    some = unit_normals(volume, row_start, column, AFFINES["turned"])
+    np.testing.assert_array_equal(some, all_normals(voxels, AFFINES["turned"])[mask])
 
 
 def some_voxels(mask):
@@ -127,15 +122,14 @@ def in_blobs(shape, share, seed):
 
 
 @pytest.mark.parametrize("threads", (1, 2))
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("dtype", ("uint8", "int16", "int32", "float32"))
-def test_a_normal_does_not_depend_on_the_other_voxels_wanted(dtype, backend, threads):
+def test_a_normal_does_not_depend_on_the_other_voxels_wanted(dtype, way, threads):
     """Near ones along a row are worked on together, wherever they begin and whatever lies between them."""
     shape = (6, 9, 403)
     voxels = np.random.default_rng(4).integers(0, 100, shape).astype(dtype)
-    volume, machine = Volume(voxels, np.eye(4)), dict(backend=backend, threads=threads)
-    everything = unit_normals(volume, *everywhere(volume), AFFINES["sheared"], **machine).reshape(*shape, 3)
+    volume = Volume(voxels, np.eye(4))
+    everything = unit_normals(volume, *everywhere(volume), AFFINES["sheared"], threads=threads).reshape(*shape, 3)
     blobs, dots = in_blobs(shape, 0.5, 1), np.random.default_rng(5).random(shape) < 0.03
     for wanted in (np.zeros(shape, bool), blobs, ~blobs, blobs & ~dots, dots, dots & dots[:, :, ::-1]):
-        got = unit_normals(volume, *some_voxels(wanted), AFFINES["sheared"], **machine)
+        got = unit_normals(volume, *some_voxels(wanted), AFFINES["sheared"], threads=threads)
         np.testing.assert_array_equal(got, everything[wanted])

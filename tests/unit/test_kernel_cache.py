@@ -271,7 +271,7 @@ def test_an_edited_part_of_a_kernel_is_compiled_and_nothing_else(tmp_path, varia
     copy = Copy(tmp_path, variable)
     assert copy.runs() == "2 2 5 0"
     assert copy.runs() == "2 2 5 1"
-    copy.edit("scene/quality.py", "BACKENDS = (", "# A remark.\nUNUSED = 7\nBACKENDS = (")  # no kernels there
+    copy.edit("scene/quality.py", "MODELS = (", "# A remark.\nUNUSED = 7\nMODELS = (")  # no kernels there
     lines = copy.folder / "encode" / "line_bits.py"
     lines.write_text("# A line above the kernels.\n" + lines.read_text(encoding="utf-8"), encoding="utf-8")
     assert copy.runs() == "2 2 5 1"

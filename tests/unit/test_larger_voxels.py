@@ -14,7 +14,9 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.reduced import factors_of, reduced_steps, sampled_steps
 from rle_splat.volume.volume import Volume
 
-QUALITY = Quality.preset("draft", backend="numpy")
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
+QUALITY = Quality.preset("draft")
 N = 64
 
 

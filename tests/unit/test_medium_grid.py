@@ -20,9 +20,11 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.volume.volume import Volume
 
+pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
+
 SHAPE = 9, 10, 11  # (nz, ny, nx), not divided by 2 and 3
 COLOR = (0.8, 0.4, 0.2)
-QUALITY = Quality(backend="numpy")
+QUALITY = Quality()
 
 
 def scene_of(voxels=None, alpha=0.3, shade=None, **fields):

@@ -22,6 +22,7 @@ from rle_splat.shade.shading import color_bound, light_records
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.encoded import to_volume_order, validate
+from tests.ways import WAYS, both, by
 
 SHORT = 8
 MOST_DENSITY, MOST_COLOR = 16.6, 1.3
@@ -41,16 +42,16 @@ def random_records(n=20001, seed=3):
     return np.concatenate((density[:, None] * color, density[:, None]), axis=1), color
 
 
-def packed(records, backend="numba", most=(MOST_DENSITY, MOST_COLOR)):
+def packed(records, most=(MOST_DENSITY, MOST_COLOR)):
     decoding = decoding_of(SHORT, *most)
     codes = empty_records(SHORT, len(records))
-    pack(records, decoding, codes, backend=backend)
+    pack(records, decoding, codes)
     return codes, decoding
 
 
 def test_kernel_and_reference_agree_to_the_bit():
     records, _ = random_records()
-    np.testing.assert_array_equal(*(packed(records, backend)[0] for backend in ("numba", "numpy")))
+    np.testing.assert_array_equal(*both(lambda: packed(records)[0]))
 
 
 def test_what_a_code_keeps():
@@ -130,10 +131,7 @@ def test_pictures_of_short_records(view):
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     axis = "xyz".index(memory["axes_held"][0])
     stored = StoredVolume({axis: encode(classified, colors, axis, record=SHORT)}, scene.volume.affine)
-    pictures = [
-        render(replace(scene, volume=stored), replace(QUALITY, record=SHORT, backend=backend)).rgba
-        for backend in ("numba", "numpy")
-    ]
+    pictures = both(lambda: render(replace(scene, volume=stored), replace(QUALITY, record=SHORT)).rgba)
     assert np.abs(pictures[0] - pictures[1]).max() < 2e-5
 
 
@@ -143,11 +141,12 @@ def test_the_three_axes_hold_the_same_records(model):
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     grids = []
     for axis in (0, 1, 2):
-        for backend in ("numba", "numpy"):
-            encoded = encode(classified, colors, axis, model, record=SHORT, backend=backend)
+        for way in WAYS:
+            with by(way):
+                encoded = encode(classified, colors, axis, model, record=SHORT)
+                grids.append(to_volume_order(decode(encoded), axis))
             validate(encoded)
             assert encoded.record == SHORT
-            grids.append(to_volume_order(decode(encoded, backend=backend), axis))
     for other in grids[1:]:
         np.testing.assert_array_equal(other, grids[0])
     exact = to_volume_order(decode(encode(classified, colors, 2, model)), 2)

@@ -7,11 +7,12 @@ import pytest
 from rle_splat.accuracy.transfer import piecewise_linear
 from rle_splat.classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import STORED_TYPES, Volume
+from tests.ways import NUMPY
 
-BACKENDS = ("numba", "numpy")
 COMPILED = ("uint8", "int16", "float32", "float64")  # one of each kind: kernels are the same source for all
 # Below, at and beyond a block (8, 8, 32) and a word of 64 voxels; without a cell; with just one.
 SHAPES = ((9, 17, 130), (20, 9, 65), (8, 8, 32), (3, 7, 5), (9, 3, 66), (2, 2, 2), (1, 6, 9), (6, 1, 9), (6, 9, 1))
@@ -75,13 +76,12 @@ def searched(volume, tf):
     return kept
 
 
-def found(volume, tf, backend, threads=0):
+def found(volume, tf, threads=0):
     """Words of bits, counts and the voxels that are kept."""
-    machine = dict(backend=backend, threads=threads)
-    blocks = drain(block_steps(volume, **machine))
-    bits = drain(relevant_steps(volume, Reach.of(volume, tf), blocks, **machine))
-    counted = kept_counts(bits, **machine)
-    return bits, counted, kept_voxels(volume, bits, counted, blocks, **machine)
+    blocks = drain(block_steps(volume, threads=threads))
+    bits = drain(relevant_steps(volume, Reach.of(volume, tf), blocks, threads=threads))
+    counted = kept_counts(bits, threads=threads)
+    return bits, counted, kept_voxels(volume, bits, counted, blocks, threads=threads)
 
 
 def mask_of(voxels):
@@ -98,7 +98,8 @@ def test_kept_voxels_are_the_corners_of_the_cells_that_are_shown(dtype, slope):
         volume = Volume(field(shape, dtype, n), np.eye(4), slope=slope, intercept=3.0)
         for name in list(CURVES)[n % 3 :: 3]:
             tf = function(CURVES[name], volume)
-            bits, counted, voxels = found(volume, tf, "numpy")
+            with use_reference():
+                bits, counted, voxels = found(volume, tf)
             mask = mask_of(voxels)
             np.testing.assert_array_equal(mask, searched(volume, tf), f"{name} {shape}")
             assert voxels.stored.tobytes() == volume.voxels[mask].tobytes()
@@ -109,7 +110,7 @@ def test_kept_voxels_are_the_corners_of_the_cells_that_are_shown(dtype, slope):
                 assert not mask.any()
             if dtype not in COMPILED:
                 continue
-            compiled = found(volume, tf, "numba")
+            compiled = found(volume, tf)
             np.testing.assert_array_equal(bits, compiled[0])
             for ours, theirs in zip(counted, compiled[1], strict=True):
                 np.testing.assert_array_equal(ours, theirs)
@@ -118,10 +119,11 @@ def test_kept_voxels_are_the_corners_of_the_cells_that_are_shown(dtype, slope):
                 assert getattr(voxels, part).dtype == getattr(compiled[2], part).dtype
 
 
-def test_the_curves_show_something_of_the_field_and_not_all():
+@NUMPY
+def test_the_curves_show_something_of_the_field_and_not_all(way):
     """The premise of the test above."""
     volume = Volume(field(SHAPES[0], np.int16), np.eye(4))
-    shares = {name: mask_of(found(volume, function(curve), "numpy")[2]).mean() for name, curve in CURVES.items()}
+    shares = {name: mask_of(found(volume, function(curve))[2]).mean() for name, curve in CURVES.items()}
     assert shares.pop("all") == 1.0
     assert shares.pop("nothing") == shares.pop("nothing that there is") == 0.0
     assert all(0.02 < share < 0.98 for share in shares.values()), shares
@@ -129,12 +131,11 @@ def test_the_curves_show_something_of_the_field_and_not_all():
 
 def test_the_same_bits_from_any_number_of_threads():
     volume = Volume(field((26, 25, 70), np.uint8), np.eye(4))
-    one, two = (found(volume, function(CURVES["ramps"]), "numba", threads)[0] for threads in (1, 2))
+    one, two = (found(volume, function(CURVES["ramps"]), threads)[0] for threads in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_a_single_cell_at_every_border_of_blocks(backend):
+def test_a_single_cell_at_every_border_of_blocks(way):
     """A step between two voxels, one at a time: its eight cells' corners, whatever blocks and words they lie in."""
     shape = (17, 17, 67)
     for z in (0, 7, 8, 16):
@@ -142,24 +143,24 @@ def test_a_single_cell_at_every_border_of_blocks(backend):
             for x in (0, 31, 32, 63, 64, 66):
                 voxels = np.zeros(shape, np.uint8)
                 voxels[z, y, x] = 100
-                kept = mask_of(found(Volume(voxels, np.eye(4)), function(((50, 0.0), (60, 0.5))), backend)[2])
+                kept = mask_of(found(Volume(voxels, np.eye(4)), function(((50, 0.0), (60, 0.5))))[2])
                 around = tuple(slice(max(at - 1, 0), at + 2) for at in (z, y, x))
                 assert kept[around].all() and kept.sum() == kept[around].size
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_solid_infinity_takes_the_end_value(backend):
+def test_solid_infinity_takes_the_end_value(way):
     """V7: cells of which every corner is infinite are shown where the function's end is."""
     for slope in (1.0, -1.0):
         for sign in (1.0, -1.0):
             volume = Volume(np.full((3, 3, 3), sign * np.inf), np.eye(4), slope=slope)
             high = function(((0, 0.0), (1, 0.5)))
             low = function(((0, 0.5), (1, 0.0)))
-            shown = [mask_of(found(volume, tf, backend)[2]).all() for tf in (high, low)]
+            shown = [mask_of(found(volume, tf)[2]).all() for tf in (high, low)]
             assert shown == ([True, False] if slope * sign > 0.0 else [False, True])
 
 
-def test_the_largest_numbers_of_a_type():
+@NUMPY
+def test_the_largest_numbers_of_a_type(way):
     """Values at either end of their type, shown alone: the search for stored values ends there and not beside them."""
     for dtype in STORED_TYPES:
         limits = np.finfo(dtype) if np.dtype(dtype).kind == "f" else np.iinfo(dtype)
@@ -173,7 +174,7 @@ def test_the_largest_numbers_of_a_type():
             last = function(((np.nextafter(high, -np.inf), 0.0), (high, 0.5)))
             for tf, rows in ((first, (0, 1, 2)), (last, (1, 2, 3))):
                 rows = rows if slope > 0.0 else [3 - row for row in rows]
-                kept = mask_of(found(volume, tf, "numpy")[2])
+                kept = mask_of(found(volume, tf)[2])
                 assert kept[:, rows].all() and kept.sum() == 12, (dtype, slope)
 
 
@@ -202,7 +203,8 @@ def test_what_covers_what(dtype, slope):
     assert not nothing.covers(narrow) and not wide.covers(all_of_it)
 
 
-def test_what_is_covered_keeps_no_other_voxel():
+@NUMPY
+def test_what_is_covered_keeps_no_other_voxel(way):
     """The promise that a kept range is used by: of random functions, whoever covers another keeps all that it does."""
     random = np.random.default_rng(3)
     volume = Volume(field((9, 9, 40), np.uint8, 4), np.eye(4))
@@ -212,7 +214,7 @@ def test_what_is_covered_keeps_no_other_voxel():
         heights = (0.0, *random.choice((0.0, 0.4), 2), 0.0)
         functions.append(function(tuple(zip(ends.tolist(), heights))))
     reaches = [Reach.of(volume, tf) for tf in functions]
-    masks = [mask_of(found(volume, tf, "numpy")[2]) for tf in functions]
+    masks = [mask_of(found(volume, tf)[2]) for tf in functions]
     covering = 0
     for a, reach in enumerate(reaches):
         for b, other in enumerate(reaches):

@@ -17,8 +17,8 @@ from rle_splat.scene import Camera, Light, Quality, Scene
 from rle_splat.shade.normal_light import light_of_normals_numpy
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
+from tests.ways import NUMPY, both
 
-BACKENDS = ("numba", "numpy")
 SHAPE = (9, 10, 12)
 # Where decoded tables lie in (nz, ny, nx): principal x has slices of x, scanlines along y; y and z have them along x.
 VOXEL_OF = {0: lambda k, j, i: (j, i, k), 1: lambda k, j, i: (j, k, i), 2: lambda k, j, i: (k, j, i)}
@@ -84,13 +84,14 @@ def shown_corners(values, low, high):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "backend"), [*((kind, "numpy") for kind in STORED_TYPES), ("uint8", "numba"), ("float32", "numba")]
+    ("dtype", "way"), [*((kind, "numpy") for kind in STORED_TYPES), ("uint8", "numba"), ("float32", "numba")],
+    indirect=["way"],
 )
-def test_three_axes_decode_to_the_voxels_and_their_values(dtype, backend):
+def test_three_axes_decode_to_the_voxels_and_their_values(dtype, way):
     begin = BEGIN.get(dtype, 0)
     values = waves() + (0.25 if np.dtype(dtype).kind == "f" else 0.0)
     volume = Volume((begin + values).astype(dtype), np.eye(4))
-    tables = encoded(scene_of(volume, begin), backend=backend)
+    tables = encoded(scene_of(volume, begin))
     stored = volume.voxels.astype(np.float64)
     kept = shown_corners(stored, begin + 50, begin + 70)
     assert 0.3 < kept.mean() < 0.95
@@ -251,7 +252,7 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
 @pytest.mark.parametrize("name", ("sun", "point, white", "all of them"))
 def test_light_from_kernel_and_reference(name):
     scene = lit_scene(name, perspective=True)
-    (_, one, first), (_, two, second) = (light_of(scene, backend=backend) for backend in BACKENDS)
+    (_, one, first), (_, two, second) = both(lambda: light_of(scene))
     assert first.light_unit == second.light_unit
     np.testing.assert_allclose(one, two, rtol=2.0 * LIGHT_STEP, atol=1e-6)
     assert (first.lights == second.lights).mean() > 0.9
@@ -260,14 +261,14 @@ def test_light_from_kernel_and_reference(name):
 @pytest.mark.parametrize("knobs, by_normal", [
     ({}, True), ({"depth_rule": "slice"}, True), ({"depth_rule": "midpoint-2"}, False), ({"rays": 0.5}, False),
 ])  # fmt: skip
-def test_light_is_made_where_it_is_read_where_that_is_once(knobs, by_normal):
-    table = encoded(lit_scene("headlight, glossy"), axes=(2,), backend="numpy", **knobs)[2]
+@NUMPY
+def test_light_is_made_where_it_is_read_where_that_is_once(knobs, by_normal, way):
+    table = encoded(lit_scene("headlight, glossy"), axes=(2,), **knobs)[2]
     assert (table.lamps is not None) == by_normal and (len(table.lights) == 0) == by_normal
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_normals_of_all_axes(backend):
-    found = encoded(lit_scene("red sun, glossy"), backend=backend)
+def test_normals_of_all_axes(way):
+    found = encoded(lit_scene("red sun, glossy"))
     z = decoded(found[2], found[2].lamps.normals.T)
     for axis in (0, 1):
         normals = decoded(found[axis], found[axis].lamps.normals.T)

@@ -15,6 +15,7 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip, Mist, RleSplatError
 from rle_splat.view.turntable import turntable
 from tests.unit.test_folder import QUALITIES, scene_of, volume_of
+from tests.ways import NUMPY
 
 EXACT = 1e-6  # how far the order of float32 sums may move a number
 ABOVE = np.array(((1, 0, 0, 0), (0, 0.8, -0.6, 0), (0, 0.6, 0.8, 9), (0, 0, 0, 1)), float)
@@ -89,9 +90,10 @@ SCENES = {
 }
 
 
+@NUMPY
 @pytest.mark.parametrize("name", SCENES)
-def test_sections_under_effects(scene, name):
-    quality = replace(QUALITIES["post"], termination=0.0, backend="numpy", axis_fade=15.0)
+def test_sections_under_effects(scene, name, way):
+    quality = replace(QUALITIES["post"], termination=0.0, axis_fade=15.0)
     one = scene("post", 1, **SCENES[name]())
     whole = render(one, quality)
     made, _ = in_sections(one, quality, 3)
@@ -102,24 +104,27 @@ def test_sections_under_effects(scene, name):
     assert made.report["volume"] == whole.report["volume"] and "memory_bytes" not in made.report
 
 
-def test_more_sections_than_sheets(scene):
-    quality = replace(QUALITIES["pre"], backend="numpy")
+@NUMPY
+def test_more_sections_than_sheets(scene, way):
+    quality = QUALITIES["pre"]
     sheets = render(scene("pre"), quality).report["plan"]["base_planes"][0]["sheets"]
     sections = [drain(section_steps(scene("pre"), quality, number, 2 * sheets)) for number in (0, 1)]
     assert [section.pixels for section in sections[:1]] == [(None,)] and sections[1].most_color > 0.0
     assert not drain(composite_steps(scene("pre"), quality, sections[0])).rgba.any()
 
 
-def test_the_tree_has_no_say_beyond_rounding(scene):
-    quality = replace(QUALITIES["pre"], backend="numpy")
+@NUMPY
+def test_the_tree_has_no_say_beyond_rounding(scene, way):
+    quality = QUALITIES["pre"]
     one, two, three = (drain(section_steps(scene("pre"), quality, number, 3)) for number in range(3))
     for left, right in zip(over(over(one, two), three).pixels, over(one, over(two, three)).pixels, strict=True):
         assert np.abs(left - right).max() < EXACT
 
 
-def test_a_section_along_z_reads_no_other_part_of_the_folder(scene, folders):
+@NUMPY
+def test_a_section_along_z_reads_no_other_part_of_the_folder(scene, folders, way):
     """Damage in the last planes is told by the section that has them, and does not touch the others."""
-    quality = replace(QUALITIES["post"], backend="numpy")
+    quality = QUALITIES["post"]
     sound = [drain(section_steps(scene("post", 2), quality, number, 4)) for number in range(4)]
     file = folders["post"] / "rows.scalars"
     content = file.read_bytes()
@@ -139,9 +144,10 @@ def test_a_section_along_z_reads_no_other_part_of_the_folder(scene, folders):
         np.testing.assert_array_equal(some.pixels[0], others.pixels[0])
 
 
-def test_a_quarter_along_z_opens_half_of_six_parts(scene):
+@NUMPY
+def test_a_quarter_along_z_opens_half_of_six_parts(scene, way):
     """Of parts of three planes: a quarter of the planes and their neighbors lie in three of them."""
-    quality = replace(QUALITIES["post"], backend="numpy")
+    quality = QUALITIES["post"]
     opened = {}
     for number, count in ((0, 1), (1, 4)):
         one = scene("post", 2)

@@ -18,6 +18,7 @@ from rle_splat.view.projection import world_to_pixel
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
+from tests.ways import NUMPY
 
 
 def random_rotation(rng):
@@ -257,8 +258,9 @@ def test_no_sheet_lies_in_an_eye_on_the_face_of_the_box(rule, sign, away):
     assert sheets.begin[0] == pytest.approx(sign * face, abs=1e-6)
 
 
+@NUMPY
 @pytest.mark.parametrize("scale, told", ((1e6, False), (1e12, True)))
-def test_depths_as_large_as_what_stands_for_none_are_told(scale, told):
+def test_depths_as_large_as_what_stands_for_none_are_told(scale, told, way):
     """Blender's 1e10 is a length, too: the picture is made, and a remark says that its depths cannot be told apart."""
     volume = Volume(np.full((8, 8, 8), 200, np.uint8), np.eye(4))
     camera, matrix = turntable(volume, 20, 10, width=16, height=16)
@@ -268,7 +270,7 @@ def test_depths_as_large_as_what_stands_for_none_are_told(scale, told):
         clip_start=scale * camera.clip_start, clip_end=scale * camera.clip_end,
     )
     tf = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
-    found = render(Scene(volume, tf, carried, 16, 16, grown @ matrix), Quality(backend="numpy"))
+    found = render(Scene(volume, tf, carried, 16, 16, grown @ matrix), Quality())
     assert found.rgba[8, 8, 3] > 0.9
     assert (found.depth[8, 8] >= NO_DEPTH) == told
     remarks = [remark for remark in found.report["remarks"] if "stand for none" in remark]

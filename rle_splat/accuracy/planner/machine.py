@@ -92,7 +92,7 @@ def profile_steps(quality: Quality):
 
 def _key(quality: Quality) -> str:
     """What a profile is for; machines may share a folder."""
-    how = "numba" if compiled(quality.backend) else "numpy"
+    how = "numba" if compiled() else "numpy"
     machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} cores, {total_bytes()} bytes"
     what = f"{quality.classification}, records of {quality.record} bytes, calibration {calibration_mark()}"
     return f"{machine}, {thread_count(quality.threads)} threads, {how}, {what}"
@@ -129,11 +129,9 @@ def synthetic_scene(size: Size) -> Scene:
 def _measure_steps(quality: Quality):
     """Generator of Progress: the MachineProfile of this machine."""
     yield Progress(0.0, MEASURING)
-    size = KERNELS if compiled(quality.backend) else NUMPY
+    size = KERNELS if compiled() else NUMPY
     scene, cache, model = synthetic_scene(size), StageCache(), Model.of(quality.classification)
-    plain = Quality(
-        classification=quality.classification, backend=quality.backend, threads=quality.threads, record=quality.record,
-    )  # fmt: skip
+    plain = Quality(classification=quality.classification, threads=quality.threads, record=quality.record)
     plans, drawn, taken = pilots(plain), {}, {}
     for _ in range(size.repeats + 1):  # the first also fills the caches
         for name, plan in plans.items():

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError
 
-MACHINE = ("threads", "backend", "name", "held")  # fields in which two equal plans may differ
+MACHINE = ("threads", "name", "held")  # fields in which two equal plans may differ
 # Depth rules and sheet densities of plans between the qualities; a classification leaves out those that it lacks.
 BETWEEN = (
     ("slice", 1.0), ("slice", 1.5), ("gauss2", 1.5), ("midpoint-2", 2.0), ("midpoint-4", 2.0), ("midpoint-4", 3.0),
@@ -23,15 +23,14 @@ def sensible_plans(base: Quality) -> list[Quality]:
     Parameters
     ----------
     base : Quality
-        Its threads, backend and, where there is a choice, record are those of all plans.
+        Its threads and, where there is a choice, record are those of all plans.
 
     Returns
     -------
     list of Quality
         Each with a name of its own.  Plans with the same tables follow each other; the last plan is the most accurate.
     """
-    machine = dict(threads=base.threads, backend=base.backend)
-    plans = [Quality.paper(record=base.record, **machine)]
+    plans = [Quality.paper(record=base.record, threads=base.threads)]
     for classification in CLASSIFICATIONS:
         if classification != base.classification:
             plans += _qualities(base, classification)
@@ -55,7 +54,7 @@ def possible(base: Quality, **fields) -> Quality | None:
 
 def _qualities(base: Quality, classification: str) -> list[Quality]:
     """The quality presets of a classification; the last one is the most accurate."""
-    fields = dict(threads=base.threads, backend=base.backend)
+    fields = dict(threads=base.threads)
     if classification != "post":  # which stores the volume's own values
         fields["record"] = base.record
     return [

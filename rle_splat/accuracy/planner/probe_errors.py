@@ -152,8 +152,7 @@ def _free_of_meshes(scene: Scene, quality: Quality) -> np.ndarray:
         max(left - reach, 0), max(top - reach, 0), min(right + reach, scene.width), min(bottom + reach, scene.height)
     )  # fmt: skip
     samples = mesh_depth(
-        scene.triangles, scene.camera, scene.width, scene.height, region=around, backend=quality.backend,
-        threads=quality.threads,
+        scene.triangles, scene.camera, scene.width, scene.height, region=around, threads=quality.threads,
     )  # fmt: skip
     ended = (samples < furthest).any(axis=-1)
     padded = np.pad(ended, reach)

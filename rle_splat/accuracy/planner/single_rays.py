@@ -11,7 +11,6 @@ from ...pipeline.single_rays import trace_steps
 from ...pipeline.source import Work
 from ...pipeline.stage_cache import StageCache
 from ...raycast.scalar_rays import COMPOSITED
-from ...runtime.jit import compiled
 from ...runtime.steps import Clock, mapped, timed
 from ...scene import Quality, Scene
 from ...view.eye import index_view
@@ -52,7 +51,6 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     spent : float
         Milliseconds that the rays took, without their tables.
     """
-    quality = replace(quality, backend="numba" if compiled(quality.backend) else "numpy")
     view, job, clock = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job(), Clock()
     medium = yield from mapped(ScalarSource(scene, quality).medium_steps(Work(job, Clock())), lambda step: 0.0)
     rgba, work = yield from timed(trace_steps(scene, view, medium, columns, rows, slabs), clock, "rays")

@@ -17,7 +17,7 @@ import pytest
 from rle_splat.cli import cluster, cluster_worker
 from rle_splat.cli.main import main
 
-WORDS = ["--size", "90x70", "--backend", "numpy", "--quality", "draft", "--elevation", "20"]
+WORDS = ["--size", "90x70", "--quality", "draft", "--elevation", "20"]
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_a_wrong_scene_is_the_sentence_of_one_machine(refused, raw, raw_options,
     matrix = np.eye(4)
     matrix[0, 3] = 1e4
     camera = write_json({"matrix_world": matrix.tolist(), "type": "ORTHO"})
-    words = raw, *raw_options, "--camera", camera, "--size", "64", "--backend", "numpy", "-o", tmp_path / "a.npy"
+    words = raw, *raw_options, "--camera", camera, "--size", "64", "-o", tmp_path / "a.npy"
     assert "does not see the volume" in refused("render", *words, "--dask", address)
     assert not list(tmp_path.glob("*.npy")) and not list(tmp_path.glob(".*"))
 
@@ -140,7 +140,7 @@ def test_dask_tells_as_much_afterward_as_before(render, address):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no groups of processes that a signal reaches")
 def test_ctrl_c_is_one_sentence(raw, raw_options, tmp_path):
     """A terminal sends it to the workers too."""
-    words = "render", raw, *raw_options, "--backend", "numpy", "--size", "900", "--tile", "16", "-o", tmp_path / "a.npy"
+    words = "render", raw, *raw_options, "--size", "900", "--tile", "16", "-o", tmp_path / "a.npy"
     process = subprocess.Popen(
         [sys.executable, "-m", "rle_splat", *map(str, words), "--dask", "--workers", "1"], start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),

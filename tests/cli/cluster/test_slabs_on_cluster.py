@@ -18,7 +18,7 @@ VIEWS = {
 def folder(call, raw, raw_options, tmp_path, monkeypatch):
     """A folder of tables in slabs of three planes."""
     monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
-    assert call("encode", raw, *raw_options, "-o", tmp_path / "a.rle", "--folder", "--backend", "numpy").code == 0
+    assert call("encode", raw, *raw_options, "-o", tmp_path / "a.rle", "--folder").code == 0
     return tmp_path / "a.rle"
 
 
@@ -28,7 +28,7 @@ def render(call, folder, tmp_path):
 
     def run(name, *words):
         path, report = tmp_path / name, tmp_path / "report.json"
-        size = "--size", "60x48", "--backend", "numpy", "--termination", "0"
+        size = "--size", "60x48", "--termination", "0"
         result = call("render", folder, *size, "-o", path, "--json", report, *words)
         assert result.code == 0, result.err
         return json.loads(report.read_text())
@@ -62,7 +62,7 @@ def test_an_exr_has_no_depths(render, address, tmp_path):
 def test_a_damaged_part_is_told(call, folder, address, tmp_path):
     records = folder / "rows.records"
     records.write_bytes(records.read_bytes()[:-8] + bytes(8))
-    words = "--size", "40", "--backend", "numpy", "--elevation", "70", "--dask", address, "--slabs", "3"
+    words = "--size", "40", "--elevation", "70", "--dask", address, "--slabs", "3"
     refused = call("render", folder, *words, "-o", tmp_path / "a.npy")
     assert refused.code == 2 and "the checksum of rows.records does not fit" in refused.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.rle", "data"]

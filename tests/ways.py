@@ -1,0 +1,23 @@
+"""The two ways to compute: the kernels and the reference implementations in numpy.  Fixtures for them: conftest.py."""
+
+import pytest
+
+from rle_splat.runtime.jit import use_reference
+
+WAYS = ("numba", "numpy")
+# For tests with the fixture ``way`` that have no kernels to compile.
+NUMPY = pytest.mark.parametrize("way", ("numpy",), indirect=True)
+
+
+def by(way: str):
+    """Context manager: one of WAYS does the work."""
+    return use_reference(way == "numpy")
+
+
+def both(make, ways=WAYS) -> list:
+    """What ``make()`` returns in each way."""
+    found = []
+    for way in ways:
+        with by(way):
+            found.append(make())
+    return found
