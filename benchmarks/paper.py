@@ -21,7 +21,7 @@ from rle_splat.comparison.medium import scene_medium
 from rle_splat.comparison.unaccelerated import every_voxel
 from rle_splat.comparison.westover import prepare as prepare_westover
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import StoredVolume
+from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
@@ -165,7 +165,7 @@ def covered_fractions(classified) -> dict:
 
 def _frame(volume, classified, tf, scene, tables, quality, repeats) -> dict:
     """The report of one view's best frame, from ready-made tables."""
-    stored = StoredVolume({tables.axis: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
+    stored = StoredVolume.of({tables.axis: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
     scene = same_view(scene, stored)
     best_frame(scene, quality, 1)  # compiles kernels
     return best_frame(scene, quality, repeats)[0].report

@@ -24,7 +24,7 @@ import numpy as np
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import StoredVolume
+from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError, Scene
@@ -108,7 +108,7 @@ def _run(volume, series, n, size, quality, repeats, frames_ms) -> dict:
     tables, encode_ms = _quickest(
         partial(encode, classified, classified.color, AXIS, quality.model, threads=quality.threads), repeats
     )
-    stored = StoredVolume({AXIS: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
+    stored = StoredVolume.of({AXIS: tables}, volume.affine, volume.unit, classified.unit_length, tf.to_json())
     kept = classified.visible_voxels
     del classified
     frames = []

@@ -11,7 +11,8 @@ import os
 from dataclasses import replace
 
 from ..rle_splat.classify.transfer_function import TransferFunction
-from ..rle_splat.encode.folder import HEADER, is_folder_form
+from ..rle_splat.encode.folder import is_folder_form
+from ..rle_splat.encode.members import HEADER
 from ..rle_splat.encode.store import load
 from ..rle_splat.read.formats import format_of
 from ..rle_splat.runtime.steps import Progress
@@ -47,7 +48,7 @@ def open_steps(path: str, options: dict):
 
     Returns
     -------
-    StoredVolume or FolderVolume
+    StoredVolume
 
     Raises
     ------
@@ -88,7 +89,7 @@ def suited(quality: Quality, volume) -> Quality:
     Parameters
     ----------
     quality : Quality
-    volume : Volume, StoredVolume or FolderVolume
+    volume : Volume or StoredVolume
 
     Returns
     -------

@@ -29,7 +29,7 @@ def write_facts(volume_object, volume, counted) -> None:
     ----------
     volume_object : bpy.types.Object
         The volume object.
-    volume : Volume, StoredVolume or FolderVolume
+    volume : Volume or StoredVolume
         Its voxels.
     counted : Histogram or None
         Of its values, with BINS bins; None of encoded voxels.
@@ -61,7 +61,7 @@ def fact_lines(volume, file_name: str) -> list[str]:
 
     Parameters
     ----------
-    volume : Volume, StoredVolume or FolderVolume
+    volume : Volume or StoredVolume
         The volume.
     file_name : str
         Name of its file or folder, without where it is.

@@ -28,7 +28,7 @@ class ReadSource:
     ----------
     path : str
         The file or folder.
-    volume : Volume, StoredVolume or FolderVolume
+    volume : Volume or StoredVolume
         One of the source's volumes.
     counted : Histogram or None
         Of its values; None of encoded voxels.

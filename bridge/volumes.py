@@ -83,7 +83,7 @@ def file_steps(path: str, options: dict):
 
     Returns
     -------
-    Volume, StoredVolume or FolderVolume
+    Volume or StoredVolume
     """
     if encoded.is_encoded(path):
         return (yield from encoded.open_steps(path, options))

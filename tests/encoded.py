@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from rle_splat.encode.tables import RunLengthVolume
-from rle_splat.encode.validate import scanline_data_pointers
+from rle_splat.encode.validate import check_records, scanline_starts
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.axes import AXES
 
 
 def validate(encoded: RunLengthVolume) -> None:
     """Raise RleSplatError unless all tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
-    derived = scanline_data_pointers(
-        encoded.axis, encoded.shape_xyz, encoded.model, encoded.scanline_pointers, encoded.data_pointers,
-        encoded.runs, encoded.voxel_data, encoded.decoding,
+    check_records(encoded.axis, encoded.voxel_data, encoded.decoding)
+    derived = scanline_starts(
+        encoded.axis, encoded.shape_xyz, encoded.scanline_pointers, encoded.data_pointers, encoded.runs,
+        len(encoded.voxel_data),
     )  # fmt: skip
     if not np.array_equal(derived, encoded.scanline_data_pointers):
         raise RleSplatError("The tables are damaged: the derived pointers do not follow from the runs.")

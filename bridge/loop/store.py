@@ -115,7 +115,7 @@ def _bytes_of(value) -> int:
     volume = getattr(value, "volume", value)  # of a label map
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
-    return sum(one.nbytes for one in getattr(volume, "axes", {}).values())
+    return volume.nbytes
 
 
 def _drop_unwanted() -> None:

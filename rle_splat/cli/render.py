@@ -221,7 +221,7 @@ def _checked(args, frames) -> Checked:
             "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
     usual = None
     if is_encoded:
-        from ..encode.stored_folder import classification_of
+        from ..encode.stored import classification_of
 
         usual = classification_of(args.volume)
     return Checked(quality_from(args, usual), poses, mixing, sky, crop, is_encoded)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..classify.classification import ClassifiedVolume
 from ..effects.analyze import analyzed
-from ..encode.store import StoredVolume
+from ..encode.stored import StoredVolume
 from ..pipeline.scan_source import classify_and_shade
 from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
@@ -88,7 +88,7 @@ class ShadedScene:
             Of the tables' grid; by default that of the volume.
         """
         scene = self.scene
-        volume = StoredVolume(
+        volume = StoredVolume.of(
             axes, scene.volume.affine if affine is None else affine, scene.volume.unit, self.classified.unit_length,
             scene.transfer_function.to_json(),
         )

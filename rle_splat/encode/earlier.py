@@ -1,4 +1,8 @@
-"""Voxel records of 6 and 4 bytes, which versions 0.1 and 0.2 could store; they are opened as records of 8 bytes.
+"""Import what versions 0.1 and 0.2 stored: files of numpy's members, and voxel records of 6 and 4 bytes.
+
+A file was a zip archive of uncompressed `.npy` members, as written by numpy's `savez`: a JSON header, and the four
+tables of each principal axis. It is opened as tables in memory. Folders were as they are. Short records are opened as
+records of 8 bytes:
 
     bytes  color                       density: extinction or opacity
     6      11, 11 and 10 bits, linear  16-bit float
@@ -7,11 +11,24 @@
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
+import math
+import zlib
+
 import numpy as np
 
-from .records import decoding_of, empty_records, float_of, pack_numpy
+from ..runtime.memory import refuse_beyond
+from ..scene import RleSplatError
+from ..volume.axes import AXIS_NAMES
+from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words_of_entry
+from .records import decoding_of, empty_records, float_of, pack_numpy, words_of
+from .tables import TABLES, RunLengthVolume
+from .validate import check_records, checked_color, checked_header, scanline_starts
 
-RECORDS = {6: 8, 4: 8}  # bytes of a stored record -> bytes of the record that it is opened as
+FORMAT, VERSION, HEADER = "rle-splat", 2, "header.npy"
+
 TYPES = {6: np.uint16, 4: np.uint32}  # bytes of a record -> dtype of the array
 WORDS = {6: 3, 4: 1}  # numbers of a record
 SCALES = {6: 4, 4: 4 + 2048}  # red, green, blue and density; then the density of each code
@@ -69,3 +86,115 @@ def _numbers(words: np.ndarray, record: int, scales: np.ndarray) -> np.ndarray:
         numbers[:, channel] = density * color
     numbers[:, 3] = density
     return numbers
+
+
+def with_long_records(members, header: dict):
+    """The members and the header of a folder; where its records have 6 or 4 bytes, those of 8 bytes in memory.
+
+    Raises one of DAMAGE, or OSError.
+    """
+    record = header["record"]
+    if record not in TYPES:
+        return members, header
+    header, scales, long = {**header, "record": 8, "dtypes": dict(header["dtypes"])}, header["decoding"], {}
+    header["slabs"] = [[planes, dict(tables)] for planes, tables in header["slabs"]]
+    for name in {f"{order}.records" for order in ORDER_OF.values()} & set(header["dtypes"]):
+        refuse_beyond(2 * members.size(name), "its voxel records need", "encode the volume again")
+        words, begin = members.array(name, np.dtype(TYPES[record]).newbyteorder("<")), 0
+        long[name], decoding = lengthen(words, scales)
+        header |= {"decoding": decoding.tolist()}
+        header["dtypes"][name] = words_of_entry(words_of(long[name]))
+        for _, tables in header["slabs"]:
+            size, checksum = tables[name]
+            first, last = begin // record, (begin + size) // record
+            if zlib.crc32(bytes_of(words)[begin : begin + size]) != checksum:
+                raise ValueError(f"the checksum of {name} does not fit")
+            content = bytes_of(long[name][first:last])
+            tables[name] = [len(content), zlib.crc32(content)]
+            begin += size
+    return _PartlyInMemory(members.path, long), header
+
+
+class _PartlyInMemory(FolderMembers):
+    """Members of a folder, of which some, by name, are arrays."""
+
+    def __init__(self, path, arrays: dict):
+        super().__init__(path)
+        self._arrays = arrays
+
+    def size(self, name: str) -> int:
+        return self._arrays[name].nbytes if name in self._arrays else super().size(name)
+
+    def array(self, name: str, dtype) -> np.ndarray:
+        return self._arrays[name] if name in self._arrays else super().array(name, dtype)
+
+
+def read_file(members) -> dict | None:
+    """Read the members of a file of an earlier version.
+
+    Returns
+    -------
+    dict or None
+        Arguments of ``StoredVolume.of``; None if the members are no such file.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is damaged.
+    """
+    if HEADER not in getattr(members, "checksums", ()):
+        return None
+    try:
+        return _read(members)
+    except RleSplatError as problem:
+        raise RleSplatError(f"Cannot read {members.path}: {problem}") from None
+    except DAMAGE as problem:
+        raise RleSplatError(
+            f"Cannot read {members.path}: it is not a complete .rle file{reason_of(problem)}; encode the volume again."
+        ) from None
+
+
+def _read(members) -> dict:
+    """As ``read_file``; raises one of DAMAGE, too."""
+    header = json.loads(_array(members, HEADER).tobytes().decode())
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        raise ValueError("its header is not that of a .rle file")
+    if header.get("version") != VERSION:
+        raise RleSplatError(f"its format version is {header.get('version')}, which is unknown; encode it again.")
+    record = header["record"]
+    facts = checked_header({**header, "record": 8 if record in TYPES else record})
+    shape, model, stored_as = (facts.pop(name) for name in ("shape_xyz", "model", "record"))
+    needed = sum(members.size(name) for name in members.checksums)
+    refuse_beyond(needed, "its tables need", "encode fewer principal axes, or use smaller voxel records")
+    axes = {}
+    for axis in facts.pop("axes"):
+        name = AXIS_NAMES[axis]
+        *pointers, runs, voxel_data = (_array(members, f"{name}_{table}.npy") for table in TABLES)
+        decoding = None if record == 16 else _array(members, f"{name}_decoding.npy")
+        if record in TYPES:
+            voxel_data, decoding = lengthen(voxel_data, decoding)
+        starts = scanline_starts(axis, shape, *pointers, runs, len(voxel_data))
+        check_records(axis, voxel_data, decoding)
+        axes[axis] = RunLengthVolume(axis, shape, model, *pointers, runs, voxel_data, starts, decoding)
+        if axes[axis].record != stored_as:
+            raise ValueError("its voxel data do not have the stated record size")
+        checked_color(axes[axis].most_color)
+    stored = [(name, members.size(name), checksum) for name, checksum in members.checksums.items()]
+    return {**facts, "axes": axes, "key": hashlib.blake2b(repr(stored).encode(), digest_size=16).hexdigest()}
+
+
+def _array(members, name: str) -> np.ndarray:
+    """A `.npy` member (native byte order, C order), whose checksum and header are compared with its bytes."""
+    if name not in members.checksums:
+        raise ValueError(f"{name} is missing")
+    content = members.array(name, np.uint8)
+    if zlib.crc32(content) != members.checksums[name]:
+        raise ValueError(f"the checksum of {name} does not fit")
+    member = io.BytesIO(content[: 1 << 16])
+    major = np.lib.format.read_magic(member)[0]
+    read_claims = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+    shape, fortran_order, dtype = read_claims(member)
+    numbers = content[member.tell() :]
+    if dtype.hasobject or fortran_order or not dtype.isnative or math.prod(shape) * dtype.itemsize != len(numbers):
+        raise ValueError(f"{name} does not match its own header")
+    return np.require(numbers.view(dtype), requirements="A").reshape(shape)

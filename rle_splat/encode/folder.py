@@ -1,46 +1,25 @@
-"""The folder form of `.rle`: run-length tables of a volume that is larger than memory, appended slab by slab.
+"""Write a folder of run-length tables (``encode.members``), of a volume that is larger than memory, slab by slab.
 
-A folder holds a header and a few files of bare numbers. A slab of planes z is encoded as a volume of its own, and its
-tables are appended to the files; so nothing that is on disk is ever written again, and a job that was killed goes on
-behind the last slab that its journal names. The pointers of the whole volume follow from the number of runs and voxels
-of each scanline when a folder is opened; a scanline may lie anywhere in the files.
-
-    rows      scanlines along x, in the order of the planes: the tables of principal z, and of y, whose scanlines are
-              the same
-    across    scanlines along y, slab by slab: the tables of principal x
-
-Files are mapped, not read. Each slab of each file has a checksum, which is compared, and its runs are validated, before
-a kernel reads it.
+The tables of a slab are appended to the files; so nothing that is on disk is ever written again, and a job that was
+killed goes on behind the last slab that its journal names.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import os
 import shutil
 import zlib
 from collections import Counter
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ..runtime.file_lock import only_one
-from ..runtime.memory import bytes_text
 from ..runtime.whole_files import writing
 from ..scene import RleSplatError
-from .tables import RunTables
+from .members import HEADER, JOURNAL, VERSION, bytes_of, header_bytes
 
-FORMAT, VERSION = "rle-splat folder", 1
-HEADER, JOURNAL = "header.json", "journal"
-COARSE = "coarse"  # a folder of tables inside: the same volume in larger voxels
-COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
-ROWS, ACROSS = "rows", "across"  # orders
-ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
-LITTLE = "<"
-MOST_HEADER = 1 << 28  # bytes
 STOPS = KeyboardInterrupt, GeneratorExit
 
 
@@ -190,7 +169,7 @@ class FolderWriter:
         written = {}
         with writing(self.path):
             for name, array in tables.items():
-                content = _bytes(array.astype(array.dtype.newbyteorder(LITTLE), copy=False))
+                content = bytes_of(array)
                 self._append(name, content)
                 written[name] = len(content), zlib.crc32(content)
             slab = Slab(planes, written, facts)
@@ -216,8 +195,7 @@ class FolderWriter:
             for name in joined:
                 self._join(name)
             slabs = [[slab.planes, slab.tables] for slab in self.slabs]
-            content = json.dumps({"format": FORMAT, "version": VERSION, **header, "slabs": slabs})
-            (self.folder / HEADER).write_text(f"{zlib.crc32(content.encode()):08x}{content}", encoding="utf-8")
+            (self.folder / HEADER).write_bytes(header_bytes({**header, "slabs": slabs}))
             (self.folder / JOURNAL).unlink()
             size = 0
             for file in filter(Path.is_file, self.folder.rglob("*")):
@@ -253,144 +231,3 @@ class FolderWriter:
                     shutil.copyfileobj(source, target, 1 << 24)
         for part in parts:
             part.unlink()
-
-
-def _bytes(array: np.ndarray) -> memoryview:
-    """The bytes of an array."""
-    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
-
-
-def counts_of(tables: RunTables) -> np.ndarray:
-    """(n_slices, n_scanlines, 2) uint32: runs and voxels of each scanline."""
-    pointers = tables.scanline_pointers.reshape(-1)
-    counts = np.zeros((len(pointers), 2), np.uint32)
-    filled = pointers >= 0
-    counts[filled, 0] = np.diff(np.append(pointers[filled].astype(np.int64), len(tables.runs)))
-    counts[:, 1] = np.diff(np.append(tables.scanline_data_pointers.reshape(-1), tables.n_voxels))
-    return counts.reshape(*tables.scanline_pointers.shape, 2)
-
-
-def read_header(path) -> dict:
-    """The header of a folder; RleSplatError if it is missing or damaged."""
-    file = Path(path) / HEADER
-    try:
-        with open(file, "rb") as stream:  # a buffer of so many bytes is made whatever the size of the file
-            text = stream.read(min(os.fstat(stream.fileno()).st_size, MOST_HEADER)).decode()
-    except OSError as problem:
-        if os.path.isfile(Path(path) / JOURNAL):  # False without rights, where Path.is_file raises
-            raise RleSplatError(
-                f"{path} is not complete: its encoding was interrupted. Encode the volume again with the same command, "
-                "which goes on where it was."
-            ) from None
-        raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check the path and its permissions.") from None
-    except ValueError:
-        raise damaged(path, "its header is not text") from None
-    try:
-        header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
-    except (ValueError, RecursionError):
-        header = None
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise damaged(path, "its header is not complete")
-    if header.get("version") != VERSION:
-        raise RleSplatError(
-            f"The folder {path} has the format version {header.get('version')}, and this program reads version "
-            f"{VERSION}; encode the volume again."
-        )
-    return header
-
-
-def damaged(path, what: str) -> RleSplatError:
-    """The error for a folder whose files do not fit together; ``what``: a clause."""
-    return RleSplatError(f"The tables in {Path(path).name} are damaged: {what}; encode the volume again.")
-
-
-class MappedTables:
-    """The files of a folder, mapped read-only.
-
-    Parameters
-    ----------
-    path : Path
-    header : dict
-        With ``slabs`` and ``dtypes`` (name of a table -> dtype and words of an entry).
-    """
-
-    def __init__(self, path, header: dict):
-        self.path, self._dtypes = Path(path), header["dtypes"]
-        self.ends = [0, *(int(planes) for planes, _ in header["slabs"])]
-        self._slabs = [tables for _, tables in header["slabs"]]
-        self._mapped: dict[str, np.ndarray] = {}
-
-    def has(self, name: str) -> bool:
-        """Whether there is such a table."""
-        return name in self._dtypes
-
-    def table(self, name: str) -> np.ndarray:
-        """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
-        if name not in self._mapped:
-            kind, words, parts = self._dtypes[name]
-            mapped = self._map(name, np.dtype(LITTLE + kind))
-            shape = (parts, -1) if parts else (-1, words) if words else (-1,)
-            self._mapped[name] = mapped.reshape(shape)
-        return self._mapped[name]
-
-    def check_sizes(self) -> None:
-        """RleSplatError if a mapped file was removed or cut since: a read beyond its end would end the program."""
-        for name in self._mapped:
-            with self._reading(name):
-                self._checked_size(name)
-
-    def _checked_size(self, name: str) -> int:
-        """Bytes of a file, which are those of its slabs."""
-        names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
-        size = sum(int(slab[one][0]) for slab in self._slabs for one in names)
-        held = (self.path / name).stat().st_size
-        if held != size:
-            raise damaged(self.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
-        return size
-
-    def _map(self, name: str, dtype: np.dtype) -> np.ndarray:
-        with self._reading(name):
-            if self._checked_size(name) == 0:  # an empty file cannot be mapped
-                return np.empty(0, dtype)
-            return np.asarray(np.memmap(self.path / name, dtype=dtype, mode="r"))
-
-    @contextmanager
-    def _reading(self, name: str):
-        """Context manager: a failure of the system becomes a RleSplatError."""
-        try:
-            yield
-        except FileNotFoundError:
-            raise damaged(self.path, f"{name} is missing") from None
-        except OSError as problem:
-            raise RleSplatError(
-                f"Cannot read {self.path / name}: {problem.strerror}; check its permissions."
-            ) from None
-
-    def entries(self, name: str, number: int) -> int:
-        """Entries of slab ``number`` in a table."""
-        kind, words, _ = self._dtypes[name]
-        return self._slab_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
-
-    def _slab_bytes(self, name: str, number: int) -> int:
-        """Bytes of a slab in a table, of one piece of a joined one."""
-        return int(self._slabs[number][f"{name}.0" if self._dtypes[name][2] else name][0])
-
-    def slab_parts(self, number: int, names):
-        """(first plane, end, name -> the slab's part of that table) of slab ``number``, its checksums compared."""
-        first, last = self.ends[number : number + 2]
-        parts = {}
-        for name in names:
-            table, (_, words, pieces) = self.table(name), self._dtypes[name]
-            begin = sum(self._slab_bytes(name, before) for before in range(number)) // table.itemsize
-            end = begin + self._slab_bytes(name, number) // table.itemsize
-            for piece, row in enumerate(table.reshape(max(pieces, 1), -1)):
-                part = row[begin:end]
-                if zlib.crc32(_bytes(part)) != self._slabs[number][f"{name}.{piece}" if pieces else name][1]:
-                    raise damaged(self.path, f"the checksum of {name} does not fit in planes {first} to {last - 1}")
-            parts[name] = part.reshape(-1, words) if words else part
-        return first, last, parts
-
-
-def words_of_entry(array: np.ndarray) -> list:
-    """[dtype, words of an entry (0 for one number), parts] of a table, for the header."""
-    return [array.dtype.str[1:], math.prod(array.shape[1:]) if array.ndim > 1 else 0, 0]

@@ -201,3 +201,15 @@ def scanline_pointers_from_counts(run_counts: np.ndarray) -> tuple[np.ndarray, i
 def data_pointers_from_scanlines(scanline_data_pointers: np.ndarray, n_voxels: int) -> np.ndarray:
     """Data pointers: first voxel of each slice, which is that of its first scanline, and the total; int64."""
     return np.append(scanline_data_pointers[:, 0], np.int64(n_voxels))
+
+
+def counts_of(tables: RunTables | RunLengthVolume) -> np.ndarray:
+    """(n_slices, n_scanlines, 2) uint32: runs and voxels of each scanline, wherever it lies in the tables."""
+    filled = np.flatnonzero(tables.scanline_pointers.reshape(-1) >= 0)
+    counts = np.zeros((tables.scanline_pointers.size, 2), np.uint32)
+    ends = (tables.scanline_pointers, len(tables.runs)), (tables.scanline_data_pointers, int(tables.data_pointers[-1]))
+    for column, (pointers, end) in enumerate(ends):
+        starts = pointers.reshape(-1)[filled].astype(np.int64)
+        order = np.argsort(starts, kind="stable")
+        counts[filled[order], column] = np.diff(np.append(starts[order], end))
+    return counts.reshape(*tables.scanline_pointers.shape, 2)

@@ -1,4 +1,4 @@
-"""Validation of stored tables, in a file or a folder, before any kernel reads them: kernels have no bounds checks.
+"""Validation of stored tables before any kernel reads them: kernels have no bounds checks.
 
 Every check of tables works on whole arrays. The first failed check gives the error message.
 """
@@ -6,9 +6,6 @@ Every check of tables works on whole arrays. The first failed check gives the er
 from __future__ import annotations
 
 import math
-import struct
-import tokenize
-import zipfile
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +14,7 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES
-from . import earlier
-from .folder import COUNTS, ORDER_OF, ROWS, RUNS
+from .members import COUNTS, ORDER_OF, ROWS, RUNS
 from .records import SCALES, TYPES, WORDS
 from .scalars import OWN_TYPES
 from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
@@ -28,12 +24,6 @@ MOST_COLOR = 2.0 * BRIGHTEST  # of any channel; twice, because short records are
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
 OF_VOXELS = {"pre": ("records",), "post": ("scalars", "light", "normals")}  # classification -> tables of voxels
 NEEDED = {"pre": ("records",), "post": ("scalars",)}
-# Exceptions that the checks here, json, zipfile and numpy's parser of array headers (a Python literal) raise.
-DAMAGE = (
-    zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
-    AttributeError, OverflowError, RuntimeError,
-)  # fmt: skip
-LONGEST_REASON = 150  # characters
 
 
 class Values(NamedTuple):
@@ -61,12 +51,6 @@ class Values(NamedTuple):
     light: tuple | None
 
 
-def reason_of(problem: Exception) -> str:
-    """An exception of DAMAGE as a remark in brackets, or nothing."""
-    lines = str(problem).splitlines()
-    return f" ({lines[0][:LONGEST_REASON]})" if lines else ""
-
-
 def _require(good, what: str) -> None:
     """ValueError unless ``good``."""
     if not good:
@@ -82,7 +66,7 @@ def _is_count(value, least: int = 0) -> bool:
 
 
 def checked_header(header: dict) -> dict:
-    """Check what the header of a file or a folder says of the volume; raises one of DAMAGE, or RleSplatError.
+    """Check what the header says of the volume; raises one of DAMAGE, or RleSplatError.
 
     Returns
     -------
@@ -99,7 +83,7 @@ def checked_header(header: dict) -> dict:
         isinstance(names, list) and names and set(map(str, names)) <= set(AXIS_NAMES), "it names no principal axis"
     )
     _require(header["model"] in MODELS, "there is no model of that name")
-    _require(header["record"] in (*RECORDS, *earlier.RECORDS), "its voxel records have an unknown size")
+    _require(header["record"] in RECORDS, "its voxel records have an unknown size")
     _require(_is_number(header["unit_length"], 0.0), "its unit length is not a positive number")
     _require(
         isinstance(header["unit"], str) and isinstance(header["source"], str), "its unit or its source is not text"
@@ -124,7 +108,7 @@ def checked_color(brightest) -> float:
 
 
 def checked_layout(header: dict, facts: dict) -> dict:
-    """Check that the tables of a folder have the types that kernels take, and that all slabs have entries for all
+    """Check that the tables have the types that kernels take, and that all slabs have entries for all
     scanlines and voxels; raises one of DAMAGE.
 
     Parameters
@@ -136,7 +120,7 @@ def checked_layout(header: dict, facts: dict) -> dict:
     Returns
     -------
     dict
-        Name of a table -> dtype, words of an entry and parts, see ``folder.words_of_entry``.
+        Name of a table -> dtype, words of an entry and parts, see ``members.words_of_entry``.
     """
     (nx, ny, nz), record, slabs = facts["shape_xyz"], facts["record"], header["slabs"]
     classification = header["classification"]
@@ -203,15 +187,15 @@ def _broken(axis, what: str) -> RleSplatError:
     )
 
 
-def scanline_data_pointers(
-    axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data, decoding=None
-) -> np.ndarray:
-    """Derive the fifth table from the four stored ones, after checking them.
+def scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, stored: int) -> np.ndarray:
+    """Derive the fifth table from those that are stored, after checking them.
 
     Parameters
     ----------
-    axis, shape_xyz, model, scanline_pointers, data_pointers, runs, voxel_data, decoding
+    axis, shape_xyz, scanline_pointers, data_pointers, runs
         As in RunLengthVolume.
+    stored : int
+        Number of the stored voxels, which ``check_records`` or ``check_scalars`` checks.
 
     Returns
     -------
@@ -223,15 +207,6 @@ def scanline_data_pointers(
     RleSplatError
         If a table is not as RunLengthVolume describes it.
     """
-    if model not in MODELS:
-        raise _broken(axis, f"there is no model called {model!r}")
-    _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs)
-    check_records(axis, voxel_data, decoding)
-    return scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, len(voxel_data))
-
-
-def scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, stored: int) -> np.ndarray:
-    """As ``scanline_data_pointers``, of tables whose ``stored`` voxels are checked elsewhere."""
     _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs)
     width = shape_xyz[AXES[axis][0]]
     starts = scanline_pointers[scanline_pointers >= 0].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Encode a scene whose tables do not fit into memory: slab by slab, into a folder of tables (``encode.folder``).
+"""Encode a scene whose tables do not fit into memory: slab by slab, into a folder of tables (``encode.members``).
 
 A slab of planes is classified, lit and encoded by the stages that encode a whole volume. Its voxels keep their place in
 the volume, so that positions, normals and light are the same to the bit.
@@ -21,20 +21,11 @@ from ..effects.analyze import analyzed
 from ..effects.mixing import is_mixed
 from ..effects.ray_values import shown_values
 from ..encode.encode import record_steps, reorder_steps, run_tables
-from ..encode.folder import (
-    ACROSS,
-    COARSE,
-    COUNTS,
-    ROWS,
-    RUNS,
-    FolderWriter,
-    counts_of,
-    is_folder_form,
-    words_of_entry,
-)
+from ..encode.folder import FolderWriter, is_folder_form
+from ..encode.members import ACROSS, COARSE, COUNTS, ROWS, RUNS, describe_tables, words_of_entry
 from ..encode.records import decoding_of, words_of
 from ..encode.scalars import center_of, in_scanlines, scalars_of
-from ..encode.tables import RunTables
+from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Clock, Progress, drain, part, portion, timed
@@ -42,7 +33,7 @@ from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.normal_light import coded_normals, normal_light
 from ..shade.shading import DENSITY, normals
 from ..shade.voxel_light import voxel_light
-from ..volume.axes import AXES, AXIS_NAMES
+from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from ..volume.reduced import reduced_steps
 from ..volume.volume import key_steps
@@ -153,7 +144,12 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
         density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
     yield Progress(0.98, "Finishing the folder")
     facts = [slab.facts for slab in writer.slabs]
-    header = {**_header(scene, quality, axes, source), **slabs.header(facts)}
+    header = describe_tables(
+        volume, classification=quality.classification, model=quality.model, record=quality.record, axes=axes,
+        unit_length=unit_length(volume, scene.index_to_world), transfer_function=scene.transfer_function.to_json(),
+        lighting=describe_lighting(scene), source=source,
+    )  # fmt: skip
+    header |= slabs.header(facts)
     header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
     with clock.stage("encode"):
         size = writer.finish(header, slabs.joined)
@@ -214,17 +210,6 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)
     return {"job": hashlib.blake2b(content.encode(), digest_size=16).hexdigest()}
-
-
-def _header(scene: Scene, quality: Quality, axes, source: str) -> dict:
-    volume = scene.volume
-    return {
-        "classification": quality.classification, "shape_xyz": list(volume.shape_xyz), "model": quality.model,
-        "record": quality.record, "axes": [AXIS_NAMES[axis] for axis in sorted(axes)],
-        "affine": volume.affine.tolist(), "unit": volume.unit, "space": volume.space, "source": source,
-        "unit_length": unit_length(volume, scene.index_to_world), "remarks": list(volume.remarks),
-        "transfer_function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
-    }  # fmt: skip
 
 
 def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, slabs: int, clock: Clock) -> dict:

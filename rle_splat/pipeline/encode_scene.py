@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from ..effects.analyze import analyzed
-from ..encode.store import StoredVolume
+from ..encode.stored import StoredVolume
 from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, Scene
 from ..volume.axes import AXES, AXIS_NAMES
@@ -52,7 +52,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         begun += share
     encoded = {axis: encoded[axis] for axis in axes}
     volume = scene.volume
-    stored = StoredVolume(
+    stored = StoredVolume.of(
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
         describe_lighting(scene), source, tuple(volume.remarks), volume.space,
     )

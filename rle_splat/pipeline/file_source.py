@@ -32,9 +32,6 @@ class FileSource(Source):
     def remarks(self) -> tuple[str, ...]:
         return (*super().remarks, CLASSIFIED_ALREADY)
 
-    def tables_held(self, encodings: dict) -> dict:
-        return self.scene.volume.held(encodings)
-
     def refuse_without(self, axis: int) -> None:
         """RleSplatError if there are no tables of a principal axis."""
         if axis not in self.scene.volume.principal_axes:

@@ -38,7 +38,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
         report = {
             "image": image_report(wanted.crop, wanted.width, wanted.height),
             "volume": _volume_report(wanted.volume.shape_xyz, medium),
-            "memory_bytes": _memory_report(source.tables_held(tables)),
+            "memory_bytes": _memory_report(tables),
             "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
             "plan": _plan_report(source, picture.view) | source.plan,
             "rays": dict(traced),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
 from ..classify.transfer_function import TransferFunction
-from ..encode.folder import damaged
+from ..encode.members import damaged
 from ..encode.scalars import ScalarVolume
 from ..scene import Light, Quality, RleSplatError, Scene
 from ..shade.lighting import lighting

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.exposure import exposures
-from ..encode.stored_folder import FolderVolume
 from ..runtime.steps import Clock, Progress, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..scene.changed import changed
@@ -104,7 +103,7 @@ def over(front: SectionImages, back: SectionImages) -> SectionImages:
 
 def _check(scene: Scene) -> None:
     """RleSplatError for a scene whose picture is not made in sections."""
-    if not isinstance(scene.volume, FolderVolume):
+    if scene.volume.holds_values or scene.volume.mapped is None:
         raise RleSplatError(
             "Slabs are parts of a folder of tables; encode the volume with rle-splat encode --folder, and render that."
         )

@@ -115,10 +115,6 @@ class Source(ABC):
             scratch=scratch, traced=traced,
         )  # fmt: skip
 
-    def tables_held(self, encodings: dict) -> dict:
-        """Principal axis -> tables that are held in memory, given those that the picture needs."""
-        return encodings
-
     @abstractmethod
     def classify_steps(self, work: Work):
         """Generator of Progress: the voxels that are visible, or matter, classified and not lit yet.

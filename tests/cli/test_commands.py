@@ -302,7 +302,7 @@ def test_rendering_the_tables_is_rendering_the_volume(encoded, picture, view):
     expected, _ = picture(*view, "--classification", "pre")
     found, report = picture(*view, volume=path, options=(), function=False)
     assert np.array_equal(found, expected)
-    assert report["stages_ms"]["classify"] == 0.0 and report["memory_bytes"]["axes_held"] == ["x", "y", "z"]
+    assert report["stages_ms"]["classify"] == 0.0 and len(report["memory_bytes"]["axes_held"]) == 1
     scaled, _ = picture(*view, "--scene-scale", "0.01", volume=path, options=(), function=False)
     assert np.abs(scaled - expected).max() < 1e-5
 

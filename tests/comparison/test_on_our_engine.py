@@ -7,7 +7,7 @@ from benchmarks.phantoms import blobs, thin_shell
 from rle_splat.comparison import lacroute, ours, unaccelerated
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.validate import scanline_data_pointers
+from rle_splat.encode.validate import scanline_starts
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Quality
 from tests.ways import NUMPY
@@ -37,8 +37,8 @@ def test_tables_of_every_voxel_skip_nothing(stand, axis):
     assert (dense.scanline_pointers >= 0).all() and dense.visible_voxels == 9 * 7 * 5 > sparse.visible_voxels > 0
     assert (dense.runs.reshape(-1, 2) == (0, dense.width)).all()
     np.testing.assert_array_equal(decode(dense), decode(sparse))
-    tables = dense.scanline_pointers, dense.data_pointers, dense.runs, dense.voxel_data
-    derived = scanline_data_pointers(axis, dense.shape_xyz, dense.model, *tables)
+    tables = dense.scanline_pointers, dense.data_pointers, dense.runs
+    derived = scanline_starts(axis, dense.shape_xyz, *tables, dense.visible_voxels)
     np.testing.assert_array_equal(derived, dense.scanline_data_pointers)
 
 

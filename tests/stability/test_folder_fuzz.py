@@ -1,9 +1,10 @@
-"""Folders of tables, R3: whatever their header and their tables say, with checksums that fit, there is a picture or one
+"""Stored tables, R3: whatever their header and their tables say, with checksums that fit, there is a picture or one
 sentence.
 
 The reference implementation renders: it raises where compiled kernels would read beyond an array."""
 
 import json
+import zipfile
 import zlib
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.encode.folder import HEADER
+from rle_splat.encode.members import HEADER
 from rle_splat.encode.store import load
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.render import render
@@ -27,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
 
 SHAPE = (7, 6, 5)  # z, y, x
 PLANES = 3  # of a slab
+FILE = "file"  # name of what is not a folder
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
 LAMP = Light(type="POINT", energy=900.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)) + np.eye(4, k=3) * 20.0)
 TABLES = {"records": ("pre", ()), "light": ("post", (LAMP,)), "normals": ("post", ())}  # -> classification, lights
@@ -85,17 +87,22 @@ def damage(draw, header, pieces):
     return with_sizes(header, pieces), pieces
 
 
-def write(folder, header, pieces) -> int:
-    """Write a folder; return its bytes."""
+def write(path, header, pieces) -> int:
+    """Write a folder, or a file if the name says so; return the bytes of its members."""
     files = {}
     for (name, _), content in sorted(pieces.items()):
         file = name[:-2] if name[-1].isdigit() else name
         files[file] = files.get(file, b"") + content
     text = json.dumps(header)
     files[HEADER] = f"{zlib.crc32(text.encode()):08x}{text}".encode()
-    folder.mkdir(exist_ok=True)
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
+    if path.stem == FILE:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, content in files.items():
+                archive.writestr(name, content)
+    else:
+        path.mkdir(exist_ok=True)
+        for name, content in files.items():
+            (path / name).write_bytes(content)
     return sum(map(len, files.values()))
 
 
@@ -149,22 +156,26 @@ def test_R3_lights_that_are_none(record, whole, tmp_path, lights):
     says(record, "R3", "folders with lights that are none")
 
 
+@pytest.mark.parametrize("name", ["b", FILE])
 @pytest.mark.parametrize("whole", TABLES, indirect=True)
-def test_R3_folders(record, whole, tmp_path):
+def test_R3_folders(record, whole, tmp_path, name):
     header = json.loads((whole / HEADER).read_text()[8:])
     pieces = pieces_of(whole, header["slabs"])
 
-    write(tmp_path / "b.rle", header, pieces)
-    for file in whole.iterdir():
-        assert (tmp_path / "b.rle" / file.name).read_bytes() == file.read_bytes()
-    assert all(rendered(tmp_path / "b.rle", axis).rgba[..., 3].max() > 0.1 for axis in VIEWS)
+    path = tmp_path / f"{name}.rle"
+    write(path, header, pieces)
+    if name != FILE:
+        assert all((path / file.name).read_bytes() == file.read_bytes() for file in whole.iterdir())
+    for axis in VIEWS:
+        np.testing.assert_array_equal(rendered(path, axis).rgba, rendered(whole, axis).rgba)
+        assert rendered(path, axis).rgba[..., 3].max() > 0.1
 
     @given(damage(header, pieces), st.sampled_from(sorted(VIEWS)), st.sampled_from([None, (PLANES, 2 * PLANES)]))
     @examples(300)
     def search(content, axis, planes):
-        size = write(tmp_path / "b.rle", *content)
-        picture, _ = outcome(lambda: rendered(tmp_path / "b.rle", axis, planes if axis == 2 else None), size, 1e4)
+        size = write(path, *content)
+        picture, _ = outcome(lambda: rendered(path, axis, planes if axis == 2 else None), size, 1e4)
         assert picture is None or np.isfinite(picture.rgba).all()
 
     search()
-    says(record, "R3", "folders of tables that lie")
+    says(record, "R3", "stored tables that lie")

@@ -1,5 +1,9 @@
-"""Files of earlier versions: version 0.2 encoded one small ball into all that are in ``data``."""
+"""Files and folders of earlier versions: version 0.2 encoded one small ball into all that are in ``data``."""
 
+import io
+import json
+import shutil
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +13,12 @@ from rle_splat.encode.earlier import lengthen
 from rle_splat.encode.store import load
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Quality, Scene
+from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 
 DATA = Path(__file__).with_name("data")
 # Name -> bytes of its records, what they become, and the largest difference to 16 bytes in levels of 1/255.
-SAVED = {"16.rle": (16, 0.0), "8.rle": (8, 0.1), "6.rle": (8, 0.3), "4.rle": (8, 1.5)}
+SAVED = {"16.rle": (16, 0.0), "8.rle": (8, 0.1), "6.rle": (8, 0.3), "4.rle": (8, 1.5), "folder_6.rle": (8, 0.3)}
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
 
 
@@ -44,3 +48,60 @@ def test_scales_that_do_not_fit_are_an_error(dtype, words, size):
     for wrong in (np.ones(size - 1), np.full(size, np.nan), np.full(size, -1.0), np.full(size, 1e38)):
         with pytest.raises(ValueError, match="scales"):
             lengthen(stored, wrong)
+
+
+def npy(array) -> bytes:
+    file = io.BytesIO()
+    np.lib.format.write_array(file, array, allow_pickle=True)
+    return file.getvalue()
+
+
+def claim(shape) -> bytes:
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(file, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    return file.getvalue()
+
+
+def refused(path, **changes):
+    """The file of 16 bytes with members replaced is refused in one sentence."""
+    with zipfile.ZipFile(DATA / "16.rle") as archive:
+        members = {name: archive.read(name) for name in archive.namelist()} | changes
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            if content is not None:
+                archive.writestr(name, content)
+    with pytest.raises(RleSplatError) as problem:
+        load(path)
+    text = str(problem.value)
+    assert text.endswith(".") and "\n" not in text and len(text) < 400
+
+
+def test_lying_members_are_refused(tmp_path):
+    huge, negative, pickled = claim((10**13, 4)), claim((-1, -4)), npy(np.array([{"a": 1}], dtype=object))
+    for lie in (huge, pickled, negative, None, b"", b"\x93NUMPY\x09\x00garbage", npy(np.zeros((3, 4), np.float32))):
+        refused(tmp_path / "v.rle", **{"z_voxel_data.npy": lie})
+    refused(tmp_path / "v.rle", **{"z_scanline_pointers.npy": npy(np.full((10, 8), 10**6, np.int32))})
+
+
+@pytest.mark.parametrize("change", (
+    {"format": "other"}, {"version": 1}, {"record": 8}, {"record": 6}, {"record": 5}, {"shape_xyz": [6, 4, 6]},
+    {"shape_xyz": "big"}, {"axes": ["w"]}, {"remarks": None}, {"unit_length": -1},
+))
+def test_a_lying_header_is_refused(tmp_path, change):
+    with zipfile.ZipFile(DATA / "16.rle") as archive, archive.open("header.npy") as member:
+        header = json.loads(np.lib.format.read_array(member).tobytes())
+    content = np.frombuffer(json.dumps({**header, **change}).encode(), np.uint8)
+    refused(tmp_path / "v.rle", **{"header.npy": npy(content)})
+
+
+def test_a_damaged_folder_is_refused(tmp_path):
+    for name in ("rows.records", "across.records"):
+        folder = shutil.copytree(DATA / "folder_6.rle", tmp_path / name)
+        content = (folder / name).read_bytes()
+        for lie in (content[:-6], content + bytes(6), content[::-1], b""):
+            (folder / name).write_bytes(lie)
+            with pytest.raises(RleSplatError):
+                assert load(folder).axes
+        (folder / name).unlink()
+        with pytest.raises(RleSplatError, match="No such file"):
+            load(folder)

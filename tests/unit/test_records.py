@@ -11,7 +11,8 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
-from rle_splat.encode.store import StoredVolume, load, save
+from rle_splat.encode.store import load, save
+from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -130,7 +131,7 @@ def test_pictures_of_short_records(view):
     # code.)
     classified, colors = classify_and_shade(scene, QUALITY, Clock())
     axis = "xyz".index(memory["axes_held"][0])
-    stored = StoredVolume({axis: encode(classified, colors, axis, record=SHORT)}, scene.volume.affine)
+    stored = StoredVolume.of({axis: encode(classified, colors, axis, record=SHORT)}, scene.volume.affine)
     pictures = both(lambda: render(replace(scene, volume=stored), replace(QUALITY, record=SHORT)).rgba)
     assert np.abs(pictures[0] - pictures[1]).max() < 2e-5
 
@@ -198,7 +199,7 @@ def test_short_records_come_back_from_a_file(tmp_path):
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
     axes = {axis: encode(classified, colors, axis, record=SHORT) for axis in (0, 2)}
     path = tmp_path / "v.rle"
-    save(path, StoredVolume(axes, np.eye(4)))
+    save(path, StoredVolume.of(axes, np.eye(4)))
     back = load(path)
     assert back.record == SHORT
     for axis, encoded in axes.items():
@@ -210,7 +211,7 @@ def test_short_records_come_back_from_a_file(tmp_path):
         with pytest.raises(RleSplatError, match="damaged"):
             validate(replace(axes[2], decoding=wrong))
     with pytest.raises(RleSplatError, match="record"):
-        save(path, StoredVolume({**axes, 1: encode(classified, colors, 1)}, np.eye(4)))
+        save(path, StoredVolume.of({**axes, 1: encode(classified, colors, 1)}, np.eye(4)))
 
 
 def test_other_sizes_are_refused():

@@ -1,27 +1,46 @@
-"""A volume whose run-length tables lie in a folder (``encode.folder``): opened at once, checked axis by axis."""
+"""A volume that is run-length encoded: in memory, or in stored members (``encode.members``), checked axis by axis."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import zlib
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from ..runtime.memory import bytes_text
+from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.volume import Volume
-from .folder import COARSE, COUNTS, ORDER_OF, ROWS, RUNS, MappedTables, damaged, read_header
+from . import earlier
+from .members import (
+    COARSE,
+    COUNTS,
+    DAMAGE,
+    LITTLE,
+    ORDER_OF,
+    ROWS,
+    RUNS,
+    bytes_of,
+    damaged,
+    members_of,
+    read_header,
+    reason_of,
+    unreadable,
+)
 from .records import WORDS
 from .tables import (
+    RunLengthVolume,
     RunTables,
     data_pointers_from_scanlines,
     pointers_from_counts,
     scanline_pointers_from_counts,
 )
 from .validate import (
-    DAMAGE,
     OF_VOXELS,
     Values,
     check_records,
@@ -30,9 +49,93 @@ from .validate import (
     checked_header,
     checked_layout,
     checked_values,
-    reason_of,
     scanline_starts,
 )
+
+
+class MappedTables:
+    """The tables in stored members, mapped read-only.
+
+    Parameters
+    ----------
+    members : FolderMembers or FileMembers
+    header : dict
+        With ``slabs`` and ``dtypes`` (name of a table -> dtype and words of an entry).
+    """
+
+    def __init__(self, members, header: dict):
+        self._members, self._dtypes = members, header["dtypes"]
+        self.ends = [0, *(int(planes) for planes, _ in header["slabs"])]
+        self._slabs = [tables for _, tables in header["slabs"]]
+        self._mapped: dict[str, np.ndarray] = {}
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a table."""
+        return name in self._dtypes
+
+    def table(self, name: str) -> np.ndarray:
+        """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
+        if name not in self._mapped:
+            kind, words, parts = self._dtypes[name]
+            shape = (parts, -1) if parts else (-1, words) if words else (-1,)
+            self._mapped[name] = self._map(name, np.dtype(LITTLE + kind)).reshape(shape)
+        return self._mapped[name]
+
+    def check_sizes(self) -> None:
+        """RleSplatError if a mapped member was removed or cut since: a read beyond its end would end the program."""
+        for name in self._mapped:
+            with self._reading(name):
+                self._checked_size(name)
+
+    def _checked_size(self, name: str) -> int:
+        """Bytes of a member, which are those of its slabs."""
+        names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
+        size, held = sum(int(slab[one][0]) for slab in self._slabs for one in names), self._members.size(name)
+        if held != size:
+            raise damaged(self._members.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
+        return size
+
+    def _map(self, name: str, dtype: np.dtype) -> np.ndarray:
+        with self._reading(name):
+            if self._checked_size(name) == 0:  # an empty file cannot be mapped
+                return np.empty(0, dtype)
+            return self._members.array(name, dtype)
+
+    @contextmanager
+    def _reading(self, name: str):
+        """Context manager: a failure of the system becomes a RleSplatError."""
+        path = self._members.path
+        try:
+            yield
+        except FileNotFoundError:
+            raise damaged(path, f"{name} is missing") from None
+        except OSError as problem:
+            raise RleSplatError(f"Cannot read {path / name}: {problem.strerror}; check its permissions.") from None
+
+    def entries(self, name: str, number: int) -> int:
+        """Entries of slab ``number`` in a table."""
+        kind, words, _ = self._dtypes[name]
+        return self._slab_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
+
+    def _slab_bytes(self, name: str, number: int) -> int:
+        """Bytes of a slab in a table, of one piece of a joined one."""
+        return int(self._slabs[number][f"{name}.0" if self._dtypes[name][2] else name][0])
+
+    def slab_parts(self, number: int, names):
+        """(first plane, end, name -> the slab's part of that table) of slab ``number``, its checksums compared."""
+        first, last = self.ends[number : number + 2]
+        parts = {}
+        for name in names:
+            table, (_, words, pieces) = self.table(name), self._dtypes[name]
+            begin = sum(self._slab_bytes(name, before) for before in range(number)) // table.itemsize
+            end = begin + self._slab_bytes(name, number) // table.itemsize
+            for piece, row in enumerate(table.reshape(max(pieces, 1), -1)):
+                part = row[begin:end]
+                if zlib.crc32(bytes_of(part)) != self._slabs[number][f"{name}.{piece}" if pieces else name][1]:
+                    what = f"the checksum of {name} does not fit in planes {first} to {last - 1}"
+                    raise damaged(self._members.path, what)
+            parts[name] = part.reshape(-1, words) if words else part
+        return first, last, parts
 
 
 class _SlabCounts(NamedTuple):
@@ -53,17 +156,34 @@ class _SlabCounts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FolderVolume:
-    """Content of a folder of tables.
+class StoredVolume:
+    """A volume that is run-length encoded: what a `.rle` file or folder holds, or the result of ``encode_scene``.
 
     Attributes
     ----------
-    path : Path
+    path : Path or None
+        The file or folder; None in memory.
     classification : {"pre", "post"}
     shape_xyz : (nx, ny, nz)
+        Number of voxels along x, y, z.
     principal_axes : tuple of int
-    model, record, affine, unit, unit_length, transfer_function, lighting, source, remarks, space
-        See StoredVolume.
+        The principal axes that pictures can be made along.
+    model : {"extinction", "opacity"}
+    record : {16, 8}
+        Bytes of a voxel record of pre-classified tables.
+    affine : (4, 4) ndarray of float64
+        Voxel index (x, y, z, 1) to the volume's own space, in ``unit``.
+    unit : str
+        Unit of length of the volume's own space.
+    unit_length : float
+        World length of one unit to which the extinctions refer; see ``classification.unit_length``.
+    transfer_function, lighting
+        JSON-compatible descriptions of how the colors were made.
+    source : str
+        Name of the file from which the volume was read.
+    remarks : tuple of str
+    space : {"patient"} or None
+        See Volume.
     visible_voxels, nan_voxels : int
     values : Values or None
         Of post-classified tables.
@@ -71,18 +191,19 @@ class FolderVolume:
         Largest channel of any color of pre-classified tables.
     decoding : ndarray or None
         See RunLengthVolume.
-    mapped : MappedTables
-    key : str
-        Hash of the header, which holds the checksums of all tables.
+    mapped : MappedTables or None
+        The stored members; None in memory.
+    key : str or None
+        Hash of what is stored; None of what was not read from a file or folder.
     opened : dict
-        What was checked already.
+        Principal axis -> the tables that were checked already, and the planes that are read.
     planes : (int, int) or None
         First plane z and the end of those that pictures along z are made of; None for all.
-    coarse : FolderVolume or None
-        The same volume in larger voxels, for drafts; None of a small one, and in folders of earlier versions.
+    coarse : StoredVolume or None
+        The same volume in larger voxels, for drafts; only a large one has it.
     """
 
-    path: Path
+    path: Path | None
     classification: str
     shape_xyz: tuple
     principal_axes: tuple
@@ -101,22 +222,69 @@ class FolderVolume:
     values: Values | None
     most_color: float
     decoding: np.ndarray | None
-    mapped: MappedTables
-    key: str
+    mapped: MappedTables | None
+    key: str | None
     opened: dict = field(default_factory=dict)
     planes: tuple[int, int] | None = None
-    coarse: FolderVolume | None = None
+    coarse: StoredVolume | None = None
 
     holds_values: ClassVar[bool] = False
+
+    @classmethod
+    def of(
+        cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
+        source: str = "", remarks=(), space: str | None = None, key: str | None = None,
+    ) -> StoredVolume:
+        """A volume in memory.
+
+        Parameters
+        ----------
+        axes : dict of int to RunLengthVolume
+            By principal axis; at least one, all of the same shape, model, record size and scales.
+        affine, unit, unit_length, transfer_function, lighting, source, remarks, space, key
+            As the attributes.
+
+        Returns
+        -------
+        StoredVolume
+
+        Raises
+        ------
+        RleSplatError
+            If the encodings do not match.
+        """
+        kinds = {
+            (one.shape_xyz, one.model, one.record, one.decoding is not None and one.decoding.tobytes())
+            for one in axes.values()
+        }
+        if len(kinds) != 1:
+            raise RleSplatError(
+                "Stored tables need at least one encoding, and all of the same volume, model and record size; encode "
+                "again."
+            )
+        one = next(iter(axes.values()))
+        return cls(
+            None, "pre", one.shape_xyz, tuple(axes), one.model, one.record, affine, unit, unit_length,
+            transfer_function, lighting, source, tuple(remarks), space, one.visible_voxels, 0, None,
+            max(tables.most_color for tables in axes.values()), one.decoding, None, key,
+            {axis: (None, (tables, {})) for axis, tables in axes.items()},
+        )  # fmt: skip
 
     @property
     def spacing(self) -> np.ndarray:
         """(3,) float64: distance between the centers of neighboring voxels along x, y, z, in ``unit``."""
         return np.linalg.norm(self.affine[:3, :3], axis=0)
 
-    def held(self, used: dict) -> dict:
-        """Principal axis -> tables that are in use, of those that a picture uses: all others stay on the disk."""
-        return used
+    @property
+    def axes(self) -> dict[int, RunLengthVolume | RunTables]:
+        """Principal axis -> its tables; stored ones are checked now. RleSplatError if one is damaged."""
+        whole = replace(self, planes=None)
+        return {axis: drain(whole.tables_steps(axis))[0] for axis in self.principal_axes}
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of tables in memory."""
+        return sum(tables.nbytes for tables in self.axes.values()) if self.mapped is None else 0
 
     @property
     def holds_normals(self) -> bool:
@@ -129,8 +297,8 @@ class FolderVolume:
         dtype, slope, intercept, *_ = self.values
         return Volume(np.zeros((1, 1, 1), dtype), self.affine, self.unit, slope, intercept)
 
-    def of_planes(self, first: int, last: int) -> FolderVolume:
-        """The folder for pictures along z of the planes [``first``, ``last``): nothing else is read for them.
+    def of_planes(self, first: int, last: int) -> StoredVolume:
+        """The volume for pictures along z of the planes [``first``, ``last``): nothing else is read for them.
 
         Along x and y each slab on the disk has voxels of every slice, and is read for its checksum.
         """
@@ -150,15 +318,15 @@ class FolderVolume:
         RleSplatError
             If a file is missing, cut short or damaged.
         """
-        wanted = self.planes if axis == 2 else None
-        if axis in self.opened and self.opened[axis][0] == wanted:
-            self.mapped.check_sizes()
-        else:
+        wanted = self.planes if axis == 2 and self.mapped is not None else None
+        if axis not in self.opened or self.opened[axis][0] != wanted:
             try:
                 slabs = yield from self._slabs_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
                 self.opened[axis] = wanted, self._of_axis(axis, slabs)
             except DAMAGE as problem:
                 raise damaged(self.path, f"they do not fit together ({problem})") from None
+        elif self.mapped is not None:
+            self.mapped.check_sizes()
         yield 1.0
         return self.opened[axis][1]
 
@@ -246,51 +414,40 @@ class FolderVolume:
 
 
 def classification_of(path) -> str:
-    """The classification of a `.rle` file or folder: "pre" for all but a folder whose header says "post"."""
-    if not Path(path).is_dir():
-        return "pre"
-    found = read_header(path).get("classification")
-    return found if found in OF_VOXELS else "pre"
-
-
-def load_folder(path) -> FolderVolume:
-    """Open a folder of tables; what it holds is checked when it is needed.
-
-    Parameters
-    ----------
-    path : str or Path
-
-    Returns
-    -------
-    FolderVolume
-
-    Raises
-    ------
-    RleSplatError
-        If it is not a folder of tables, or its header is damaged.
-    """
-    volume, has_coarse = _opened(Path(path))
-    return replace(volume, coarse=_opened(volume.path / COARSE)[0]) if has_coarse else volume
-
-
-def _opened(path: Path) -> tuple[FolderVolume, bool]:
-    """The FolderVolume of a folder, whose header is checked, and whether there is a coarse one in it."""
-    header = read_header(path)
+    """The classification of a `.rle` file or folder: "pre" for all but one whose header says "post"."""
     try:
+        return "post" if read_header(members_of(path)).get("classification") == "post" else "pre"
+    except RleSplatError:  # of an earlier version, or none
+        return "pre"
+
+
+def open_members(members) -> StoredVolume:
+    """The StoredVolume of members, whose header is checked; RleSplatError if it is damaged."""
+    volume, has_coarse = _opened(members)
+    return replace(volume, coarse=_opened(members.inside(COARSE))[0]) if has_coarse else volume
+
+
+def _opened(members) -> tuple[StoredVolume, bool]:
+    """The StoredVolume of members, without a coarse one, and whether there is a coarse one inside."""
+    path, header = members.path, read_header(members)
+    try:
+        members, header = earlier.with_long_records(members, header)
         facts = checked_header(header)
         dtypes = checked_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")
-        volume = FolderVolume(
+        volume = StoredVolume(
             path, header["classification"], principal_axes=facts.pop("axes"), **facts,
             visible_voxels=header["visible"], nan_voxels=int(header["nan_voxels"]),
             values=None if is_pre else checked_values(header, dtypes),
             most_color=checked_color(header["most_color"] if is_pre else 0.0),
             decoding=None if decoding is None else np.array(decoding, np.float32),
-            mapped=MappedTables(path, {**header, "dtypes": dtypes}),
+            mapped=MappedTables(members, {**header, "dtypes": dtypes}),
             key=hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),
         )  # fmt: skip
     except RleSplatError as problem:
         raise RleSplatError(f"Cannot read {path}: {problem}") from None
+    except OSError as problem:
+        raise unreadable(path, problem) from None
     except DAMAGE as problem:
         raise damaged(path, f"its header says something impossible{reason_of(problem)}") from None
     return volume, bool(header.get(COARSE))
