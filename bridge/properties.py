@@ -269,9 +269,10 @@ def _choose_mode(settings, index: int) -> None:
         settings.use_grays = settings.mode != tables.MODES[0]
 
 
-def _removed(name: str) -> property:
-    """A property of earlier versions: a script that sets it is answered by a sentence, and goes on."""
-    return property(fset=lambda group, _value: messages.complain(group, removed_sentence(name)))
+def _removed(name: str, usual) -> property:
+    """A property of earlier versions, without effect: a script reads its usual value; one that sets it gets a sentence
+    and goes on."""
+    return property(lambda group: usual, lambda group, _value: messages.complain(group, removed_sentence(name)))
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -373,7 +374,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Name of the volume in renders, for messages once it is deleted")
     composite_image: PointerProperty(
         name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
-    use_previews = _removed("use_previews")
+    use_previews, backend = _removed("use_previews", True), _removed("backend", "auto")
     message: StringProperty(name="Message", description="Problem of the last render or frame change")
     render_problem: StringProperty(
         name="Problem of the Render", description="First problem of the last render, with the frames that failed")
@@ -402,15 +403,6 @@ class SceneSettings(bpy.types.PropertyGroup):
     accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")
     error_note: StringProperty(name="Errors", description="Summary of the last error map")
-
-    @property
-    def backend(self) -> str:
-        """Of scripts for earlier versions; without effect."""
-        return "auto"
-
-    @backend.setter
-    def backend(self, _):
-        messages.complain(self, f"The setting backend {tables.REMOVED_BACKEND}.")
 
 
 CLASSES = (

@@ -4,6 +4,7 @@ from ..rle_splat.scene import (
     DEFAULT_QUALITY,
     NO_RAYS,
     POST_ONLY,
+    REMOVED_BACKEND,
     Quality,
     preintegrated_of,
     preset_knobs,
@@ -18,7 +19,9 @@ KNOBS = ("depth_rule", "kernel", "minification", "warp_filter", "model")
 # rle_splat.scene.REMOVED_VALUES.  The number has no item now, which reads as "".
 REMOVED_NUMBERS = {"classification": {1: "refined"}, "minification": {2: "pool"}, "record": {2: 6, 3: 4}}
 # Property of scenes of earlier versions -> the end of the sentence that a user reads who sets it, or has set it.
-REMOVED_PROPERTIES = {"use_previews": "pictures that take long show a draft first"}
+REMOVED_PROPERTIES = {
+    "use_previews": "was removed; pictures that take long show a draft first", "backend": REMOVED_BACKEND,
+}  # fmt: skip
 OF_PRE = ("record", "kernel", "minification", "model")  # knobs that have only one value with post-classification
 
 
@@ -66,7 +69,7 @@ def saved_value(settings, name: str) -> str | int:
 
 def removed_sentence(name: str) -> str:
     """What a user reads on a property of REMOVED_PROPERTIES."""
-    return f"The setting {name!r} was removed; {REMOVED_PROPERTIES[name]}."
+    return f"The setting {name} {REMOVED_PROPERTIES[name]}."
 
 
 def not_in_post(settings, name: str) -> bool:

@@ -164,13 +164,6 @@ def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
     assert "libegl1" in refusal("composite")
 
 
-def test_the_removed_backend_is_accepted_and_a_sentence_says_so(volume):
-    settings = bpy.context.scene.rle_splat
-    settings.backend = "numpy"
-    assert settings.message.startswith("The setting backend was removed; numba is used")
-    assert settings.backend == "auto"
-
-
 def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
     """The same picture is made without it, and both places say why it took so long."""
     scenes.add_camera((4.0, 4.0, 30.0))

@@ -104,13 +104,14 @@ def test_a_classification_that_was_removed_is_replaced_with_a_message(addon, bri
 
 def test_other_values_and_settings_that_were_removed(addon, tmp_path):
     settings, saved = bpy.context.scene.rle_splat, str(tmp_path / "saved.blend")
-    removed = {"minification": 2, "use_previews": False}  # pool
+    removed = {"minification": 2, "use_previews": False, "backend": 2}  # pool, numpy
     settings.quality, settings.classification = "custom", "pre"
     for name, value in removed.items():
         settings[name] = value
     bpy.ops.wm.save_as_mainfile(filepath=saved)
     for message in (
-        "The setting 'use_previews' was removed; pictures that take long show a draft first. "
+        "The setting use_previews was removed; pictures that take long show a draft first. "
+        "The setting backend was removed; numba is used where it can be loaded, and numpy elsewhere. "
         "The minification 'pool' was removed; 'widen' is used instead.", "",
     ):  # the second time nothing is left of them
         bpy.ops.wm.open_mainfile(filepath=saved)
@@ -118,8 +119,10 @@ def test_other_values_and_settings_that_were_removed(addon, tmp_path):
         assert (settings.minification, settings.message) == ("widen", message)
         settings.message = ""
         bpy.ops.wm.save_as_mainfile(filepath=saved)
-    settings.use_previews = True  # as a script does
-    assert settings.message == "The setting 'use_previews' was removed; pictures that take long show a draft first."
+    for name, value in (("use_previews", True), ("backend", "auto")):
+        settings.message = ""
+        setattr(settings, name, False)  # as a script does
+        assert settings.message.startswith(f"The setting {name} was removed; ") and getattr(settings, name) == value
 
 
 def test_records_that_were_removed_are_replaced_with_a_message(addon, tmp_path):
