@@ -23,7 +23,8 @@ from ..runtime.memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words_of_entry
-from .records import decoding_of, empty_records, float_of, pack_numpy, words_of
+from .records import decoding_of, empty_records, float_of, words_of
+from .reference import pack
 from .tables import TABLES, RunLengthVolume
 from .validate import check_records, checked_color, checked_header, scanline_starts
 
@@ -68,7 +69,7 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
+        pack(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 
