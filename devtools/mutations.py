@@ -142,7 +142,7 @@ MUTANTS = (
     Mutant(
         "colors and opacities not clamped behind a filter with negative lobes", "V14, A9",
         ((
-            "warp/resample_numpy.py",
+            "warp/reference.py",
             "rgba[mine, :3] = np.clip(total[:, :3], 0, (most_color * alpha)[:, None])",
             "rgba[mine, :3] = total[:, :3]",
         ),),

@@ -17,8 +17,9 @@ from ..scene import RleSplatError
 from ..volume.blocks import block_steps
 from ..volume.gradient_size import gradient_sizes
 from . import classify_kernels as passes
+from . import reference
 from .limits import LEAST_DISTANCE
-from .points import LARGEST, heights_at_numpy, pieces
+from .points import pieces
 from .visible import Visibility, VisibleVoxels, count_steps, fill_steps
 
 # Opacity 1 would be an infinite extinction. 1 - 2^-24 is the largest float32 below 1; its optical depth is 24 ln 2.
@@ -293,9 +294,6 @@ def _properties_by_points(shown: Visibility, stored, distance, threads) -> np.nd
                 color.rates, ALPHA_CAP, distance, properties,
             )
         return properties
-    with np.errstate(over="ignore"):
-        values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)
-    alpha = heights_at_numpy(opacity, values)[:, 0]
+    alpha, properties[:, RED:] = reference.look_up(stored, *scaling, opacity, color)
     properties[:, EXTINCTION], properties[:, OPACITY] = optical_depth(alpha) / distance, alpha
-    properties[:, RED:] = heights_at_numpy(color, values)
     return properties

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
-from .relevant import NO_BITS, WORD
-
-SHORT = 4  # largest width of a gap that is closed, in voxels
+from . import reference
+from .reference import SHORT, WORD
+from .relevant import NO_BITS
 
 
 def close_gaps(bits: np.ndarray, shape_xyz, *, threads: int = 0) -> None:
@@ -33,15 +33,11 @@ def close_gaps(bits: np.ndarray, shape_xyz, *, threads: int = 0) -> None:
     if compiled():
         with parallel_call(threads):
             _close_planes(bits, ny)
-        return
-    for first in range(0, len(bits), ny):
-        plane = bits[first : first + ny]
-        if plane.any():
-            _close_rows_numpy(plane)
-            _close_across_numpy(plane)
+    else:
+        reference.close_gaps(bits, ny)
 
 
-# --- kernels and reference implementations ---------------------------------------------------------------------
+# --- kernels ----------------------------------------------------------------------------------------------------
 #
 # This is a binary closing: dilate every kept voxel over the SHORT voxels after it, then erode. Gaps of at most SHORT
 # voxels between kept voxels are kept too.
@@ -102,22 +98,3 @@ def _close_across(plane, words, spread):
     for k in range(1, SHORT + 1):
         for n in range(plane.size):
             plane[n] &= spread[n + k * words]
-
-
-def _close_rows_numpy(rows):
-    """Reference implementation of ``_close_row``, for all rows of a plane."""
-    padded = np.pad(rows, ((0, 0), (1, 1)))
-    here, before = padded[:, 1:], padded[:, :-1]
-    spread = here.copy()
-    for k in range(1, SHORT + 1):
-        spread |= (here << np.uint64(k)) | (before >> np.uint64(WORD - k))
-    rows[:] = spread[:, :-1]
-    for k in range(1, SHORT + 1):
-        rows &= (spread[:, :-1] >> np.uint64(k)) | (spread[:, 1:] << np.uint64(WORD - k))
-
-
-def _close_across_numpy(rows):
-    """Reference implementation of ``_close_across``."""
-    padded = np.pad(rows, ((SHORT, SHORT), (0, 0)))
-    spread = np.bitwise_or.reduce([padded[SHORT - k : len(padded) - k] for k in range(SHORT + 1)])
-    rows[:] = np.bitwise_and.reduce([spread[k : k + len(rows)] for k in range(SHORT + 1)])

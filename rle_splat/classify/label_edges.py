@@ -20,16 +20,10 @@ import numpy as np
 
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call
 from ..runtime.parallel import share_out
+from . import reference
+from .reference import AROUND, NEIGHBORS, OWN_SHARE, WHOLE
 
 PIECE = 1 << 12  # voxels per piece of work
-WHOLE = 64  # sum of the filter's weights, 8 of them the voxel's own
-_coverage = np.maximum(np.arange(WHOLE + 1), WHOLE // 2) / WHOLE
-# Share of a voxel's own function by its coverage in 1/64; within half a level of 1 it is 1, and the voxel is no edge.
-OWN_SHARE = _coverage**3 / (_coverage**3 + (1.0 - _coverage) ** 3)
-OWN_SHARE[OWN_SHARE > 1.0 - 0.5 / 255.0] = 1.0
-OWN_SHARE.setflags(write=False)
-NEIGHBORS = 27
-AROUND = [(dz, dy, dx) for dz in (-1, 0, 1) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +77,7 @@ def edge_shares(numbers, hidden, first: int, last: int, *, threads: int = 0) -> 
     """
     at = np.flatnonzero(_beside_edge(numbers)[first:last])
     if not compiled():
-        return _shares_numpy(numbers, hidden, first, at)
+        return EdgeShares(at, *reference.find_shares(numbers, hidden, first, at))
     counts = np.zeros(len(at), np.int64)
     pieces = -(-len(at) // PIECE)
     with parallel_call(threads):
@@ -138,42 +132,6 @@ def _extreme(numbers, of_two, axis: int) -> np.ndarray:
     of_two(into[1:], values[:-1], out=into[1:])
     of_two(into[:-1], values[1:], out=into[:-1])
     return found
-
-
-def _shares_numpy(numbers, hidden, first: int, at) -> EdgeShares:
-    """Reference implementation of the kernels."""
-    _, ny, nx = numbers.shape
-    own = np.unravel_index(at + first * ny * nx, numbers.shape)
-    weight = np.array([np.prod([2 - abs(step) for step in steps]) for steps in AROUND])
-    places = [
-        np.ravel_multi_index([np.clip(i + d, 0, n - 1) for i, d, n in zip(own, steps, numbers.shape)], numbers.shape)
-        for steps in AROUND
-    ]
-    places = np.stack(places, axis=1).reshape(-1, NEIGHBORS)
-    kinds = numbers.reshape(-1)[places]
-    mine = numbers[own]
-    own_weight = ((kinds == mine[:, None]) * weight).sum(axis=1)
-    own_share = OWN_SHARE[own_weight]
-    is_hidden = hidden[mine]
-    voxels, found, sources, shares = (
-        [np.flatnonzero(~is_hidden)], [mine[~is_hidden]], [at[~is_hidden]], [own_share[~is_hidden]]
-    )  # fmt: skip
-    left = (kinds != mine[:, None]) & (own_share < 1.0)[:, None]
-    while len(rows := np.flatnonzero(left.any(axis=1))):
-        kind = kinds[rows, left[rows].argmax(axis=1)]
-        same = left[rows] & (kinds[rows] == kind[:, None])
-        left[rows] &= ~same
-        shown = ~hidden[kind]
-        nearest = places[rows, (same * weight).argmax(axis=1)] - first * ny * nx
-        voxels.append(rows[shown])
-        found.append(kind[shown])
-        sources.append(np.where(is_hidden[rows], nearest, at[rows])[shown])
-        share = (1.0 - own_share[rows]) * (same * weight).sum(axis=1) / (WHOLE - own_weight[rows])
-        shares.append(share[shown])
-    voxel = np.concatenate(voxels)
-    order = np.argsort(voxel, kind="stable")
-    number, source, share = (np.concatenate(parts)[order] for parts in (found, sources, shares))
-    return EdgeShares(at, voxel[order], number, source, share)
 
 
 @kernel

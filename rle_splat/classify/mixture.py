@@ -30,7 +30,8 @@ from .classification import (
 )
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
-from .mixture_kernels import add_channel, count_seen, mark_seen, mix, put_columns
+from .mixture_kernels import add_channel, count_seen, mark_seen, put_columns
+from .reference import mix
 from .visible import VisibleVoxels, row_offsets
 
 

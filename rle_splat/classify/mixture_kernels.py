@@ -1,6 +1,6 @@
 """Kernels for voxels that are classified by several transfer functions, with lookup tables by bit pattern.
 
-Each public function has the kernel and its reference implementation in numpy. The table entry of a voxel is ``size``
+The table entry of a voxel is ``size``
 times the number of its function, plus the bit pattern of its value.
 """
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
+from . import reference
 
 PIECE = 1 << 14  # voxels per piece of work
 
@@ -40,7 +41,7 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0)
         with parallel_call(threads):
             _mark(-(-len(seen) // PIECE), (stored, labels, numbers, shown, size, seen))
     else:
-        seen |= shown[_entries(stored, labels, numbers, size)]
+        reference.mark_seen(stored, labels, numbers, shown, size, seen)
 
 
 def count_seen(seen, counts, pieces, threads: int = 0) -> None:
@@ -49,8 +50,7 @@ def count_seen(seen, counts, pieces, threads: int = 0) -> None:
         with parallel_call(threads):
             _count(len(seen), (seen, counts, pieces))
     else:
-        counts[:] = np.count_nonzero(seen, axis=1)
-        pieces[:] = np.count_nonzero(seen[:, 1:] > seen[:, :-1], axis=1) + seen[:, 0]
+        reference.count_seen(seen, counts, pieces)
 
 
 def put_columns(seen, row_start, column, threads: int = 0) -> None:
@@ -88,27 +88,7 @@ def add_channel(
         with parallel_call(threads):
             _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, properties))
     else:
-        entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
-        mix(properties, *(table[entry] for table in tables), distance)
-
-
-def mix(properties, alpha, extinction, color, per_distance, distance: float) -> np.ndarray:
-    """Add a medium of ``extinction`` and ``color`` to ``properties`` and return these; ``add_channel`` in numpy."""
-    # A voxel with a single medium, whose alpha refers to ``distance``, keeps opacity and color bit for bit.
-    alone = (properties[:, 0] == 0.0) & per_distance
-    adds = extinction > 0.0
-    properties[:, 0] += extinction
-    opacity = np.where(alone, alpha, -np.expm1(-properties[:, 0] * distance))
-    properties[:, 1] = np.where(adds, opacity, properties[:, 1])
-    share = np.divide(extinction, properties[:, 0], out=np.zeros(len(properties)), where=adds)
-    properties[:, 2:] += share[:, None] * (color - properties[:, 2:])
-    return properties
-
-
-def _entries(stored, labels, numbers, size: int) -> np.ndarray:
-    """(n,) table entry of each voxel."""
-    entries = stored.astype(np.intp)
-    return entries if labels is None else entries + size * numbers[labels].astype(np.intp)
+        reference.add_channel(indices, stored, labels, numbers, tables, size, distance, properties)
 
 
 @kernel
@@ -137,7 +117,7 @@ def _add(pieces, arguments):
 def _add_pieces(
     begin, end, indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size, distance, properties
 ):
-    """``_add`` for pieces [begin, end); arithmetic as in ``mix``."""
+    """``_add`` for pieces [begin, end); arithmetic as in ``reference.mix``."""
     for i in range(begin * PIECE, min(end * PIECE, indices.size)):
         entry = np.int64(stored[indices[i]])
         if labels is not None:

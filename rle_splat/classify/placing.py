@@ -58,21 +58,6 @@ class RecordPositions:
             starts,
         )
 
-    def targets_numpy(self) -> np.ndarray:
-        """(n,) int64 position of each voxel's record; reference implementation of ``find_targets``."""
-        ny = self.voxels.shape_xyz[1]
-        first, last = self.span
-        rows = np.arange(self.first_plane * ny, (self.first_plane + len(self.data_starts)) * ny)
-        row = np.repeat(rows, np.diff(self.voxels.row_start)[rows])
-        key = self.voxels.column[first:last].astype(np.int64) if self.across else row % ny
-        line = (row // ny - self.first_plane) * self.data_starts.shape[1] + key
-        order = np.argsort(line, kind="stable")
-        line = line[order]
-        in_line = np.arange(len(line)) - np.searchsorted(line, line, side="left")
-        targets = np.empty(len(line), np.int64)
-        targets[order] = self.data_starts.reshape(-1)[line] + in_line
-        return targets
-
 
 @kernel(inline="always")
 def find_targets(across, first_row, row, row_start, column, at, count, cursors, targets):

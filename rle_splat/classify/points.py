@@ -119,25 +119,3 @@ def height_at(heights, rates, values, piece, value, channel):
         return heights[piece, channel]
     share = min((value - values[piece]) * rates[piece], 1.0)
     return heights[piece, channel] * (1.0 - share) + heights[piece + 1, channel] * share
-
-
-def heights_at_numpy(function: Pieces, values: np.ndarray) -> np.ndarray:
-    """Heights at physical values, with the arithmetic of the kernels.
-
-    Parameters
-    ----------
-    function : Pieces
-    values : (m,) ndarray of float64
-        Finite physical values.
-
-    Returns
-    -------
-    (m, channels) ndarray of float64
-    """
-    piece = np.searchsorted(function.values, values, side="right") - 1
-    inside = np.maximum(piece, 0)
-    after = np.minimum(inside + 1, len(function.values) - 1)
-    with np.errstate(over="ignore"):  # far from points that are close together the share overflows and is clamped
-        share = np.minimum((values - function.values[inside]) * function.rates[inside], 1.0)
-    share = np.where(piece < 0, 0.0, share)[:, None]
-    return function.heights[inside] * (1.0 - share) + function.heights[after] * share

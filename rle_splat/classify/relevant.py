@@ -18,10 +18,11 @@ from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
+from . import reference
 from .points import LARGEST, pieces, positive_intervals
+from .reference import WORD
 from .visible import VisibleVoxels, row_offsets
 
-WORD = 64  # voxels of a row in one word of bits
 NO_BITS, ONE_BIT = np.uint64(0), np.uint64(1)
 
 
@@ -169,7 +170,7 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
             with parallel_call(threads):
                 _mark_relevant(voxels, rows.start, rows.stop, near, reach.ends, bits)
         else:
-            _mark_relevant_numpy(voxels, first, last, reach.ends, bits)
+            reference.mark_relevant(voxels, first, last, reach.ends, bits)
     return bits
 
 
@@ -195,9 +196,7 @@ def kept_counts(bits: np.ndarray, *, threads: int = 0):
         with parallel_call(threads):
             _count_kept(bits, counts, row_pieces)
     else:
-        seen = _unpacked(bits)
-        counts[:] = seen.sum(axis=1)
-        row_pieces[:] = (seen[:, 1:] > seen[:, :-1]).sum(axis=1) + seen[:, 0]
+        reference.count_seen(reference.unpack(bits), counts, row_pieces)
     return counts, row_pieces
 
 
@@ -229,12 +228,11 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
         with parallel_call(threads):
             _fill_kept(bits, rows, row_start, column, stored)
     else:
-        seen = _unpacked(bits)[:, :nx] > 0
-        column[:], stored[:] = np.nonzero(seen)[1], rows[seen]
+        reference.list_seen(reference.unpack(bits)[:, :nx] > 0, rows, column, stored)
     return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels, bits)
 
 
-# --- kernels and reference implementations ---------------------------------------------------------------------
+# --- kernels ----------------------------------------------------------------------------------------------------
 
 
 @kernel
@@ -338,32 +336,6 @@ def _pack(kept, bits):
         bits[word] = packed
 
 
-def _mark_relevant_numpy(voxels, first, last, ends, bits):
-    """Reference implementation of ``_mark_relevant`` for planes [first, last)."""
-    n_z, n_y, _ = voxels.shape
-    begin, end = max(first - 1, 0), min(last + 1, n_z)
-    low = high = voxels[begin:end]
-    for axis in range(3):
-        nearer, further = ((slice(None),) * axis + (part,) for part in (slice(None, -1), slice(1, None)))
-        low, high = np.minimum(low[nearer], low[further]), np.maximum(high[nearer], high[further])
-    seen = np.zeros(low.shape, bool)
-    with np.errstate(invalid="ignore"):
-        for least, most in ends:
-            seen |= (high >= least) & (low <= most)
-    kept = np.zeros((end - begin, n_y, bits.shape[1] * WORD), np.uint8)
-    for z in (0, 1):
-        for y in (0, 1):
-            for x in (0, 1):
-                kept[z : z + seen.shape[0], y : y + seen.shape[1], x : x + seen.shape[2]] |= seen
-    packed = np.packbits(kept[first - begin : last - begin], axis=-1, bitorder="little")
-    bits[first * n_y : last * n_y] = np.ascontiguousarray(packed).view("<u8").reshape(-1, bits.shape[1])
-
-
-def _unpacked(bits) -> np.ndarray:
-    """(rows, words * 64) uint8: the bits, one by one."""
-    return np.unpackbits(bits.astype("<u8").view(np.uint8).reshape(len(bits), -1), axis=1, bitorder="little")
-
-
 @kernel
 def _count_kept(bits, counts, pieces):
     """Count the bits of each row, and the connected pieces that they form."""
@@ -410,4 +382,3 @@ def _fill_rows(begin, end, bits, rows, row_start, column, stored):
                     stored[at + i] = rows[row, x + i]
                 at += count
                 kept = kept & (kept + (ONE_BIT << np.uint64(first))) if first + count < WORD else NO_BITS
-

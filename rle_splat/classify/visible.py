@@ -16,6 +16,7 @@ from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, parallel_call, read_only
 from ..volume.blocks import BLOCK_Z, Blocks, cut_chunks
 from . import classify_kernels as passes
+from . import reference
 from .points import LARGEST, pieces, positive_intervals
 
 
@@ -163,9 +164,7 @@ def count_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
         yield first / nz
         out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
         if not compiled():
-            seen = _seen_numpy(shown, rows)
-            out[0][:] = seen.sum(axis=1)
-            out[1][:] = (seen[:, 1:] & ~seen[:, :-1]).sum(axis=1) + seen[:, 0]
+            reference.count_seen(reference.find_seen(shown, rows), *out)
             continue
         with parallel_call(threads):
             if shown.by_table:
@@ -208,9 +207,8 @@ def fill_steps(shown: Visibility, blocks: Blocks, counted, *, threads: int = 0):
         if starts[0] == starts[-1]:
             continue
         if not compiled():
-            seen = _seen_numpy(shown, rows)
             part = slice(starts[0], starts[-1])
-            column[part], stored[part] = np.nonzero(seen)[1], rows[seen]
+            reference.list_seen(reference.find_seen(shown, rows), rows, column[part], stored[part])
             continue
         with parallel_call(threads):
             if shown.by_table:
@@ -243,16 +241,3 @@ def _pieces_of_work(shown: Visibility, blocks: Blocks):
         if part.any():
             planes = np.asarray(volume.voxels)[first:last]
             yield first, last, read_only(planes).view(_list_type(shown)).reshape(-1, nx), part
-
-
-def _seen_numpy(shown: Visibility, rows) -> np.ndarray:
-    """Reference implementation of the passes: (rows, nx) bool."""
-    if shown.by_table:
-        return shown.table[rows].astype(bool)
-    slope, intercept = _scaling(shown)
-    seen = np.zeros(rows.shape, bool)
-    for row, stored in zip(seen, rows):  # row by row, to avoid a float64 copy of a large volume
-        with np.errstate(over="ignore"):
-            values = np.clip(stored.astype(np.float64) * slope + intercept, -LARGEST, LARGEST)
-        row[:] = ((values[:, None] >= shown.intervals[:, 0]) & (values[:, None] < shown.intervals[:, 1])).any(axis=1)
-    return seen

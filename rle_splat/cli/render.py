@@ -370,7 +370,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
     check_lighting(args, stored.lighting, lights, camera)
     if args.model is None and not args.paper:
         quality = replace(quality, model=stored.model)
-    if args.record not in (None, stored.record):
+    if args.record is not None and quality.record != stored.record:
         raise RleSplatError(
             f"{args.volume} holds records of {stored.record} bytes; remove --record, or encode the volume again."
         )

@@ -13,10 +13,10 @@ import numpy as np
 
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from . import reference
+from .reference import REACH, SIDES
 
-REACH = 4  # pixels past a silhouette that the warp's filter may read
 HALO = 2 * REACH + 1  # pixels on either side that the layers of a pixel depend on
-SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))  # rows down, columns right
 UNKNOWN = 255
 _ZERO, _ONE, _TWO, _INFINITE = (np.float32(n) for n in (0.0, 1.0, 2.0, np.inf))
 
@@ -88,94 +88,13 @@ def depth_layers(samples: np.ndarray, step: float, first_pixel=(0, 0), *, thread
     layers = np.empty((3, *shape), np.float32)  # near, far, coverage
     spread = np.empty(shape, np.float32)
     if not compiled():
-        _surfaces_numpy(samples, step, layers, spread)
-        known = (layers[2] < 1.0) | _silhouettes_between_pixels(*layers, spread, step)
-        _carried_past_silhouettes(*layers, known)
+        reference.find_layers(samples, step, layers, spread)
         return DepthLayers(*layers, first_pixel)
     samples = read_only(np.ascontiguousarray(samples, np.float32))
     levels = np.full(shape, UNKNOWN, np.uint8), np.full(shape[0], UNKNOWN, np.uint8)
     with parallel_call(threads):
         find_layers(samples, np.float32(step), layers, spread, np.empty_like(spread), *levels)
     return DepthLayers(*layers, first_pixel)
-
-
-def _surfaces_numpy(samples, step: float, layers, spread) -> None:
-    """Reference implementation of ``_surfaces``: near, far and coverage of each pixel by itself, and the spread of the
-    samples of its surface, infinite where it has two."""
-    near, far, coverage = layers
-    count = samples.shape[-1]
-    samples = samples.astype(np.float32)
-    least, most = samples.min(axis=-1), samples.max(axis=-1)
-    with np.errstate(invalid="ignore"):
-        spread[:] = np.where(np.isinf(least), 0.0, most - least)  # inf - inf is nan: no mesh at all
-    split = spread > np.float32(step)
-    near[:] = np.where(np.isinf(most), most, samples.mean(axis=-1, dtype=np.float64))
-    far[:], coverage[:] = near, 1.0
-    if not split.any():
-        return
-    # Few pixels hold two surfaces; only those are sorted, and cut at their widest gap.
-    ordered = np.sort(samples[split].astype(np.float64), axis=-1)
-    with np.errstate(invalid="ignore"):
-        gaps = np.nan_to_num(np.diff(ordered, axis=-1), nan=0.0, posinf=np.inf)
-    in_front = gaps.argmax(axis=-1) + 1
-    is_near = np.arange(count) < in_front[:, None]
-    near[split] = np.where(is_near, ordered, 0.0).sum(axis=-1) / in_front
-    far[split] = np.where(is_near, 0.0, ordered).sum(axis=-1) / (count - in_front)
-    coverage[split], spread[split] = in_front / count, np.inf
-
-
-def _neighbors(shape):
-    """Pairs of slices, ``to`` and ``of``: each pixel beside its neighbor on the left, right, top and bottom."""
-    height, width = shape
-    for down, right in SIDES:
-        yield (
-            (slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0))),
-            (slice(max(-down, 0), height + min(-down, 0)), slice(max(-right, 0), width + min(-right, 0))),
-        )
-
-
-def _silhouettes_between_pixels(near, far, coverage, spread, step: float) -> np.ndarray:
-    """Give both depths to two pixels between which a silhouette runs exactly; returns which pixels got them.
-
-    A steep surface is no silhouette: its neighbors are no further apart than it falls within a pixel.
-    """
-    own, found = near.copy(), np.zeros(near.shape, dtype=bool)
-    step, two = np.float32(step), np.float32(2.0)
-    for to, of in _neighbors(near.shape):
-        with np.errstate(invalid="ignore"):
-            behind = own[to] - own[of] > step + two * (spread[to] + spread[of])
-        near[to][behind], far[of][behind] = own[of][behind], own[to][behind]
-        coverage[to][behind] = 0.0
-        found[to] |= behind
-        found[of] |= behind
-    return found
-
-
-def _carried_past_silhouettes(near, far, coverage, known) -> None:
-    """Give pixels near a silhouette both of its depths; the one that is not their own gets no weight.
-
-    The carried depths end somewhere too, and there the filter reads across that end: pixels as far again keep to
-    the layer that is their own surface all the way.
-    """
-    for number in range(2 * REACH if known.any() else 0):
-        reached = known.copy()
-        for to, of in _neighbors(near.shape):
-            new = known[of] & ~reached[to]
-            if not new.any():
-                continue
-            if number < REACH:
-                own, near_there, far_there = near[to][new], near[of][new], far[of][new]
-                with np.errstate(invalid="ignore"):
-                    to_near, to_far = np.abs(own - near_there), np.abs(own - far_there)
-                # inf - inf is nan: both see no mesh, the same surface.
-                on_near = np.where(np.isnan(to_near), 0.0, to_near) <= np.where(np.isnan(to_far), 0.0, to_far)
-                near[to][new] = np.where(on_near, own, near_there)
-                far[to][new] = np.where(on_near, far_there, own)
-                coverage[to][new] = np.where(on_near, 1.0, 0.0)
-            else:
-                coverage[to][new] = coverage[of][new]
-            reached[to][new] = True
-        known = reached
 
 
 # --- kernels: rows of pixels, each pixel by itself -------------------------------------------------------------
@@ -197,7 +116,7 @@ def find_layers(samples, step, layers, spread, own, level, row_level):
 
 @kernel(inner=True)
 def _surfaces(begin, end, samples, step, layers, spread, level, row_level):
-    """See ``_surfaces_numpy``."""
+    """See ``reference._find_surfaces``."""
     count = samples.shape[2]
     ordered = np.empty(count, np.float32)
     for v in range(begin, end):
@@ -248,7 +167,7 @@ def _mean(depths):
 
 @inner_loop
 def _between_pixels(begin, end, own, spread, step, layers, level, row_level):
-    """See ``_silhouettes_between_pixels``; ``own`` (H, W): the near layer as it was."""
+    """See ``reference._find_silhouettes``; ``own`` (H, W): the near layer as it was."""
     height, width = own.shape
     for v in range(begin, end):
         for u in range(width):
@@ -268,7 +187,7 @@ def _between_pixels(begin, end, own, spread, step, layers, level, row_level):
 
 @inner_loop
 def _carry(begin, end, number, layers, level, row_level):
-    """Pass ``number`` of ``_carried_past_silhouettes``: pixels beside those up to level ``number`` get the next one."""
+    """Pass ``number`` of ``reference._carry_past_silhouettes``: pixels beside those up to it get the next level."""
     height, width = level.shape
     for v in range(begin, end):
         if min(row_level[max(v - 1, 0)], min(row_level[v], row_level[min(v + 1, height - 1)])) > number:

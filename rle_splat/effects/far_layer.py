@@ -12,7 +12,7 @@ import numpy as np
 from ..splat.intermediate_image import IntermediateImage
 from ..splat.pixel_block import BLOCK
 from ..view.base_plane import BasePlane
-from ..view.ray_intervals import MOST
+from ..view.reference import MOST
 from .depth_layers import DepthLayers
 
 

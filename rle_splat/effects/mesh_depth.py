@@ -15,14 +15,14 @@ from ..runtime.jit import compiled, kernel, parallel_call, prange
 from ..runtime.work_sizes import MESH_SAMPLES as SAMPLES
 from ..scene import Camera, RleSplatError
 from ..view.projection import depth_row, world_to_pixel
+from . import reference
+from .reference import CRACK
 
 # Sixteen rays a pixel, one in each sixteenth of its width and of its height, so that an edge along either axis
 # is seen in sixteen steps.
 _ORDER = np.array((5, 12, 2, 9, 15, 6, 0, 11, 3, 8, 13, 1, 10, 4, 14, 7))
 SAMPLE_COLUMNS = (np.arange(SAMPLES) + 0.5) / SAMPLES
 SAMPLE_ROWS = (_ORDER + 0.5) / SAMPLES
-# Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.
-CRACK = 1e-9
 BAND = 16  # picture rows that one worker rasterizes at a time
 
 
@@ -141,27 +141,6 @@ def rasterize(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
                     _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel)
 
 
-def rasterize_numpy(edges, depths, bounds, nearest, furthest, sample_columns, sample_rows, left, above, out):
-    """Reference implementation of ``rasterize``: one triangle at a time."""
-    height, width = out.shape[:2]
-    for t in range(len(edges)):
-        first = np.maximum(np.floor(bounds[t, :2]), (left, above))
-        last = np.minimum(np.floor(bounds[t, 2:]) + 1.0, (left + width, above + height))
-        if (first >= last).any():
-            continue
-        (c0, r0), (c1, r1) = first.astype(int), last.astype(int)
-        x = np.arange(c0, c1)[None, :, None] + sample_columns
-        y = np.arange(r0, r1)[:, None, None] + sample_rows
-        a, b, c = (e[0] * x + e[1] * y + e[2] for e in edges[t])
-        total = a + b + c
-        slack = -CRACK * total
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
-        met = (total > 0.0) & (a >= slack) & (b >= slack) & (c >= slack) & (depth >= nearest) & (depth <= furthest)
-        part = out[r0 - above : r1 - above, c0 - left : c1 - left]
-        np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
-
-
 def mesh_depth(triangles, camera: Camera, width: int, height: int, *, region=None, threads=0) -> np.ndarray:
     """The depth of the first mesh on SAMPLES rays of each pixel.
 
@@ -224,4 +203,4 @@ def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, threads) 
         with parallel_call(threads):
             rasterize(*arguments)
     else:
-        rasterize_numpy(*arguments)
+        reference.rasterize(*arguments)

@@ -23,7 +23,8 @@ from ..runtime.memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words_of_entry
-from .records import decoding_of, empty_records, float_of, pack_numpy, words_of
+from .records import decoding_of, empty_records, float_of, words_of
+from .reference import pack
 from .tables import TABLES, RunLengthVolume
 from .validate import check_records, checked_color, checked_header, scanline_starts
 
@@ -68,7 +69,7 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     voxel_data = empty_records(8, len(words))
     for first in range(0, len(words), AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        pack_numpy(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
+        pack(_numbers(words[part], record, scales), 1.0 / decoding.astype(np.float64), voxel_data[part])
     return voxel_data, decoding
 
 
@@ -88,7 +89,7 @@ def _numbers(words: np.ndarray, record: int, scales: np.ndarray) -> np.ndarray:
     return numbers
 
 
-def with_long_records(members, header: dict):
+def lengthen_records(members, header: dict):
     """The members and the header of a folder; where its records have 6 or 4 bytes, those of 8 bytes in memory.
 
     Raises one of DAMAGE, or OSError.
@@ -142,7 +143,7 @@ def read_file(members) -> dict | None:
     RleSplatError
         If the file is damaged.
     """
-    if HEADER not in getattr(members, "checksums", ()):
+    if HEADER not in members.checksums:
         return None
     try:
         return _read(members)
@@ -197,4 +198,4 @@ def _array(members, name: str) -> np.ndarray:
     numbers = content[member.tell() :]
     if dtype.hasobject or fortran_order or not dtype.isnative or math.prod(shape) * dtype.itemsize != len(numbers):
         raise ValueError(f"{name} does not match its own header")
-    return np.require(numbers.view(dtype), requirements="A").reshape(shape)
+    return numbers.view(dtype).reshape(shape).copy()  # aligned, and whole whatever becomes of the file

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.placing import RecordPositions
+from ..classify.reference import find_targets
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, thread_count
 from ..runtime.steps import drain
@@ -17,7 +18,9 @@ from ..runtime.work_sizes import RECORDS_AT_ONCE
 from ..scene import MODELS, RECORDS, RleSplatError
 from ..volume.axes import AXES
 from . import encode_kernels as passes
-from .records import decoding_of, empty_records, pack, words_of
+from . import reference
+from .packing import pack
+from .records import decoding_of, empty_records, words_of
 from .tables import (
     RunLengthVolume,
     RunTables,
@@ -79,8 +82,7 @@ def encode(
             with parallel_call(threads):
                 passes.color_records(density[first:last], colors[first:last], made)
         else:
-            made[:, 3] = density[first:last]
-            made[:, :3] = made[:, 3:] * colors[first:last]
+            reference.color_records(density[first:last], colors[first:last], made)
         _place(positions, made, records, threads)
         return most_color
 
@@ -112,7 +114,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     if not compiled():
-        tables = _tables_numpy(voxels, axis)
+        tables = reference.make_tables(voxels, axis)
     elif axis == 0:
         tables = _tables_across(voxels, threads)
     else:
@@ -238,7 +240,7 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
             with parallel_call(threads):
                 passes.fetch_across(*_moved(positions, words[first:last], read_only(_bytes(source))), *_across(voxels))
         else:
-            words[first:last] = source[positions.targets_numpy()]
+            words[first:last] = source[find_targets(positions)]
 
 
 def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
@@ -292,7 +294,7 @@ def _place(positions: RecordPositions, words, voxel_words, threads):
             else:
                 passes.place_rows(*moved)
     else:
-        voxel_words[positions.targets_numpy()] = words
+        voxel_words[find_targets(positions)] = words
 
 
 def _moved(positions: RecordPositions, words, voxel_bytes) -> tuple:
@@ -347,41 +349,5 @@ def _tables_across(voxels: VisibleVoxels, threads):
         runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
         starts = np.ascontiguousarray(scanline_pointers.T)
         passes.fill_across_runs(voxels.bits, voxels.row_start, voxels.column, ny, starts, runs)
-    data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
-    return scanline_pointers, data_pointers, runs, scanline_data_pointers
-
-
-def _tables_numpy(voxels: VisibleVoxels, axis):
-    """Reference implementation of all passes: sort the voxels by scanline, then find where runs begin."""
-    _, ny, nz = voxels.shape_xyz
-    row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(voxels.row_start))
-    x, y, z = voxels.column.astype(np.int64), row % ny, row // ny
-    along, across, principal = (np.array((x, y, z))[list(AXES[axis])])
-    width, n_scanlines, n_slices = (voxels.shape_xyz[i] for i in AXES[axis])
-    scanline = principal * n_scanlines + across
-    order = np.argsort(scanline, kind="stable")  # keeps y, and x, ascending within a scanline
-    scanline, position = scanline[order], along[order]
-    voxel_counts = np.bincount(scanline, minlength=n_slices * n_scanlines).reshape(n_slices, n_scanlines)
-    scanline_data_pointers, n_voxels = pointers_from_counts(voxel_counts)
-
-    begins = np.ones(n_voxels, dtype=bool)
-    begins[1:] = (np.diff(scanline) != 0) | (np.diff(position) != 1)
-    first = np.flatnonzero(begins)  # first voxel of each non-transparent run
-    length = np.diff(np.append(first, n_voxels))
-    line, start = scanline[first], position[first]
-    opens = np.ones(len(first), dtype=bool)  # the run is the first of its scanline
-    opens[1:] = np.diff(line) != 0
-    closes = np.append(opens[1:], True)[: len(first)]
-    previous_end = np.where(opens, 0, np.roll(start + length, 1))
-    tail = width - (start + length)[closes]
-    pairs = np.bincount(line, minlength=n_slices * n_scanlines)
-    run_counts = 2 * pairs
-    run_counts[line[closes]] += tail > 0
-    scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts.reshape(n_slices, n_scanlines))
-    runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
-    pair_of_line = np.arange(len(first)) - np.flatnonzero(opens)[np.cumsum(opens) - 1]
-    at = scanline_pointers.reshape(-1)[line] + 2 * pair_of_line
-    runs[at], runs[at + 1] = start - previous_end, length
-    runs[at[closes][tail > 0] + 2] = tail[tail > 0]
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers

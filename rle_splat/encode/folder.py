@@ -18,7 +18,7 @@ from pathlib import Path
 from ..runtime.file_lock import only_one
 from ..runtime.whole_files import writing
 from ..scene import RleSplatError
-from .members import HEADER, JOURNAL, VERSION, bytes_of, header_bytes
+from .members import HEADER, JOURNAL, VERSION, bytes_of, make_header
 
 STOPS = KeyboardInterrupt, GeneratorExit
 
@@ -195,7 +195,7 @@ class FolderWriter:
             for name in joined:
                 self._join(name)
             chunks = [[chunk.planes, chunk.tables] for chunk in self.chunks]
-            (self.folder / HEADER).write_bytes(header_bytes({**header, "slabs": chunks}))
+            (self.folder / HEADER).write_bytes(make_header({**header, "slabs": chunks}))
             (self.folder / JOURNAL).unlink()
             size = 0
             for file in filter(Path.is_file, self.folder.rglob("*")):

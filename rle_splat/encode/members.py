@@ -23,6 +23,7 @@ import zipfile
 import zlib
 from copy import copy
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -62,13 +63,15 @@ def damaged(path, what: str) -> RleSplatError:
 
 
 def unreadable(path, problem: OSError) -> RleSplatError:
-    """The error for a file that the system does not give."""
+    """The error for a file that cannot be read."""
     why = problem.strerror or problem
     return RleSplatError(f"Cannot read {path}: {why}; check the path and its permissions.")
 
 
 class FolderMembers:
     """Members that are the files of a folder. Its methods raise OSError."""
+
+    checksums: ClassVar[dict] = {}  # name -> CRC-32, where the form of the members has one
 
     def __init__(self, path):
         self.path = Path(path)
@@ -142,7 +145,7 @@ class FileMembers:
         return self._places[self._prefix + name]
 
 
-def members_of(path) -> FolderMembers | FileMembers:
+def find_members(path) -> FolderMembers | FileMembers:
     """The members of a `.rle` file or folder; RleSplatError for a file that is none."""
     if Path(path).is_dir():
         return FolderMembers(path)
@@ -172,7 +175,7 @@ def describe_tables(
     }  # fmt: skip
 
 
-def header_bytes(header: dict) -> bytes:
+def make_header(header: dict) -> bytes:
     """The content of the member HEADER: its checksum, and JSON."""
     content = json.dumps({"format": FORMAT, "version": VERSION, **header})
     return f"{zlib.crc32(content.encode()):08x}{content}".encode()

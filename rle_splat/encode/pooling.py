@@ -11,6 +11,7 @@ from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from . import reference
 from .records import empty_records
 
 
@@ -54,7 +55,7 @@ def pooled_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
                 with parallel_call(threads):
                     add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, totals)
             else:
-                _add_to_nodes_numpy(voxels, first, made, level, totals)
+                reference.add_to_nodes(voxels, first, made, level, totals)
             totals *= np.float32(0.125**level)
     return means
 
@@ -81,11 +82,3 @@ def _add_to_nodes(begin, end, row_start, column, records, first_plane, last_plan
                     x = np.int64(column[v]) >> level
                     for c in range(4):
                         totals[node_row, x, c] += records[v - first, c]
-
-
-def _add_to_nodes_numpy(voxels: VisibleVoxels, first: int, records, level: int, totals):
-    """Reference implementation of ``add_to_nodes``."""
-    number = np.arange(first, first + len(records))
-    row = np.searchsorted(voxels.row_start, number, side="right") - 1
-    y = row % voxels.shape_xyz[1] >> level
-    np.add.at(totals, (y, voxels.column[number].astype(np.int64) >> level), records)

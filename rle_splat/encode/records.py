@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call
-from ..runtime.parallel import share_out
+from ..runtime.jit import kernel
 
 TYPES = {16: np.float32, 8: np.uint64}  # bytes of a record -> dtype of the array
 WORDS = {16: (4,), 8: ()}  # entries of a record; () for a single number
@@ -68,28 +67,6 @@ def decoding_of(record: int, most_density: float, most_color: float) -> np.ndarr
     return np.array((color, color, color, density), np.float32)
 
 
-def pack(records, decoding, voxel_data, *, threads: int = 0) -> None:
-    """Code records of 8 bytes.
-
-    Parameters
-    ----------
-    records : (n, 4) ndarray of float32
-        (density * RGB, density).
-    decoding : ndarray of float32
-        As of ``decoding_of``.
-    voxel_data : ndarray
-        Output; see ``empty_records``.
-    threads : int
-        0 for one per core.
-    """
-    arguments = (records, 1.0 / decoding.astype(np.float64), voxel_data)
-    if not compiled():
-        pack_numpy(*arguments)
-        return
-    with parallel_call(threads):
-        _pack(*arguments)
-
-
 def unpack(voxel_data, decoding) -> np.ndarray:
     """Decode records to (n, 4) float32 (density * RGB, density), with the arithmetic of the splatting kernels."""
     if record_bytes(voxel_data) == 16:
@@ -106,40 +83,8 @@ def float_of(codes) -> np.ndarray:
     return (codes.astype(np.uint32) << SHIFT).view(np.float32) * UNBIAS
 
 
-def codes_numpy(relative) -> np.ndarray:
-    """Round float64 values in [0, 1] to 16-bit floats, as uint32."""
-    bits = np.asarray(relative).astype(np.float32).view(np.uint32)
-    return np.where(bits >= LEAST_BITS, (bits - BIAS + HALF) >> SHIFT, np.uint32(0))
-
-
 @kernel(inline="always", exact=True)
 def code_of(relative):
     """Round a float64 value in [0, 1] to a 16-bit float, as uint32."""
     bits = np.float32(relative).view(np.uint32)
     return np.uint32((bits - BIAS + HALF) >> SHIFT) if bits >= LEAST_BITS else np.uint32(0)
-
-
-# --- packing: kernels and reference implementations -------------------------------------------------------------
-
-
-@kernel
-def _pack(records, inverse, voxel_data):
-    """Kernel of ``pack``; ``inverse`` (4,) float64: one over the scale of each channel."""
-    share_out(_pack_some, voxel_data.size, (records, inverse, voxel_data))
-
-
-@kernel(exact=True, inner=True)
-def _pack_some(begin, end, records, inverse, voxel_data):
-    """``_pack`` for records [begin, end)."""
-    made, codes = records[begin:end], voxel_data[begin:end]  # slices start at zero, so the loop becomes SIMD
-    red, green, blue, density = inverse[0], inverse[1], inverse[2], inverse[3]
-    for i in range(codes.size):
-        low = code_of(made[i, 0] * red) | (code_of(made[i, 1] * green) << np.uint32(16))
-        high = code_of(made[i, 2] * blue) | (code_of(made[i, 3] * density) << np.uint32(16))
-        codes[i] = np.uint64(low) | (np.uint64(high) << np.uint64(32))
-
-
-def pack_numpy(records, inverse, voxel_data):
-    """Reference implementation of ``_pack``."""
-    codes = codes_numpy(records * inverse).astype(np.uint64)
-    voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)

@@ -17,13 +17,13 @@ from .members import (
     RUNS,
     bytes_of,
     describe_tables,
-    header_bytes,
-    members_of,
+    find_members,
+    make_header,
     words_of_entry,
     write_file,
 )
 from .records import words_of
-from .stored import StoredVolume, open_members
+from .stored import StoredVolume, open_volume
 from .tables import RunLengthVolume, counts_of, pointers_from_counts
 
 
@@ -67,7 +67,7 @@ def write(path, stored: StoredVolume) -> None:
             [stored.shape_xyz[2], {name: (len(content), zlib.crc32(content)) for name, content in members.items()}]
         ],
     }  # fmt: skip
-    write_file(path, {HEADER: header_bytes(header), **members})
+    write_file(path, {HEADER: make_header(header), **members})
 
 
 def _in_order(tables: RunLengthVolume) -> dict[str, np.ndarray]:
@@ -109,6 +109,6 @@ def load(path) -> StoredVolume:
     RleSplatError
         If the file cannot be read or is not a `.rle` file.
     """
-    members = members_of(path)
+    members = find_members(path)
     found = earlier.read_file(members)
-    return open_members(members) if found is None else StoredVolume.of(**found)
+    return open_volume(members) if found is None else StoredVolume.of(**found)

@@ -27,7 +27,7 @@ from .members import (
     RUNS,
     bytes_of,
     damaged,
-    members_of,
+    find_members,
     read_header,
     reason_of,
     unreadable,
@@ -416,22 +416,22 @@ class StoredVolume:
 def classification_of(path) -> str:
     """The classification of a `.rle` file or folder: "pre" for all but one whose header says "post"."""
     try:
-        return "post" if read_header(members_of(path)).get("classification") == "post" else "pre"
+        return "post" if read_header(find_members(path)).get("classification") == "post" else "pre"
     except RleSplatError:  # of an earlier version, or none
         return "pre"
 
 
-def open_members(members) -> StoredVolume:
+def open_volume(members) -> StoredVolume:
     """The StoredVolume of members, whose header is checked; RleSplatError if it is damaged."""
-    volume, has_coarse = _opened(members)
-    return replace(volume, coarse=_opened(members.inside(COARSE))[0]) if has_coarse else volume
+    volume, has_coarse = _open(members)
+    return replace(volume, coarse=_open(members.inside(COARSE))[0]) if has_coarse else volume
 
 
-def _opened(members) -> tuple[StoredVolume, bool]:
+def _open(members) -> tuple[StoredVolume, bool]:
     """The StoredVolume of members, without a coarse one, and whether there is a coarse one inside."""
     path, header = members.path, read_header(members)
     try:
-        members, header = earlier.with_long_records(members, header)
+        members, header = earlier.lengthen_records(members, header)
         facts = checked_header(header)
         dtypes = checked_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")

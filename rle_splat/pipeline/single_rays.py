@@ -17,7 +17,8 @@ from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
-from ..warp.steep import AROUND, TILE, most_in_tile, steep_pixels
+from ..warp.reference import AROUND
+from ..warp.steep import TILE, most_in_tile, steep_pixels
 from .medium import Medium
 from .source import Source
 

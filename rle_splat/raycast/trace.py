@@ -9,8 +9,8 @@ from ..runtime.jit import compiled, parallel_call
 from ..scene import Quality
 from ..splat.scalar_splat import kernel_light_planes, kernel_lookup
 from ..splat.splat import OPAQUE
+from . import reference
 from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
-from .scalar_rays_numpy import trace_rays_numpy
 
 
 def trace(
@@ -28,7 +28,7 @@ def trace(
     results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
     arguments = (voxels, rays, lookup, matt, gloss, slabs, least)
     if not compiled():
-        trace_rays_numpy(*arguments, results)
+        reference.trace_rays(*arguments, results)
         return out, half
     cubics = np.empty((len(out), POWERS * (len(matt) + len(gloss))))
     with parallel_call(quality.threads):

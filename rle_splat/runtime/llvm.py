@@ -1,4 +1,4 @@
-"""The parts of numba and LLVM in which intrinsics are written; None each without numba.
+"""The parts of numba and LLVM in which intrinsics are written.
 
 ``ir``: LLVM instructions (llvmlite).  ``types``: numba's types.  ``cgutils``: helpers that write instructions.
 ``intrinsic``: makes a function that writes instructions callable from kernels.
@@ -8,11 +8,22 @@ from __future__ import annotations
 
 from .jit import numba
 
+
+class _Missing:
+    """Stands for all of them without numba, so that modules of intrinsics can be imported; no kernel calls them."""
+
+    def __getattr__(self, name):
+        return self
+
+    def __call__(self, *_, **__):
+        return self
+
+
 if numba is not None:
     from llvmlite import ir
     from numba.core import cgutils, types
     from numba.extending import intrinsic
 else:
-    ir = types = cgutils = intrinsic = None
+    ir = types = cgutils = intrinsic = _Missing()
 
-__all__ = ["cgutils", "intrinsic", "ir", "numba", "types"]
+__all__ = ["cgutils", "intrinsic", "ir", "types"]

@@ -12,26 +12,21 @@ from __future__ import annotations
 
 from copy import copy
 
-from .jit import internals, numba
+from .jit import internals, kernel
 from .llvm import cgutils, intrinsic, ir, types
 
 PARTS = 16  # parts of a loop for each thread: few enough for the cost of a call, enough to even out the work
 
-if numba is not None:
 
-    @intrinsic
-    def taken(typing, counter):
-        """Return the number in ``counter`` (1,) int64 and raise it by one; no two threads get the same number."""
+@intrinsic
+def taken(typing, counter):
+    """Return the number in ``counter`` (1,) int64 and raise it by one; no two threads get the same number."""
 
-        def generate(context, builder, signature, arguments):
-            data = context.make_array(counter)(context, builder, arguments[0]).data
-            return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(counter)(context, builder, arguments[0]).data
+        return builder.atomic_rmw("add", data, ir.Constant(ir.IntType(64), 1), "monotonic")
 
-        return types.int64(counter), generate
-
-else:
-
-    def taken(counter): ...
+    return types.int64(counter), generate
 
 
 if internals is not None:
@@ -124,13 +119,9 @@ if internals is not None:
 
         return types.void(task, types.intp, arguments), generate
 
-elif numba is not None:
+else:
 
-    @numba.njit(nogil=True, error_model="numpy")
+    @kernel
     def share_out(task, count, arguments):
         """Call the task once for the whole loop."""
         task(0, count, *arguments)
-
-else:
-
-    def share_out(task, count, arguments): ...

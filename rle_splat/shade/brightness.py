@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .chunk_light import towards_numpy
 from .lighting import BACK, Lighting, unit_vectors
 from .lights import NEAREST, RGB
+from .reference import find_light
 
 OF_SPHERE = 2.0 / 3.0  # mean radiance of a white Lambert sphere whose light comes from the eye
 
@@ -37,7 +37,7 @@ def relative_brightness(falling: Lighting, point) -> float:
     sky = (falling.material[4:7] - falling.material[0]) / max(falling.material[1], 1e-6)
     found = float(sky.mean()) / OF_SPHERE
     for light in falling.rows:
-        towards, falloff = towards_numpy(light, points)
+        towards, falloff = find_light(light, points)
         angle = float(np.arccos(np.clip(towards[0] @ eye, -1.0, 1.0)))
         seen = _phase(angle) + falling.material[BACK] * _phase(np.pi - angle)
         found += seen * float(falloff[0]) * float(light[RGB:NEAREST].mean())

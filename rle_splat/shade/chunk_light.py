@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import kernel
-from .environment import SKY, TERMS, light_by_normal
-from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
+from .environment import SKY, TERMS
+from .lighting import BACK, FULL_CODE, PHONG
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
 # Voxels shaded together: the scratch arrays stay in the L1 cache, and loops are long enough for SIMD.
@@ -280,55 +280,3 @@ def _add_light(light, normals, material, count, s):
 
 
 # --- reference implementations ----------------------------------------------------------------------------------
-
-
-def lit_numpy(falling, voxels, part, n, colors):
-    """(k, 3) float32 shaded colors of voxels ``part`` (a slice) with normals ``n`` (k, 3) and own ``colors`` (k, 3)."""
-    own = colors
-    n_y, matrix = voxels.shape_xyz[1], falling.matrix
-    _, diffuse, specular, shininess = falling.material[:4]
-    shadows = falling.shadows or Shadows(np.empty((0, 0), np.uint16), np.full(len(falling.rows) + 1, -1))
-    row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
-    index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
-    points = index @ matrix[:3, :3].T + matrix[:3, 3]
-    view = unit_vectors(falling.eye[:3] - falling.eye[3] * points)
-    everywhere, sky = falling.material[4:7], shadows.share(-1, part)
-    around = np.maximum(everywhere + light_by_normal(n, falling.sky), falling.material[0])
-    matt = around * np.reshape(sky, (-1, 1))
-    gloss = np.zeros((len(points), 3))
-    arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
-    for number, light in enumerate(falling.rows):
-        towards, falloff = towards_numpy(light, points)
-        every += diffuse * falloff * light[RGB:NEAREST].sum()
-        falloff = falloff * shadows.share(number, part)
-        arrives += diffuse * falloff * light[RGB:NEAREST].sum()
-        strength = falloff[:, None] * light[RGB:NEAREST]
-        facing = (n * towards).sum(axis=1)
-        matt += diffuse * np.maximum(-facing, falling.material[BACK] * facing)[:, None] * strength
-        if specular > 0.0:
-            cosine = np.abs((n * unit_vectors(towards + view)).sum(axis=1))
-            if falling.material[PHONG] > 0.0:
-                mirrored = 2.0 * facing[:, None] * n - towards
-                cosine = np.maximum((mirrored * view).sum(axis=1), 0.0)
-            if falling.material[BACK] == 0.0:
-                cosine = np.where(facing < 0.0, cosine, 0.0)
-            gloss += specular * cosine[:, None] ** shininess * strength
-    if falling.shadows is not None:
-        colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
-    return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
-
-
-def towards_numpy(light, points):
-    """Reference implementation of ``_towards`` for (m, 3) points: (m, 3) unit vectors and (m,) falloff."""
-    if light[KIND] == SUN:
-        return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))
-    way = light[POSITION:AXIS] - points
-    falloff = 1.0 / np.maximum((way**2).sum(axis=1), light[NEAREST])
-    towards = unit_vectors(way)
-    off_axis = -(towards @ light[AXIS:RGB])
-    if light[KIND] == AREA:
-        falloff *= np.maximum(off_axis, 0.0)
-    elif light[KIND] == SPOT:
-        t = np.clip((off_axis - light[CONE]) / light[EDGE], 0.0, 1.0)
-        falloff *= t * t * (3.0 - 2.0 * t)
-    return towards, falloff

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from . import reference
 from .light_sheets import Sweep
-from .lighting import FULL_CODE
+from .reference import FULL
 
-FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 BAND = 16  # sheet rows that one worker sweeps at once
 LOG2E = np.float32(1.0 / math.log(2.0))
 MOST = np.float32(64.0)  # optical depth in powers of two, at which nothing is left
@@ -49,7 +49,7 @@ def sweep_light(sweep: Sweep, tables, starts, extinction, meshes, codes, *, thre
     geometry = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.before, sweep.whole, sweep.spans)
     arrays = (tables.scanline_pointers, tables.runs, starts, extinction)
     if not compiled():
-        _sweep_numpy(sweep, tables, starts, extinction, meshes, codes)
+        reference.sweep_light(sweep, tables, starts, extinction, meshes, codes)
         return
     held = tuple(read_only(array) for array in arrays)
     with parallel_call(threads):
@@ -257,64 +257,3 @@ def _left(tau2):
     p = r * (T1 + r * (T2 + r * (T3 + r * (T4 + r * (T5 + r * T6)))))
     power = np.int32((np.int32(127) - whole) << np.int32(23)).view(np.float32)
     return power + power * p
-
-
-# --- reference implementation -----------------------------------------------------------------------------------
-
-
-def _sweep_numpy(sweep: Sweep, tables, starts, extinction, meshes, codes) -> None:
-    """Reference implementation of ``_sweep``: slice by slice, with dense slices."""
-    depth = np.zeros((sweep.height, sweep.width))
-    columns, rows = np.arange(sweep.width), np.arange(sweep.height)
-    for n, k in enumerate(sweep.slices):
-        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
-        i, j, data = _voxels_numpy(tables, starts, k)
-        i0, i1, j0, j1 = sweep.spans[n]
-        for_these = (i >= i0) & (i < i1) & (j >= j0) & (j < j1)
-        x, y, at = scale * i[for_these] + offset_x, scale * j[for_these] + offset_y, data[for_these]
-        tau = _between_numpy(depth, y, x) + sweep.before[n] * extinction[at]
-        c = sweep.length
-        length = np.sqrt(np.maximum(c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y, 0.0))
-        left = np.exp(-tau * length)
-        if meshes is not None:
-            left = left * _between_numpy((meshes > np.float32(n)).mean(axis=2), y, x)
-        codes[at] = (left * FULL + 0.5).astype(np.uint16)
-        n -= sweep.skipped
-        if n < 0:
-            continue
-        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
-        i, j, data = _voxels_numpy(tables, starts, sweep.slices[n])
-        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
-        dense[j + 1, i + 1] = extinction[data]
-        v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
-        u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
-        depth += sweep.whole[n] * _between_numpy(dense, v[:, None], u[None, :])
-
-
-def _voxels_numpy(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) column, scanline and list position of each voxel of a slice."""
-    columns, lines, data = [], [], []
-    for j in np.flatnonzero(tables.scanline_pointers[k] >= 0):
-        run, x, at = int(tables.scanline_pointers[k, j]), 0, int(starts[k, j])
-        while x < tables.width:
-            x += int(tables.runs[run])
-            if x >= tables.width:
-                break
-            count = int(tables.runs[run + 1])
-            columns.append(np.arange(x, x + count))
-            lines.append(np.full(count, j))
-            data.append(np.arange(at, at + count))
-            run, x, at = run + 2, x + count, at + count
-    if not columns:
-        return (np.zeros(0, np.int64),) * 3
-    return np.concatenate(columns), np.concatenate(lines), np.concatenate(data)
-
-
-def _between_numpy(table, y, x) -> np.ndarray:
-    """Bilinear interpolation in ``table``."""
-    row = np.minimum(np.floor(y).astype(np.int64), table.shape[0] - 2)
-    column = np.minimum(np.floor(x).astype(np.int64), table.shape[1] - 2)
-    down, right = y - row, x - column
-    upper = table[row, column] * (1.0 - right) + table[row, column + 1] * right
-    lower = table[row + 1, column] * (1.0 - right) + table[row + 1, column + 1] * right
-    return upper * (1.0 - down) + lower * down

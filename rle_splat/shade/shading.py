@@ -14,7 +14,8 @@ from ..classify.placing import RecordPositions, find_targets
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
-from ..volume.gradient import CHUNK, unit_normals
+from ..volume.gradient import unit_normals
+from . import reference
 from .chunk_light import (
     DB,
     DG,
@@ -28,7 +29,6 @@ from .chunk_light import (
     add_near,
     add_rays,
     clear_light,
-    lit_numpy,
 )
 from .lighting import Lighting, lighting
 from .lights import KIND, NEAREST, RGB, SUN
@@ -161,7 +161,7 @@ def light_records(
     row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
     seen = (row_of, read_only(properties), density)
     if not compiled():
-        _write_numpy(positions, *seen, normals, falling, records, most)
+        reference.write_records(positions, *seen, normals, falling, records, most)
     else:
         light = (None, None, None, None)
         if falling is not None:
@@ -248,24 +248,3 @@ def _write_planes(
                 brightest = max(brightest, max(red, max(green, blue)))
             at = stop
         most[plane] = brightest
-
-
-# --- reference implementations ----------------------------------------------------------------------------------
-
-
-def _write_numpy(positions, row_of, properties, density_column, normals, falling, records, most):
-    """Reference implementation of ``_write_records``, in chunks of voxels."""
-    voxels = positions.voxels
-    targets = positions.targets_numpy()
-    first, last = positions.span
-    for begin in range(first, last, CHUNK):
-        part = slice(begin, min(begin + CHUNK, last))
-        seen = properties[part] if row_of is None else properties[row_of[part]]
-        colors = seen[:, RED:]
-        if falling is not None:
-            colors = lit_numpy(falling, voxels, part, normals[part].astype(np.float64), colors)
-        made = np.empty((len(seen), 4), np.float32)
-        made[:, 3] = seen[:, density_column]
-        made[:, :3] = made[:, 3:] * colors
-        records[targets[part.start - first : part.stop - first]] = made
-        most[0] = max(most[0], colors.max(initial=0.0))

@@ -18,12 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from ..encode.records import UNBIAS, code_of, codes_numpy
+from ..encode.records import UNBIAS, code_of
+from ..encode.reference import code
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from ..volume.gradient import CHUNK
-from .chunk_light import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light, lit_numpy
+from . import reference
+from .chunk_light import DR, LANES, SCRATCH, SHARE, SR, add_near, add_rays, clear_light
 from .lighting import Lighting
 from .lights import AXIS, KIND, NEAREST, POSITION, RGB, SUN
 from .shading import components, refuse_too_bright
@@ -64,7 +65,7 @@ def light_planes(channels: int) -> tuple[tuple, tuple]:
 def with_factor(light: VoxelLight | None, factor: np.ndarray) -> VoxelLight:
     """Copy with one more channel, the last: ``factor`` (m,) in [0, 1], which multiplies each voxel's extinction."""
     unit = float(UNBIAS) if light is None else light.unit
-    codes = codes_numpy(factor * (float(UNBIAS) / unit)).astype(np.uint16)[:, None]
+    codes = code(factor * (float(UNBIAS) / unit)).astype(np.uint16)[:, None]
     if light is None:
         return VoxelLight(codes, unit, 1.0, 0.0)
     return replace(light, codes=np.concatenate((light.codes, codes), axis=1))
@@ -103,7 +104,7 @@ def voxel_light(voxels: VisibleVoxels, normals, falling: Lighting, *, threads: i
         with parallel_call(threads):
             _code_light(rows, nz, *light, each, 1.0 / scale, codes)
     else:
-        _code_light_numpy(voxels, normals, falling, each, scale, codes)
+        reference.code_light(voxels, normals, falling, each, scale, codes)
     return VoxelLight(codes, float(UNBIAS) * scale, bounds.most_light, bounds.most_highlight)
 
 
@@ -185,16 +186,3 @@ def _code_planes(begin, end, rows, normals, material, rays, near, each, inverse,
                     for i in range(count):
                         codes[at + i, part * each + channel] = np.uint16(code_of(light[i] * inverse))
             at += count
-
-
-def _code_light_numpy(voxels, normals, falling, each, scale, codes):
-    """Reference implementation of ``_code_light``, in chunks of voxels."""
-    for begin in range(0, len(voxels), CHUNK):
-        part = slice(begin, min(begin + CHUNK, len(voxels)))
-        n = normals[part].astype(np.float64)
-        # White voxels show light plus highlight, black voxels the highlight alone.
-        white, black = (lit_numpy(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
-        found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
-        for kind, light in enumerate(found):
-            made = codes_numpy(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
-            codes[part, kind * each : (kind + 1) * each] = made

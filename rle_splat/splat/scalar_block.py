@@ -7,338 +7,328 @@ shades itself).
 
 from __future__ import annotations
 
-from ..runtime.llvm import intrinsic, ir, numba, types
-from .pixel_block import BLOCK
+from ..runtime.llvm import intrinsic, ir, types
+from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
+from .pixel_block import BLOCK, composited, slab
 
 # Entries of the lookup table between two sheets up to which the middle one stands for their mean.  Differences of its
 # sums are as good as float32 sums of all entries are, so that few of them would lose in rounding what they gain.
 SPAN = 32.0
 ROW_BITS = 4  # a row of a lookup table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
 
-if numba is not None:
-    from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
-    from .pixel_block import composited, slab
 
-    @intrinsic
-    def place_inside(typing, cells, fractions, to, start, scale, top):
-        """Where the samples of one block lie on a scanline, none beyond its ends: see ``pixel_block.place_tent``.
+@intrinsic
+def place_inside(typing, cells, fractions, to, start, scale, top):
+    """Where the samples of one block lie on a scanline, none beyond its ends: see ``pixel_block.place_tent``.
 
-        ``top``: the last voxel, float64.  Out: ``cells`` int32, the number of the left voxel, and ``fractions``
-        float32 to the right one, from number ``to`` on.
-        """
+    ``top``: the last voxel, float64.  Out: ``cells`` int32, the number of the left voxel, and ``fractions``
+    float32 to the right one, from number ``to`` on.
+    """
 
-        def generate(context, builder, signature, arguments):
-            cells, fractions, to, start, scale, top = arguments
-            start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
-            pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
-            x = ((start + pixels) / scale).most(0.0).least(top)
-            cell = x.truncated()
-            (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
-            cell.store(place(context, builder, signature.args[0], cells, to))
-            return context.get_dummy_value()
+    def generate(context, builder, signature, arguments):
+        cells, fractions, to, start, scale, top = arguments
+        start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
+        pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
+        x = ((start + pixels) / scale).most(0.0).least(top)
+        cell = x.truncated()
+        (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
+        cell.store(place(context, builder, signature.args[0], cells, to))
+        return context.get_dummy_value()
 
-        numbers = (types.float64,) * 3
-        return types.void(cells, fractions, types.intp, *numbers), generate
+    numbers = (types.float64,) * 3
+    return types.void(cells, fractions, types.intp, *numbers), generate
 
-    def _joined(parts):
-        """Four vectors of four lanes, one after the other."""
-        a, b, c, d = parts
-        first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
-        return first.shuffle(second.value, range(16))
 
-    @intrinsic
-    def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
-        """One number a voxel along a scanline, linearly: a block of sheet pixels.
+def _joined(parts):
+    """Four vectors of four lanes, one after the other."""
+    a, b, c, d = parts
+    first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
+    return first.shuffle(second.value, range(16))
 
-        ``line[base:]``: the voxels.  ``cells`` and ``fractions``, from number ``first`` on: of ``place_inside``.
-        Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their shares, so that a voxel which is not kept
-        leaves no trace where its share is zero.
-        """
 
-        def generate(context, builder, signature, arguments):
-            line, base, cells, fractions, first, sheet, at = arguments
-            line_type, _, cells_type, fractions_type, _, sheet_type, _ = signature.args
+@intrinsic
+def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
+    """One number a voxel along a scanline, linearly: a block of sheet pixels.
 
-            def number(n):
-                return ir.Constant(at.type, n)
+    ``line[base:]``: the voxels.  ``cells`` and ``fractions``, from number ``first`` on: of ``place_inside``.
+    Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their shares, so that a voxel which is not kept
+    leaves no trace where its share is zero.
+    """
 
-            def pair(i):
-                cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
-                cell = builder.add(builder.sext(cell, at.type), base)
-                return Vector.load(builder, place(context, builder, line_type, line, cell), 2)
+    def generate(context, builder, signature, arguments):
+        line, base, cells, fractions, first, sheet, at = arguments
+        line_type, _, cells_type, fractions_type, _, sheet_type, _ = signature.args
 
-            # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
-            low, high = (
-                _joined([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
-                for n in (0, 2)
-            )
-            lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
-            left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
-            share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
-            one = Vector(builder, share.like(1.0))
-            mixed = left.mixed(one - share, right, share)
-            mixed.store(place(context, builder, sheet_type, sheet, at))
-            return context.get_dummy_value()
+        def number(n):
+            return ir.Constant(at.type, n)
 
-        arguments = (line, types.intp, cells, fractions, types.intp, sheet, types.intp)
-        return types.void(*arguments), generate
+        def pair(i):
+            cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
+            cell = builder.add(builder.sext(cell, at.type), base)
+            return Vector.load(builder, place(context, builder, line_type, line, cell), 2)
 
-    def mixed_block(context, builder, sheet_type, sheet, upper, lower, down, plane):
-        """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``resample_plane``)."""
-        above, below = (
-            Vector.load(
-                builder,
-                place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane * BLOCK))), BLOCK,
-            )
-            for at in (upper, lower)
+        # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
+        low, high = (
+            _joined([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
+            for n in (0, 2)
         )
-        return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
+        lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
+        left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
+        share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
+        one = Vector(builder, share.like(1.0))
+        mixed = left.mixed(one - share, right, share)
+        mixed.store(place(context, builder, sheet_type, sheet, at))
+        return context.get_dummy_value()
 
-    def put_block(context, builder, array_type, array, number, value, first=None):
-        """Put a block's numbers into a scratch array, as its block ``number``, from its number ``first`` on."""
-        at = ir.Constant(ir.IntType(64), number * BLOCK)
+    arguments = (line, types.intp, cells, fractions, types.intp, sheet, types.intp)
+    return types.void(*arguments), generate
+
+
+def mixed_block(context, builder, sheet_type, sheet, upper, lower, down, plane):
+    """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``resample_plane``)."""
+    above, below = (
+        Vector.load(
+            builder,
+            place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane * BLOCK))), BLOCK,
+        )
+        for at in (upper, lower)
+    )
+    return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
+
+
+def put_block(context, builder, array_type, array, number, value, first=None):
+    """Put a block's numbers into a scratch array, as its block ``number``, from its number ``first`` on."""
+    at = ir.Constant(ir.IntType(64), number * BLOCK)
+    at = at if first is None else builder.add(first, at)
+    value.store(place(context, builder, array_type, array, at))
+
+
+def put_entries(context, builder, array_type, array, number, entry, first=None):
+    """As ``put_block``: where in a table of four float32 columns the rows of these numbers begin, in bytes."""
+    shifted = builder.shl(entry.value, entry.like(ROW_BITS))
+    put_block(context, builder, array_type, array, number, Vector(builder, shifted), first)
+
+
+def entry_of(value, origin, rate, most):
+    """The table entry (int32 lanes) of stored values, the first or the last for what lies outside."""
+    return ((value - origin) * rate).most(0.0).least(most).truncated()
+
+
+@intrinsic
+def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, entries, shares):
+    """The table entries of one block of samples of the scalar; how many samples lie in [``low``, ``high``].
+
+    ``sheet``: blocks of the scanlines at ``upper`` and ``lower``, ``down`` the fraction towards the latter.
+    ``origin``, ``rate`` and ``last``: stored value where the first entry begins, entries per stored value, number
+    of the transparent entry, which samples outside get.  Out: ``entries`` (BLOCK,) int32; ``shares`` as
+    ``look_between`` has them, for a slab of one sheet.
+    """
+
+    def generate(context, builder, signature, arguments):
+        sheet, upper, lower, down, low, high, origin, rate, last, entries, shares = arguments
+        down = Vector.spread(builder, down, BLOCK)
+        value = mixed_block(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        low, high, origin, rate = (Vector.spread(builder, n, BLOCK) for n in (low, high, origin, rate))
+        inside = builder.and_(value.at_least(low), high.at_least(value))
+        final = Vector.spread(builder, last, BLOCK)
+        most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
+        entry = entry_of(value, origin, rate, most).where(inside, final)
+        put_entries(context, builder, signature.args[9], entries, 0, entry)
+        one = Vector(builder, value.like(1.0))
+        for number in range(2):
+            put_block(context, builder, signature.args[10], shares, number, one)
+        return count_lanes(builder, inside, BLOCK)
+
+    numbers = (types.float32,) * 5
+    return types.int64(sheet, types.intp, types.intp, *numbers, types.int32, entries, shares), generate
+
+
+@intrinsic
+def look_between(
+    typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high,
+    nearest, furthest, origin, rate, last, entries, spans, shares,
+):
+    """The table entries of one block of slabs between two sheets, the scalar linear in between.
+
+    As ``look_up``; ``before``: the sheet before, likewise.  ``least``: what is below is no sample.  A slab of which
+    one end is none counts half, and has the value of the other.  ``nearest``, ``furthest``: stand for what lies
+    beyond.
+    Out: ``entries`` (BLOCK,) of the middle; ``spans`` (2, BLOCK) int32, entries from which and up to which the mean
+    is to be taken; ``shares`` (3, BLOCK) float32: of the slab that counts; of this sheet's light in it; and one
+    over the entries between, where they are more than SPAN, else 0.
+    Returns how many slabs show anything, plus 256 times of how many of those the mean is to be taken.
+    """
+
+    def generate(context, builder, signature, arguments):
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
+        least, low, high, nearest, furthest, origin, rate, last, entries, spans, shares = arguments[8:]
+        sheet_type, before_type, entries_type, spans_type, shares_type = (
+            signature.args[n] for n in (0, 4, 16, 17, 18)
+        )
+        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
+        here = mixed_block(context, builder, sheet_type, sheet, upper, lower, down, 0)
+        there = mixed_block(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
+        least, low, high, nearest, furthest, origin, rate = (
+            Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
+        )
+        is_here, is_there = here.at_least(least), there.at_least(least)
+        one = Vector(builder, here.like(1.0))
+        half = Vector(builder, here.like(0.5))
+        zero = Vector(builder, here.like(0.0))
+        both, some = builder.and_(is_here, is_there), builder.or_(is_here, is_there)
+        counts = one.where(both, half)
+        light = half.where(both, one.where(is_here, zero))
+        first, second = there.where(is_there, here), here.where(is_here, there)
+        first, second = (value.most(nearest).least(furthest) for value in (first, second))
+        smallest, largest = first.least(second), first.most(second)
+        shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
+        final = Vector.spread(builder, last, BLOCK)
+        most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
+        middle = (smallest + largest) * 0.5
+        inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
+        entry = entry_of(middle, origin, rate, most).where(inside, final)
+        width = (largest - smallest) * rate
+        wide = builder.and_(width.at_least(SPAN), shown)
+        whole = final.as_float()
+        ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
+        put_entries(context, builder, entries_type, entries, 0, entry)
+        for number, end in enumerate(ends):
+            put_entries(context, builder, spans_type, spans, number, end)
+        over = (one / width.most(1.0)).where(wide, 0.0)
+        for number, share in enumerate((counts, light, over)):
+            put_block(context, builder, shares_type, shares, number, share)
+        taken = count_lanes(builder, wide, BLOCK)
+        return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
+
+    numbers, places = (types.float32,), (types.intp, types.intp)
+    returned = types.int64(
+        sheet, *places, *numbers, before, *places, *numbers, *(numbers * 7), types.int32, entries, spans, shares
+    )
+    return returned, generate
+
+
+def rows_of(context, builder, table_type, table, indices_type, indices, number, first=None):
+    """Four planes: the rows of a table of four columns that begin so many bytes on as block ``number`` of
+    ``indices`` says."""
+    whole = place(context, builder, table_type, table, ir.Constant(ir.IntType(64), 0))
+    in_bytes = builder.bitcast(whole, ir.IntType(8).as_pointer())
+
+    def row(i):
+        at = ir.Constant(ir.IntType(64), number * BLOCK + i)
         at = at if first is None else builder.add(first, at)
-        value.store(place(context, builder, array_type, array, at))
+        start = builder.load(place(context, builder, indices_type, indices, at))
+        start = builder.gep(in_bytes, [builder.sext(start, at.type)])
+        return Vector.load(builder, builder.bitcast(start, whole.type), 4)
 
-    def put_entries(context, builder, array_type, array, number, entry, first=None):
-        """As ``put_block``: where in a table of four float32 columns the rows of these numbers begin, in bytes."""
-        shifted = builder.shl(entry.value, entry.like(ROW_BITS))
-        put_block(context, builder, array_type, array, number, Vector(builder, shifted), first)
+    # Every fourth row in one vector, so that transposing them needs no lane to cross from group to group.
+    return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
 
-    def entry_of(value, origin, rate, most):
-        """The table entry (int32 lanes) of stored values, the first or the last for what lies outside."""
-        return ((value - origin) * rate).most(0.0).least(most).truncated()
 
-    @intrinsic
-    def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, entries, shares):
-        """The table entries of one block of samples of the scalar; how many samples lie in [``low``, ``high``].
+@intrinsic
+def classify_values(typing, table, entries, sampled):
+    """``sampled`` (4, BLOCK): extinction * RGB, extinction of the table's ``entries`` (BLOCK,)."""
 
-        ``sheet``: blocks of the scanlines at ``upper`` and ``lower``, ``down`` the fraction towards the latter.
-        ``origin``, ``rate`` and ``last``: stored value where the first entry begins, entries per stored value, number
-        of the transparent entry, which samples outside get.  Out: ``entries`` (BLOCK,) int32; ``shares`` as
-        ``look_between`` has them, for a slab of one sheet.
-        """
+    def generate(context, builder, signature, arguments):
+        table, entries, sampled = arguments
+        for number, plane in enumerate(rows_of(context, builder, *_both(signature, 0, table, 1, entries), 0)):
+            put_block(context, builder, signature.args[2], sampled, number, plane)
+        return context.get_dummy_value()
 
-        def generate(context, builder, signature, arguments):
-            sheet, upper, lower, down, low, high, origin, rate, last, entries, shares = arguments
-            down = Vector.spread(builder, down, BLOCK)
-            value = mixed_block(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-            low, high, origin, rate = (Vector.spread(builder, n, BLOCK) for n in (low, high, origin, rate))
-            inside = builder.and_(value.at_least(low), high.at_least(value))
-            final = Vector.spread(builder, last, BLOCK)
-            most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-            entry = entry_of(value, origin, rate, most).where(inside, final)
-            put_entries(context, builder, signature.args[9], entries, 0, entry)
-            one = Vector(builder, value.like(1.0))
-            for number in range(2):
-                put_block(context, builder, signature.args[10], shares, number, one)
-            return count_lanes(builder, inside, BLOCK)
+    return types.void(table, entries, sampled), generate
 
-        numbers = (types.float32,) * 5
-        return types.int64(sheet, types.intp, types.intp, *numbers, types.int32, entries, shares), generate
 
-    @intrinsic
-    def look_between(
-        typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high,
-        nearest, furthest, origin, rate, last, entries, spans, shares,
-    ):
-        """The table entries of one block of slabs between two sheets, the scalar linear in between.
+@intrinsic
+def classify_spans(typing, sums, spans, shares, sampled):
+    """Puts the mean over a span of entries into ``sampled`` where there is one; see ``look_between``."""
 
-        As ``look_up``; ``before``: the sheet before, likewise.  ``least``: what is below is no sample.  A slab of which
-        one end is none counts half, and has the value of the other.  ``nearest``, ``furthest``: stand for what lies
-        beyond.
-        Out: ``entries`` (BLOCK,) of the middle; ``spans`` (2, BLOCK) int32, entries from which and up to which the mean
-        is to be taken; ``shares`` (3, BLOCK) float32: of the slab that counts; of this sheet's light in it; and one
-        over the entries between, where they are more than SPAN, else 0.
-        Returns how many slabs show anything, plus 256 times of how many of those the mean is to be taken.
-        """
-
-        def generate(context, builder, signature, arguments):
-            sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
-            least, low, high, nearest, furthest, origin, rate, last, entries, spans, shares = arguments[8:]
-            sheet_type, before_type, entries_type, spans_type, shares_type = (
-                signature.args[n] for n in (0, 4, 16, 17, 18)
-            )
-            down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-            here = mixed_block(context, builder, sheet_type, sheet, upper, lower, down, 0)
-            there = mixed_block(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
-            least, low, high, nearest, furthest, origin, rate = (
-                Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
-            )
-            is_here, is_there = here.at_least(least), there.at_least(least)
-            one = Vector(builder, here.like(1.0))
-            half = Vector(builder, here.like(0.5))
-            zero = Vector(builder, here.like(0.0))
-            both, some = builder.and_(is_here, is_there), builder.or_(is_here, is_there)
-            counts = one.where(both, half)
-            light = half.where(both, one.where(is_here, zero))
-            first, second = there.where(is_there, here), here.where(is_here, there)
-            first, second = (value.most(nearest).least(furthest) for value in (first, second))
-            smallest, largest = first.least(second), first.most(second)
-            shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
-            final = Vector.spread(builder, last, BLOCK)
-            most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-            middle = (smallest + largest) * 0.5
-            inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
-            entry = entry_of(middle, origin, rate, most).where(inside, final)
-            width = (largest - smallest) * rate
-            wide = builder.and_(width.at_least(SPAN), shown)
-            whole = final.as_float()
-            ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
-            put_entries(context, builder, entries_type, entries, 0, entry)
-            for number, end in enumerate(ends):
-                put_entries(context, builder, spans_type, spans, number, end)
-            over = (one / width.most(1.0)).where(wide, 0.0)
-            for number, share in enumerate((counts, light, over)):
-                put_block(context, builder, shares_type, shares, number, share)
-            taken = count_lanes(builder, wide, BLOCK)
-            return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
-
-        numbers, places = (types.float32,), (types.intp, types.intp)
-        returned = types.int64(
-            sheet, *places, *numbers, before, *places, *numbers, *(numbers * 7), types.int32, entries, spans, shares
+    def generate(context, builder, signature, arguments):
+        sums, spans, shares, sampled = arguments
+        from_, to = (
+            rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
         )
-        return returned, generate
+        third = ir.Constant(ir.IntType(64), 2 * BLOCK)
+        over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
+        wide = over.at_least(1e-30)
+        for number, (first, second) in enumerate(zip(from_, to, strict=True)):
+            at = place(context, builder, signature.args[3], sampled, ir.Constant(ir.IntType(64), number * BLOCK))
+            so_far = Vector.load(builder, at, BLOCK)
+            ((second - first) * over).most(0.0).where(wide, so_far).store(at)
+        return context.get_dummy_value()
 
-    def rows_of(context, builder, table_type, table, indices_type, indices, number, first=None):
-        """Four planes: the rows of a table of four columns that begin so many bytes on as block ``number`` of
-        ``indices`` says."""
-        whole = place(context, builder, table_type, table, ir.Constant(ir.IntType(64), 0))
-        in_bytes = builder.bitcast(whole, ir.IntType(8).as_pointer())
+    return types.void(sums, spans, shares, sampled), generate
 
-        def row(i):
-            at = ir.Constant(ir.IntType(64), number * BLOCK + i)
-            at = at if first is None else builder.add(first, at)
-            start = builder.load(place(context, builder, indices_type, indices, at))
-            start = builder.gep(in_bytes, [builder.sext(start, at.type)])
-            return Vector.load(builder, builder.bitcast(start, whole.type), 4)
 
-        # Every fourth row in one vector, so that transposing them needs no lane to cross from group to group.
-        return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
+def _both(signature, first, first_value, second, second_value):
+    return signature.args[first], first_value, signature.args[second], second_value
 
-    @intrinsic
-    def classify_values(typing, table, entries, sampled):
-        """``sampled`` (4, BLOCK): extinction * RGB, extinction of the table's ``entries`` (BLOCK,)."""
 
-        def generate(context, builder, signature, arguments):
-            table, entries, sampled = arguments
-            for number, plane in enumerate(rows_of(context, builder, *_both(signature, 0, table, 1, entries), 0)):
-                put_block(context, builder, signature.args[2], sampled, number, plane)
-            return context.get_dummy_value()
+def lit(colors, samples, counts, planes, light):
+    """Colors times the light that falls on them, and highlights in proportion to the extinction ``samples``.
 
-        return types.void(table, entries, sampled), generate
+    ``counts``: how many ``planes`` of light and of highlight there are, none, one or three each; ``light(planes,
+    channel)``: one of them, as a vector.
+    """
+    matt, gloss = planes
+    if counts[0]:
+        shine = [light(matt, channel) for channel in range(counts[0])]
+        colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
+    if counts[1]:
+        shine = [light(gloss, channel) for channel in range(counts[1])]
+        colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
+    return colors
 
-    @intrinsic
-    def classify_spans(typing, sums, spans, shares, sampled):
-        """Puts the mean over a span of entries into ``sampled`` where there is one; see ``look_between``."""
 
-        def generate(context, builder, signature, arguments):
-            sums, spans, shares, sampled = arguments
-            from_, to = (
-                rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
-            )
-            third = ir.Constant(ir.IntType(64), 2 * BLOCK)
-            over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
-            wide = over.at_least(1e-30)
-            for number, (first, second) in enumerate(zip(from_, to, strict=True)):
-                at = place(context, builder, signature.args[3], sampled, ir.Constant(ir.IntType(64), number * BLOCK))
-                so_far = Vector.load(builder, at, BLOCK)
-                ((second - first) * over).most(0.0).where(wide, so_far).store(at)
-            return context.get_dummy_value()
+@intrinsic
+def composite_classified(
+    typing, sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt,
+    gloss, depth, deep, thickness, least, state, row, transmitted,
+):
+    """One block of slabs, classified, lit and composited over the row.
 
-        return types.void(sums, spans, shares, sampled), generate
+    ``sampled``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
+    ``matt`` and ``gloss``: tuples of the planes of the sheets that the color is multiplied by, and that are added
+    to it: none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
+    """
+    counts = (len(matt.types), len(gloss.types))
+    if any(count not in (0, 1, 3) for count in counts):
+        return None
 
-    def _both(signature, first, first_value, second, second_value):
-        return signature.args[first], first_value, signature.args[second], second_value
+    def generate(context, builder, signature, arguments):
+        sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
+        matt, gloss, depth, deep, thickness, least, state, row, transmitted = arguments[10:]
+        sampled_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
+        depth_type, state_type, transmitted_type = (signature.args[n] for n in (12, 16, 18))
 
-    def lit(colors, samples, counts, planes, light):
-        """Colors times the light that falls on them, and highlights in proportion to the extinction ``samples``.
+        def block(array_type, array, number):
+            at = place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK))
+            return Vector.load(builder, at, BLOCK)
 
-        ``counts``: how many ``planes`` of light and of highlight there are, none, one or three each; ``light(planes,
-        channel)``: one of them, as a vector.
-        """
-        matt, gloss = planes
-        if counts[0]:
-            shine = [light(matt, channel) for channel in range(counts[0])]
-            colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
-        if counts[1]:
-            shine = [light(gloss, channel) for channel in range(counts[1])]
-            colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
-        return colors
+        *colors, samples = (block(sampled_type, sampled, number) for number in range(4))
+        counted, here = block(shares_type, shares, 0), block(shares_type, shares, 1)
+        there = Vector(builder, here.like(1.0)) - here
+        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
 
-    @intrinsic
-    def composite_classified(
-        typing, sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt,
-        gloss, depth, deep, thickness, least, state, row, transmitted,
-    ):
-        """One block of slabs, classified, lit and composited over the row.
+        def light(planes, channel):
+            """A plane of light, mixed in each sheet and of both, whatever plane that is."""
+            plane = builder.extract_value(planes, channel)
+            offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
+            now = (builder.add(at, offset) for at in (upper, lower))
+            then = (builder.add(at, offset) for at in (upper_before, lower_before))
+            now = mixed_block(context, builder, sheet_type, sheet, *now, down, 0)
+            then = mixed_block(context, builder, before_type, before, *then, down_before, 0)
+            return now * here + then * there
 
-        ``sampled``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
-        ``matt`` and ``gloss``: tuples of the planes of the sheets that the color is multiplied by, and that are added
-        to it: none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
-        """
-        counts = (len(matt.types), len(gloss.types))
-        if any(count not in (0, 1, 3) for count in counts):
-            return None
-
-        def generate(context, builder, signature, arguments):
-            sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
-            matt, gloss, depth, deep, thickness, least, state, row, transmitted = arguments[10:]
-            sampled_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
-            depth_type, state_type, transmitted_type = (signature.args[n] for n in (12, 16, 18))
-
-            def block(array_type, array, number):
-                at = place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK))
-                return Vector.load(builder, at, BLOCK)
-
-            *colors, samples = (block(sampled_type, sampled, number) for number in range(4))
-            counted, here = block(shares_type, shares, 0), block(shares_type, shares, 1)
-            there = Vector(builder, here.like(1.0)) - here
-            down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-
-            def light(planes, channel):
-                """A plane of light, mixed in each sheet and of both, whatever plane that is."""
-                plane = builder.extract_value(planes, channel)
-                offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
-                now = (builder.add(at, offset) for at in (upper, lower))
-                then = (builder.add(at, offset) for at in (upper_before, lower_before))
-                now = mixed_block(context, builder, sheet_type, sheet, *now, down, 0)
-                then = mixed_block(context, builder, before_type, before, *then, down_before, 0)
-                return now * here + then * there
-
-            colors = lit(colors, samples, counts, (matt, gloss), light)
-            length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-            length = length * Vector.spread(builder, thickness, BLOCK) * counted
-            return composited(
-                context, builder, slab, colors, samples, length, least, state_type, state, row, transmitted_type,
-                transmitted,
-            )
-
-        places, number = (types.intp, types.intp), types.float32
-        returned = types.int64(
-            sampled, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
-            number, state, types.intp, transmitted,
+        colors = lit(colors, samples, counts, (matt, gloss), light)
+        length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+        length = length * Vector.spread(builder, thickness, BLOCK) * counted
+        return composited(
+            context, builder, slab, colors, samples, length, least, state_type, state, row, transmitted_type,
+            transmitted,
         )
-        return returned, generate
 
-else:  # never called: callers take the reference implementation
-
-    def place_inside(cells, fractions, to, start, scale, top): ...
-
-    def resample_plane(line, base, cells, fractions, first, sheet, at): ...
-
-    def look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares): ...
-
-    def look_between(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest,
-        furthest, origin, rate, last, entries, spans, shares,
-    ): ...
-
-    def classify_values(table, entries, sampled): ...
-
-    def classify_spans(sums, spans, shares, sampled): ...
-
-    def composite_classified(
-        sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt, gloss, depth,
-        deep, thickness, least, state, row, transmitted,
-    ): ...
+    places, number = (types.intp, types.intp), types.float32
+    returned = types.int64(
+        sampled, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
+        number, state, types.intp, transmitted,
+    )
+    return returned, generate

@@ -7,141 +7,138 @@ and written once for all of them.
 
 from __future__ import annotations
 
-from ..runtime.llvm import intrinsic, ir, numba, types
-from .pixel_block import BLOCK
+from ..runtime.llvm import intrinsic, ir, types
+from ..runtime.vectors import Vector, count_lanes, place
+from .pixel_block import BLOCK, TINY, counted, kind_of, laid_over, row_planes, slab, store_row
+from .scalar_block import entry_of, lit, put_block, put_entries, rows_of
 
 GROUP = 4  # sheets handled together: as many as the dearest preset has a voxel
 
-if numba is not None:
-    from ..runtime.vectors import Vector, count_lanes, place
-    from .pixel_block import TINY, counted, kind_of, laid_over, row_planes, slab, store_row
-    from .scalar_block import entry_of, lit, put_block, put_entries, rows_of
 
-    def _whole(number):
-        return ir.Constant(ir.IntType(64), number)
+def _whole(number):
+    return ir.Constant(ir.IntType(64), number)
 
-    def _element(context, builder, array_type, array, number):
-        return builder.load(place(context, builder, array_type, array, _whole(number)))
 
-    def _joined(blocks):
-        """The lanes of all vectors in one, which LLVM takes apart again: so that it puts the same step for all of them
-        side by side, and none waits for another."""
-        first, *others = blocks
-        for other in others:
-            padded = other.shuffle(other.value, [min(lane, other.count - 1) for lane in range(first.count)])
-            first = first.shuffle(padded.value, range(first.count + other.count))
-        return first
+def _element(context, builder, array_type, array, number):
+    return builder.load(place(context, builder, array_type, array, _whole(number)))
 
-    def _part(joined, number):
-        return joined.shuffle(joined.value, range(BLOCK * number, BLOCK * (number + 1)))
 
-    def _spread_each(context, builder, array_type, array):
-        """As ``_joined``: each of an array's numbers in the lanes of a block."""
-        numbers = (_element(context, builder, array_type, array, number) for number in range(GROUP))
-        return _joined([Vector.spread(builder, number, BLOCK) for number in numbers])
+def _joined(blocks):
+    """The lanes of all vectors in one, which LLVM takes apart again: so that it puts the same step for all of them
+    side by side, and none waits for another."""
+    first, *others = blocks
+    for other in others:
+        padded = other.shuffle(other.value, [min(lane, other.count - 1) for lane in range(first.count)])
+        first = first.shuffle(padded.value, range(first.count + other.count))
+    return first
 
-    def _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset=None):
-        """As ``_joined``: a plane of all sheets, of two scanlines mixed."""
-        sides = []
-        for side in range(2):
-            blocks = []
-            for number in range(GROUP):
-                which = builder.add(builder.mul(waiting, _whole(2 * GROUP)), _whole(2 * number + side))
-                at = builder.load(place(context, builder, places_type, places, which))
-                at = at if offset is None else builder.add(at, offset)
-                blocks.append(Vector.load(builder, place(context, builder, sheet_type, sheet, at), BLOCK))
-            sides.append(_joined(blocks))
-        above, below = sides
-        return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
 
-    @intrinsic
-    def look_up_group(typing, sheet, places, waiting, downs, low, high, origin, rate, last, entries):
-        """As ``scalar_block.look_up``, of GROUP sheets; how many samples of all lie in [``low``, ``high``].
+def _part(joined, number):
+    return joined.shuffle(joined.value, range(BLOCK * number, BLOCK * (number + 1)))
 
-        ``sheet``: all blocks of all sheets.  ``places`` (2 * GROUP,) int64: of each sheet where the blocks of its
-        scanlines are; ``downs`` (GROUP,) float32.  Out: ``entries`` (GROUP, BLOCK) int32, flat.
-        """
 
-        def generate(context, builder, signature, arguments):
-            sheet, places, waiting, downs, low, high, origin, rate, last, entries = arguments
-            sheet_type, places_type, _, downs_type = signature.args[:4]
-            lanes = GROUP * BLOCK
-            final = Vector.spread(builder, last, lanes)
-            most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-            low, high, origin, rate = (Vector.spread(builder, n, lanes) for n in (low, high, origin, rate))
-            down = _spread_each(context, builder, downs_type, downs)
-            value = _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down)
-            inside = builder.and_(value.at_least(low), high.at_least(value))
-            entry = entry_of(value, origin, rate, most).where(inside, final)
-            first = builder.mul(waiting, _whole(lanes))
-            put_entries(context, builder, signature.args[9], entries, 0, entry, first)
-            return count_lanes(builder, inside, lanes)
+def _spread_each(context, builder, array_type, array):
+    """As ``_joined``: each of an array's numbers in the lanes of a block."""
+    numbers = (_element(context, builder, array_type, array, number) for number in range(GROUP))
+    return _joined([Vector.spread(builder, number, BLOCK) for number in numbers])
 
-        numbers = (types.float32,) * 4
-        return types.int64(sheet, places, types.intp, downs, *numbers, types.int32, entries), generate
 
-    @intrinsic
-    def composite_group(
-        typing, table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness, least, state, row,
-        ahead,
-    ):
-        """GROUP slabs of a block, classified, lit and composited over the row, one behind the other.
+def _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset=None):
+    """As ``_joined``: a plane of all sheets, of two scanlines mixed."""
+    sides = []
+    for side in range(2):
+        blocks = []
+        for number in range(GROUP):
+            which = builder.add(builder.mul(waiting, _whole(2 * GROUP)), _whole(2 * number + side))
+            at = builder.load(place(context, builder, places_type, places, which))
+            at = at if offset is None else builder.add(at, offset)
+            blocks.append(Vector.load(builder, place(context, builder, sheet_type, sheet, at), BLOCK))
+        sides.append(_joined(blocks))
+    above, below = sides
+    return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
 
-        ``table``, ``entries``: of ``look_up_group``, as are ``sheet``, ``places`` and ``downs``.  ``thickness``
-        (GROUP,) float32.  Out: ``ahead`` (GROUP + 1, BLOCK), flat: the transmittance ahead of each slab, and behind the
-        last one.  The others, and what is returned: see ``scalar_block.composite_classified``.
-        """
-        counts = (len(matt.types), len(gloss.types))
-        if any(count not in (0, 1, 3) for count in counts):
-            return None
 
-        def generate(context, builder, signature, arguments):
-            table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness = arguments[:11]
-            least, state, row, ahead = arguments[11:]
-            table_type, entries_type, sheet_type, places_type, _, downs_type = signature.args[:6]
-            depth_type, thickness_type, state_type, ahead_type = (signature.args[n] for n in (8, 10, 12, 14))
-            kind = kind_of(state_type)
-            least = Vector.spread(builder, least, BLOCK).widened(kind)
-            first = builder.mul(waiting, _whole(GROUP * BLOCK))
-            rows = [
-                rows_of(context, builder, table_type, table, entries_type, entries, number, first)
-                for number in range(GROUP)
-            ]
-            *colors, samples = (_joined(planes) for planes in zip(*rows, strict=True))
-            down = _spread_each(context, builder, downs_type, downs) if any(counts) else None
+@intrinsic
+def look_up_group(typing, sheet, places, waiting, downs, low, high, origin, rate, last, entries):
+    """As ``scalar_block.look_up``, of GROUP sheets; how many samples of all lie in [``low``, ``high``].
 
-            def light(planes, channel):
-                """A plane of light, whatever plane that is."""
-                plane = builder.extract_value(planes, channel)
-                offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
-                return _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset)
+    ``sheet``: all blocks of all sheets.  ``places`` (2 * GROUP,) int64: of each sheet where the blocks of its
+    scanlines are; ``downs`` (GROUP,) float32.  Out: ``entries`` (GROUP, BLOCK) int32, flat.
+    """
 
-            colors = lit(colors, samples, counts, (matt, gloss), light)
-            length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-            length = _joined([length] * GROUP) * _spread_each(context, builder, thickness_type, thickness)
-            colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
-            absorbed, passed, divisor = slab(samples, length, Vector(builder, length.like(1.0)))
-            gain = absorbed / divisor.most(TINY)
-            *so_far, transmittance = row_planes(context, builder, state_type, state, row)
-            for number in range(GROUP):
-                put_block(context, builder, ahead_type, ahead, number, transmittance)
-                parts = (_part(joined, number) for joined in (gain, passed, absorbed))
-                behind = [_part(color, number) for color in colors]
-                so_far, transmittance = laid_over(*parts, so_far, transmittance, behind, least)
-            put_block(context, builder, ahead_type, ahead, GROUP, transmittance)
-            store_row(context, builder, (*so_far, transmittance), state_type, state, row)
-            return counted(builder, transmittance, least)
+    def generate(context, builder, signature, arguments):
+        sheet, places, waiting, downs, low, high, origin, rate, last, entries = arguments
+        sheet_type, places_type, _, downs_type = signature.args[:4]
+        lanes = GROUP * BLOCK
+        final = Vector.spread(builder, last, lanes)
+        most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
+        low, high, origin, rate = (Vector.spread(builder, n, lanes) for n in (low, high, origin, rate))
+        down = _spread_each(context, builder, downs_type, downs)
+        value = _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down)
+        inside = builder.and_(value.at_least(low), high.at_least(value))
+        entry = entry_of(value, origin, rate, most).where(inside, final)
+        first = builder.mul(waiting, _whole(lanes))
+        put_entries(context, builder, signature.args[9], entries, 0, entry, first)
+        return count_lanes(builder, inside, lanes)
 
-        returned = types.int64(
-            table, entries, sheet, places, types.intp, downs, matt, gloss, depth, types.intp, thickness, types.float32,
-            state, types.intp, ahead,
-        )
-        return returned, generate
+    numbers = (types.float32,) * 4
+    return types.int64(sheet, places, types.intp, downs, *numbers, types.int32, entries), generate
 
-else:  # never called: callers take the reference implementation
 
-    def look_up_group(sheet, places, waiting, downs, low, high, origin, rate, last, entries): ...
+@intrinsic
+def composite_group(
+    typing, table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness, least, state, row,
+    ahead,
+):
+    """GROUP slabs of a block, classified, lit and composited over the row, one behind the other.
 
-    def composite_group(
-        table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness, least, state, row, ahead
-    ): ...
+    ``table``, ``entries``: of ``look_up_group``, as are ``sheet``, ``places`` and ``downs``.  ``thickness``
+    (GROUP,) float32.  Out: ``ahead`` (GROUP + 1, BLOCK), flat: the transmittance ahead of each slab, and behind the
+    last one.  The others, and what is returned: see ``scalar_block.composite_classified``.
+    """
+    counts = (len(matt.types), len(gloss.types))
+    if any(count not in (0, 1, 3) for count in counts):
+        return None
+
+    def generate(context, builder, signature, arguments):
+        table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness = arguments[:11]
+        least, state, row, ahead = arguments[11:]
+        table_type, entries_type, sheet_type, places_type, _, downs_type = signature.args[:6]
+        depth_type, thickness_type, state_type, ahead_type = (signature.args[n] for n in (8, 10, 12, 14))
+        kind = kind_of(state_type)
+        least = Vector.spread(builder, least, BLOCK).widened(kind)
+        first = builder.mul(waiting, _whole(GROUP * BLOCK))
+        rows = [
+            rows_of(context, builder, table_type, table, entries_type, entries, number, first)
+            for number in range(GROUP)
+        ]
+        *colors, samples = (_joined(planes) for planes in zip(*rows, strict=True))
+        down = _spread_each(context, builder, downs_type, downs) if any(counts) else None
+
+        def light(planes, channel):
+            """A plane of light, whatever plane that is."""
+            plane = builder.extract_value(planes, channel)
+            offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
+            return _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset)
+
+        colors = lit(colors, samples, counts, (matt, gloss), light)
+        length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+        length = _joined([length] * GROUP) * _spread_each(context, builder, thickness_type, thickness)
+        colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
+        absorbed, passed, divisor = slab(samples, length, Vector(builder, length.like(1.0)))
+        gain = absorbed / divisor.most(TINY)
+        *so_far, transmittance = row_planes(context, builder, state_type, state, row)
+        for number in range(GROUP):
+            put_block(context, builder, ahead_type, ahead, number, transmittance)
+            parts = (_part(joined, number) for joined in (gain, passed, absorbed))
+            behind = [_part(color, number) for color in colors]
+            so_far, transmittance = laid_over(*parts, so_far, transmittance, behind, least)
+        put_block(context, builder, ahead_type, ahead, GROUP, transmittance)
+        store_row(context, builder, (*so_far, transmittance), state_type, state, row)
+        return counted(builder, transmittance, least)
+
+    returned = types.int64(
+        table, entries, sheet, places, types.intp, downs, matt, gloss, depth, types.intp, thickness, types.float32,
+        state, types.intp, ahead,
+    )
+    return returned, generate

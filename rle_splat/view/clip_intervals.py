@@ -13,8 +13,9 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
 from ..volume.axes import AXES
+from . import reference
 from .base_plane import BasePlane
-from .ray_intervals import MOST
+from .reference import MOST
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = 
     sides, bodies = np.concatenate((cuts.kept, *cuts.holes)), np.cumsum((len(cuts.kept), *map(len, cuts.holes)))
     crossings = _crossings(plane, sides)
     if not compiled():
-        return _clip_numpy(crossings, bodies, intervals)
+        return reference.clip(crossings, bodies, intervals)
     found = np.empty((2 * len(bodies), *intervals.shape[1:]), np.float32)
     has_hole = np.zeros((plane.height, len(bodies)), np.bool_)
     with parallel_call(threads):
@@ -196,59 +197,3 @@ def _take_holes(into, out, has_hole):
             if into[hole, u] < out[hole, u]:
                 has_hole[hole] = True
         into[0, u], out[0, u] = begin, end
-
-
-def _clip_numpy(crossings, bodies, intervals) -> np.ndarray:
-    """Reference implementation of ``_clip_rows``, without the holes that no ray has."""
-    begin, end = (bound.astype(np.float64) for bound in intervals)
-    ways = [_stretch_within(*(part[first:last] for part in crossings)) for first, last in zip((0, *bodies), bodies)]
-    begin, end = np.maximum(begin, ways[0][0]), np.minimum(end, ways[0][1])
-    holes = np.empty((0, 2, *begin.shape))
-    if len(bodies) > 1:
-        begin, end, holes = _without_holes(begin, end, *(np.stack(ends) for ends in zip(*ways[1:])))
-    nothing = ~(begin < end)
-    begin[nothing], end[nothing] = -MOST, -MOST
-    found = np.concatenate((np.stack((begin, end)), holes.reshape(-1, *begin.shape)))
-    return np.clip(found, -MOST, MOST).astype(np.float32)
-
-
-def _stretch_within(column_rate, column_zero, row_rate, row_zero) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W), (H, W) float64: where each ray enters and leaves an intersection of half-spaces.
-
-    A ray that misses it has begin > end.
-    """
-    shape = row_rate.shape[1], column_rate.shape[1]
-    begin, end = np.full(shape, -np.inf), np.full(shape, np.inf)
-    for side in range(len(column_rate)):
-        per_voxel = column_rate[side] + row_rate[side, :, None]
-        at_zero = column_zero[side] + row_zero[side, :, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            crossing = -at_zero / per_voxel
-        np.minimum(end, crossing, out=end, where=per_voxel > 0.0)
-        np.maximum(begin, crossing, out=begin, where=per_voxel < 0.0)
-        end[(per_voxel == 0.0) & (at_zero > 0.0)] = -np.inf
-    return begin, end
-
-
-def _without_holes(begin, end, into, out):
-    """Reference implementation of ``_take_holes``.
-
-    ``begin``, ``end`` (H, W): of the rays; ``into``, ``out`` (n, H, W): of the holes. Returns the shortened rays, and
-    (holes, 2, H, W) the holes that remain inside any ray, separated.
-    """
-    into, out = np.where(into < out, into, np.inf), np.where(into < out, out, np.inf)  # empty holes sort last
-    order = np.argsort(into, axis=0, kind="stable")
-    into, out = np.take_along_axis(into, order, 0), np.take_along_axis(out, order, 0)
-    reached = begin
-    for hole in range(len(into)):
-        at_front = into[hole] <= begin
-        begin = np.where(at_front, np.maximum(begin, out[hole]), begin)
-        reached = np.maximum(reached, begin)
-        into[hole] = np.maximum(into[hole], reached)
-        out[hole] = reached = np.maximum(out[hole], into[hole])
-    for hole in reversed(range(len(into))):
-        at_back = (out[hole] >= end) & (into[hole] < out[hole])
-        end = np.where(at_back, np.minimum(end, into[hole]), end)
-        into[hole][at_back] = out[hole][at_back] = np.inf
-    some = (into < out).any(axis=(1, 2))
-    return begin, end, np.stack((into, out), axis=1)[some]

@@ -7,12 +7,10 @@ import numpy as np
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.axes import AXES
+from . import reference
 from .base_plane import BasePlane
 from .eye import IndexView
-
-# Depths of neighboring pixels lie on one surface if they differ by less than this fraction of their mean.
-SAME_SURFACE = np.float32(0.02)
-MOST = float(np.finfo(np.float32).max)
+from .reference import MOST, SAME_SURFACE
 
 
 def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
@@ -65,20 +63,13 @@ def ray_intervals(
     intervals = np.empty((2, plane.height, plane.width), np.float32)
     if layer is not None:
         layer = read_only(np.ascontiguousarray(layer, np.float32))
+    picture = plane.view.width - 1.0, plane.view.height - 1.0
+    arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, intervals)
     if compiled():
-        picture = plane.view.width - 1.0, plane.view.height - 1.0
-        arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, intervals)
         with parallel_call(threads):
             find_intervals(plane.height, arguments)
-        return intervals
-    at_zero, per_voxel = (columns[n] + rows[n][:, None] for n in (3, 4))
-    end = np.full(at_zero.shape, furthest)
-    if layer is not None:
-        end = np.minimum(end, _sampled(layer, first_pixel, *_picture_positions(plane, columns, rows)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        intervals[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
-    sideways = ~(per_voxel > 0.0)  # never visible: the ray runs across or against the camera's axis
-    intervals[0][sideways], intervals[1][sideways] = -MOST, MOST
+    else:
+        reference.find_intervals(*arguments)
     return intervals
 
 
@@ -141,7 +132,7 @@ def _within(position, last):
 
 @inner_loop
 def _sample(layer, left, top, column, row):
-    """Kernel of ``_sampled``, for one position."""
+    """Value of the layer at one position: as ``reference._sampled``."""
     c, r = int(column), int(row)
     c0, r0 = c - left, r - top
     c1, r1 = min(c0 + 1, layer.shape[1] - 1), min(r0 + 1, layer.shape[0] - 1)
@@ -155,38 +146,9 @@ def _sample(layer, left, top, column, row):
 
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom) of the picture's pixels at which ``ray_intervals`` reads a layer for this plane."""
-    column, row = _picture_positions(plane, *_along_and_across(plane))
+    ends = plane.view.width - 1.0, plane.view.height - 1.0
+    column, row = reference.picture_positions(*ends, *_along_and_across(plane))
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
-
-
-def _picture_positions(plane: BasePlane, columns, rows) -> tuple[np.ndarray, np.ndarray]:
-    """Column and row (H, W) of each sheet pixel in the picture, from the center of its first pixel, clamped.
-
-    ``columns``, ``rows``: of ``_along_and_across``.
-    """
-    a, b, c = (columns[n] + rows[n][:, None] for n in range(3))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        column = np.clip(np.nan_to_num(a / c) - 0.5, 0.0, plane.view.width - 1.0)
-        row = np.clip(np.nan_to_num(b / c) - 0.5, 0.0, plane.view.height - 1.0)
-    return column, row
-
-
-def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
-    """The layer at positions in the picture: bilinear within one surface, the nearest pixel elsewhere."""
-    height, width = layer.shape
-    left, top = first_pixel
-    whole_column, whole_row = column.astype(np.intp), row.astype(np.intp)
-    c0, r0 = whole_column - left, whole_row - top
-    c1, r1 = np.minimum(c0 + 1, width - 1), np.minimum(r0 + 1, height - 1)
-    corners = layer[r0, c0], layer[r0, c1], layer[r1, c0], layer[r1, c1]
-    least = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
-    most = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
-    with np.errstate(invalid="ignore"):
-        smooth = np.isfinite(most) & (most - least <= SAME_SURFACE * np.abs(most))
-        fc, fr = column - whole_column, row - whole_row
-        linear = (1 - fr) * ((1 - fc) * corners[0] + fc * corners[1]) + fr * ((1 - fc) * corners[2] + fc * corners[3])
-    nearest = layer[(row + 0.5).astype(np.intp) - top, (column + 0.5).astype(np.intp) - left]
-    return np.where(smooth, linear, nearest)
 
 
 def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from . import reference
 
 # Voxels of a block along each axis: small enough to follow a surface, and a whole number of cache lines along x.
 BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
@@ -113,7 +114,7 @@ def block_steps(volume, *, threads: int = 0):
             with parallel_call(threads):
                 _extremes(*arguments)
         else:
-            _extremes_numpy(*arguments)
+            reference.find_extremes(*arguments, (BLOCK_Z, BLOCK_Y, BLOCK_X))
     return Blocks(low, high, int(nan_voxels.sum()))
 
 
@@ -151,19 +152,3 @@ def _rows_of_blocks(begin, end, voxels, most, least, low, high, nan_voxels):
                 highest = largest[x] if largest[x] > highest else highest
             low[k, j, b] = lowest
             high[k, j, b] = highest
-
-
-def _extremes_numpy(voxels, most, least, low, high, nan_voxels):
-    """Reference implementation of ``_extremes``."""
-    starts = [np.arange(0, n, size) for n, size in zip(voxels.shape, (BLOCK_Z, BLOCK_Y, BLOCK_X))]
-    nan = np.isnan(voxels) if voxels.dtype.kind == "f" else None
-    for reduce, filling, out in ((np.minimum, most, low), (np.maximum, least, high)):
-        reduced = voxels if nan is None else np.where(nan, filling, voxels)
-        for axis in (2, 1, 0):
-            reduced = reduce.reduceat(reduced, starts[axis], axis=axis)
-        out[...] = reduced
-    if nan is None:
-        nan_voxels[...] = 0
-    else:
-        per_row = nan.sum(axis=2)
-        nan_voxels[...] = np.add.reduceat(np.add.reduceat(per_row, starts[1], axis=1), starts[0], axis=0)

@@ -17,11 +17,11 @@ import numpy as np
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from . import reference
+from .reference import SMOOTHING
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # machine epsilons per voxel
-SMOOTHING = 16.0  # sum of the smoothing weights; a difference spans 2 voxels, or 1 at a face
-CHUNK = 1 << 18  # voxels that the reference implementation processes at once
 GAP = 64  # columns: hidden voxels between visible ones up to this width are computed too, which beats a new stretch
 AT_ONCE = 16  # columns tested together
 
@@ -67,7 +67,7 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
             else:
                 _central(voxels, lists, covector, floor, normals)
     else:
-        _normals_numpy(voxels, lists, covector, floor, is_integer, normals)
+        reference.find_normals(voxels, lists, covector, floor, is_integer, normals)
     return normals.T
 
 
@@ -228,74 +228,3 @@ def _central_row(voxels, row, column, covector, floor, normals):
         largest = max(max(abs(ax), abs(bx)), max(abs(ay), abs(by)), max(abs(az), abs(bz)))
         gx, gy, gz = (bx - ax) / max(x1 - x0, 1), (by - ay) / max(y1 - y0, 1), (bz - az) / max(z1 - z0, 1)
         normals[0, i], normals[1, i], normals[2, i] = _unit(gx, gy, gz, floor * largest, covector)
-
-
-# --- reference implementations ----------------------------------------------------------------------------------
-
-
-def _normals_numpy(voxels, lists, covector, floor, is_integer, normals):
-    """Reference implementation of both kernels, in chunks of voxels."""
-    row_start, column = lists
-    _, n_y, _ = voxels.shape
-    for begin in range(0, len(column), CHUNK):
-        wanted = np.arange(begin, min(begin + CHUNK, len(column)))
-        row = np.searchsorted(row_start, wanted, side="right") - 1
-        index = (row // n_y, row % n_y, column[wanted].astype(np.int64))
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            gradient, largest = (_sobel_numpy if is_integer else central_numpy)(voxels, index)
-            world = np.einsum("ni,ji->nj", gradient, covector)  # its sums do not depend on how many there are
-            length = np.sqrt((world**2).sum(axis=1))
-            keep = ((gradient**2).sum(axis=1) > (floor * largest) ** 2) & (length > 0.0) & (length < np.inf)
-            normals[:, wanted] = np.where(keep, world.T / length, 0.0)
-
-
-def _neighbors(index, shape, axis):
-    """Index arrays of the neighbors before and after along array ``axis``, and the (m,) distance between them."""
-    before, after = list(index), list(index)
-    before[axis] = np.maximum(index[axis] - 1, 0)
-    after[axis] = np.minimum(index[axis] + 1, shape[axis] - 1)
-    return tuple(before), tuple(after), np.maximum(after[axis] - before[axis], 1)
-
-
-def central_numpy(voxels, index):
-    """Gradient by central differences at selected voxels.
-
-    Parameters
-    ----------
-    voxels : (nz, ny, nx) ndarray
-    index : tuple of three (m,) ndarrays of int64
-        z, y, x of the selected voxels.
-
-    Returns
-    -------
-    gradient : (m, 3) ndarray of float64
-        x, y, z components, in stored values per voxel step.
-    largest : (m,) ndarray of float64
-        Largest absolute value among the neighbors.
-    """
-    here = voxels[index].astype(np.float64)
-    gradient, largest = np.empty((len(here), 3)), np.zeros(len(here))
-    for axis, component in ((2, 0), (1, 1), (0, 2)):
-        before, after, span = _neighbors(index, voxels.shape, axis)
-        a, b = (voxels[neighbor].astype(np.float64) for neighbor in (before, after))
-        a, b = np.where(np.isfinite(a), a, here), np.where(np.isfinite(b), b, here)
-        gradient[:, component] = (b - a) / span
-        largest = np.maximum(largest, np.maximum(np.abs(a), np.abs(b)))
-    return gradient, largest
-
-
-def _sobel_numpy(voxels, index):
-    """As ``central_numpy``, by Sobel's operator; the largest value is 1, since the floor is in stored steps."""
-    gradient = np.zeros((len(index[0]), 3))
-    steps = [_neighbors(index, voxels.shape, axis) for axis in range(3)]
-    for c in (-1, 0, 1):
-        for b in (-1, 0, 1):
-            for a in (-1, 0, 1):
-                at = tuple(steps[axis][0 if d < 0 else 1][axis] if d else index[axis]
-                           for axis, d in enumerate((c, b, a)))
-                value = voxels[at].astype(np.float64)
-                wa, wb, wc = 2 - abs(a), 2 - abs(b), 2 - abs(c)
-                gradient += value[:, None] * (a * wb * wc, b * wa * wc, c * wa * wb)
-    for axis, component in ((2, 0), (1, 1), (0, 2)):
-        gradient[:, component] /= SMOOTHING * steps[axis][2]
-    return gradient, 1.0

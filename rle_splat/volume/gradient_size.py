@@ -10,7 +10,7 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from .gradient import CHUNK, central_numpy
+from . import reference
 
 
 def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads: int = 0) -> np.ndarray:
@@ -36,15 +36,9 @@ def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads
     if compiled():
         with parallel_call(threads):
             _measure(voxels, read_only(row_start), read_only(column), tuple(covector.ravel().tolist()), sizes)
-        return sizes
-    _, n_y, _ = voxels.shape
-    for begin in range(0, len(column), CHUNK):
-        wanted = np.arange(begin, min(begin + CHUNK, len(column)))
-        row = np.searchsorted(row_start, wanted, side="right") - 1
-        with np.errstate(invalid="ignore", over="ignore"):
-            gradient, _ = central_numpy(voxels, (row // n_y, row % n_y, column[wanted].astype(np.int64)))
-            sizes[wanted] = np.sqrt(((gradient @ covector.T) ** 2).sum(axis=1))
-    return np.nan_to_num(sizes, copy=False, nan=0.0)
+    else:
+        reference.measure_gradients(voxels, row_start, column, covector, sizes)
+    return sizes
 
 
 @kernel

@@ -7,10 +7,9 @@ import numpy as np
 from ..runtime.jit import kernel, parallel_call
 from ..runtime.parallel import share_out
 from ..scene import NO_DEPTH
+from .reference import SAME_SURFACE
 from .taps import tap2x2, tap4x4
 
-# Half depths that differ by more than this many voxels belong to different surfaces and are not interpolated.
-SAME_SURFACE = 2.0
 ROWS = 8  # rows of the picture per band
 STRETCH = 64  # pixels of a row whose sheet positions are computed together, as vectors
 

@@ -18,12 +18,8 @@ import numpy as np
 
 from ..runtime.jit import kernel, parallel_call
 from ..runtime.parallel import share_out
+from .reference import FACTORS, GAIN, MARGIN
 
-# Samples on each side on which a coefficient depends, along each axis: 1 + 2 + 4 + 8.
-MARGIN = 15
-FACTORS = tuple((1 << n, np.float32(c)) for n, c in enumerate((-1.0 / 4.0, 1.0 / 14.0, 1.0 / 194.0, 1.0 / 37634.0)))
-# The gain g of both axes: a constant image equals its coefficients.
-GAIN = np.float32(np.prod([1.0 + 2.0 * float(weight) for _, weight in FACTORS]) ** -2)
 ROWS, COLUMNS = 16, 8  # per worker at once: few enough for its cache, and columns of whole cache lines
 ONE = np.float32(1.0)
 
@@ -120,16 +116,3 @@ def spline_coefficients(pixels, rows, columns, coefficients, threads=0):
         lanes = 4 * COLUMNS
         across = target, 0, lanes, target, 1, lanes, pitch, pitch, height, lanes, False, GAIN
         _filter_lines(-(-width // COLUMNS), across)
-
-
-def spline_coefficients_numpy(pixels, rows, columns, coefficients):
-    """Reference implementation of ``spline_coefficients``."""
-    lines = pixels[rows, columns].copy()
-    lines[..., 3] = 1 - lines[..., 3]
-    for axis in (1, 0):
-        edges = [(MARGIN, MARGIN) if a == axis else (0, 0) for a in range(3)]
-        lines = np.moveaxis(np.pad(lines, edges, mode="edge"), axis, 0)
-        for stride, weight in FACTORS:
-            lines = lines[stride:-stride] + weight * (lines[: -2 * stride] + lines[2 * stride :])
-        lines = np.moveaxis(lines, 0, axis)
-    np.multiply(GAIN, lines, out=coefficients)

@@ -11,8 +11,8 @@ import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
+from . import reference
 
-AROUND = 1  # distance to the neighbors with which a pixel is compared
 CHANNELS = 4
 TILE = 16  # pixels along each side
 # Steep pixels of a tile that always count, and how many a whole frame may have if that is more. Measured at 512 x 512:
@@ -54,7 +54,7 @@ def steep_pixels(
         with parallel_call(threads):
             _spread(rgba.reshape(len(rgba), -1), spread)
     else:
-        spread[...] = (_extreme(rgba, np.maximum) - _extreme(rgba, np.minimum)).max(axis=-1)
+        reference.find_spread(rgba, spread)
     steep = spread >= np.float32(threshold)
     _leave_the_steepest(steep, spread, most, first_pixel)
     return steep
@@ -76,16 +76,6 @@ def _leave_the_steepest(steep, spread, most: int, first_pixel) -> None:
         kept = np.zeros(by_tile.shape, bool)
         np.put_along_axis(kept, np.argsort(-by_tile, axis=1, kind="stable")[:, :most], True, axis=1)
         steep[rows] &= kept.reshape(tiles, TILE, TILE).swapaxes(0, 1).reshape(padded.shape)[part]
-
-
-def _extreme(rgba, choose):
-    """Extreme of each pixel and its neighbors, per channel; ``choose``: np.minimum or np.maximum."""
-    for axis in (0, 1):
-        widths = [(0, 0)] * 3
-        widths[axis] = (AROUND, AROUND)
-        padded = np.moveaxis(np.pad(rgba, widths, mode="edge"), axis, 0)
-        rgba = np.moveaxis(choose(choose(padded[:-2], padded[1:-1]), padded[2:]), 0, axis)
-    return rgba
 
 
 @kernel

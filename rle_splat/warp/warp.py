@@ -9,10 +9,11 @@ from ..runtime.jit import compiled
 from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
+from . import reference
 from .filters import is_prefiltered, table_of, taps_of
+from .reference import MARGIN, clear
 from .resample import resample, shown_in
-from .resample_numpy import clear, resample_numpy
-from .spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
+from .spline_prefilter import spline_coefficients
 
 PIXELS_AT_ONCE = 300_000  # of the picture, between two steps: some ten milliseconds' work
 TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
@@ -91,7 +92,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
                 window = shown_in(from_sheets[number], size, part_origin, depth[some].shape, at)
                 resample(window, filled, reach, *arguments, quality.threads)
             else:
-                resample_numpy(*arguments)
+                reference.resample(*arguments)
     return rgba, depth
 
 
@@ -101,7 +102,7 @@ def _coefficients(pixels, rows: slice, columns: slice, quality: Quality):
     if compiled():
         spline_coefficients(pixels, rows, columns, coefficients, quality.threads)
     else:
-        spline_coefficients_numpy(pixels, rows, columns, coefficients)
+        reference.find_coefficients(pixels, rows, columns, coefficients)
     return coefficients
 
 

@@ -292,6 +292,9 @@ def test_records_of_fewer_bytes(encoded, picture, call, tmp_path, voxels, record
     assert np.array_equal(found, expected)
     result = call("render", path, "-o", tmp_path / "x.npy", "--record", "8" if record != "8" else "16")
     assert result.code == 2 and f"records of {record} bytes" in result.err
+    if record == "8":
+        result = call("render", path, "-o", tmp_path / "x.npy", "--size", "8", "--record", "6")
+        assert result.code == 0 and "The record 6 was removed; 8 is used instead." in result.out
     result = call("encode", path, "-o", tmp_path / "x.rle", "--record", "7")
     assert result.code == 2 and "16, 8 bytes" in result.err
 

@@ -15,7 +15,8 @@ import pytest
 
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.effects.depth_layers import REACH
-from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
+from rle_splat.encode.packing import pack
+from rle_splat.encode.records import decoding_of, empty_records, unpack
 from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality

@@ -9,7 +9,8 @@ from rle_splat.classify.transfer_function import Shade
 from rle_splat.runtime.jit import compiled, kernel, use_reference
 from rle_splat.scene import Light
 from rle_splat.shade.lighting import Shadows, lighting
-from rle_splat.shade.normal_light import ONE, SHARPEST, coded_normals, light_of_normals_numpy, normal_light
+from rle_splat.shade.normal_light import ONE, SHARPEST, coded_normals, normal_light
+from rle_splat.splat.reference.lamps import light_of_normals
 from rle_splat.splat.scalar_scanline import put_lamps
 from rle_splat.splat.scalar_splat import kernel_light_planes
 
@@ -80,12 +81,12 @@ def test_the_kernel_makes_the_light_of_the_reference(name):
         (2, 3, 8, 300, (0.5, 0.5)), (89, 1, 13, 14, (0.5, 0.5)),
     ):  # fmt: skip
         found = made(light, lamps, to, count, voxel, far_voxel, weights)
-        expected = weights[0] * light_of_normals_numpy(
+        expected = weights[0] * light_of_normals(
             lamps, light.channels, lamps.normals[:, voxel : voxel + count], (to, 3, 2)
         )
         if weights[1]:
             far = lamps.normals[:, far_voxel : far_voxel + count]
-            expected = expected + weights[1] * light_of_normals_numpy(lamps, light.channels, far, (to, 3, 3))
+            expected = expected + weights[1] * light_of_normals(lamps, light.channels, far, (to, 3, 3))
         np.testing.assert_allclose(found, expected, rtol=2e-5, atol=2e-5)
         assert found.std() > 0.01 or count < 4
 

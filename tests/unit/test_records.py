@@ -10,7 +10,8 @@ from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.records import decoding_of, empty_records, pack, unpack
+from rle_splat.encode.packing import pack
+from rle_splat.encode.records import decoding_of, empty_records, unpack
 from rle_splat.encode.store import load, save
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode_scene

@@ -14,7 +14,7 @@ from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Camera, Light, Quality, Scene
-from rle_splat.shade.normal_light import light_of_normals_numpy
+from rle_splat.splat.reference.lamps import light_of_normals
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
 from tests.ways import NUMPY, both
@@ -219,7 +219,7 @@ def light_of(scene, **machine):
     else:
         channels, normals = table.lights.shape[1], table.lamps.normals.T
         found = {
-            index: light_of_normals_numpy(table.lamps, channels, normal[:, None], index[::-1])[0]
+            index: light_of_normals(table.lamps, channels, normal[:, None], index[::-1])[0]
             for index, normal in decoded(table, normals).items()
         }
     return tuple(np.array(list(found)).T), np.array(list(found.values())), table

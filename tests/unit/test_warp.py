@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from rle_splat.scene import WARP_FILTERS
+from rle_splat.warp import reference
 from rle_splat.warp.filters import POLYNOMIALS, is_prefiltered, table_of, taps_of
+from rle_splat.warp.reference import MARGIN
 from rle_splat.warp.resample import resample, shown_in
-from rle_splat.warp.resample_numpy import resample_numpy
-from rle_splat.warp.spline_prefilter import MARGIN, spline_coefficients, spline_coefficients_numpy
+from rle_splat.warp.spline_prefilter import spline_coefficients
 
-PREFILTERS = [spline_coefficients, spline_coefficients_numpy]
+PREFILTERS = [spline_coefficients, reference.find_coefficients]
 
 
 def resample_window(pixels, half, sheet_origin, to_sheet, *others, threads=0):
@@ -23,7 +24,7 @@ def resample_window(pixels, half, sheet_origin, to_sheet, *others, threads=0):
     resample(window, filled, 0, pixels, half, sheet_origin, to_sheet, *others, threads=threads)
 
 
-RESAMPLERS = [resample_window, resample_numpy]
+RESAMPLERS = [resample_window, reference.resample]
 
 
 def coefficients_of(prefilter, image, rows=None, columns=None):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...shade.normal_light import light_of_normals_numpy
 from ...view.depth_rules import BEGINS, BETWEEN, OWN
 from ..intermediate_image import note_filled
 from ..pixel_block import accumulator
 from ..ray_sums import HALF
 from ..scalar_block import SPAN
 from ..scalar_scanline import NOT_KEPT
+from .lamps import light_of_normals
 from .sheet_buffer import composite_numpy, fade_added_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
@@ -37,7 +37,7 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
             dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
             if tables.lights is not None and len(tables.lights) == 0:
                 normals = tables.lamps.normals[:, voxel : voxel + count]
-                dense[j, x : x + count, 1:] = light_of_normals_numpy(tables.lamps, channels - 1, normals, (x, j, k))
+                dense[j, x : x + count, 1:] = light_of_normals(tables.lamps, channels - 1, normals, (x, j, k))
             elif tables.lights is not None:
                 bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
                 dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)

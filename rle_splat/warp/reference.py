@@ -1,4 +1,7 @@
-"""Reference implementation of ``resample``."""
+"""The kernels of this folder once more in numpy, to be read, to run where numba is missing, and to test against.
+
+The warp of sheets to the picture, its spline prefilter (algorithm.md 1.9), and the pixels that get rays (1.14).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,15 @@ import numpy as np
 
 from ..scene import NO_DEPTH
 from ..view.principal_axis import dominant_axis
-from .resample import SAME_SURFACE
+
+# Half depths that differ by more than this many voxels belong to different surfaces and are not interpolated.
+SAME_SURFACE = 2.0
+AROUND = 1  # distance to the neighbors with which a pixel is compared
+# Samples on each side on which a coefficient depends, along each axis: 1 + 2 + 4 + 8.
+MARGIN = 15
+FACTORS = tuple((1 << n, np.float32(c)) for n, c in enumerate((-1.0 / 4.0, 1.0 / 14.0, 1.0 / 194.0, 1.0 / 37634.0)))
+# The gain g of both axes: a constant image equals its coefficients.
+GAIN = np.float32(np.prod([1.0 + 2.0 * float(weight) for _, weight in FACTORS]) ** -2)
 
 
 def _product(matrix, values):
@@ -30,7 +41,7 @@ def clear(rgba, depth):
     depth[...] = NO_DEPTH
 
 
-def resample_numpy(
+def resample(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth,
 ):
@@ -79,3 +90,31 @@ def resample_numpy(
     here = np.isfinite(at_half)
     found[here] = at_zero[here] + at_half[here] * per_voxel[here]
     depth[mine] = found
+
+
+def find_coefficients(pixels, rows, columns, coefficients):
+    """Spline coefficients of color and alpha, as ``spline_prefilter.spline_coefficients``."""
+    lines = pixels[rows, columns].copy()
+    lines[..., 3] = 1 - lines[..., 3]
+    for axis in (1, 0):
+        edges = [(MARGIN, MARGIN) if a == axis else (0, 0) for a in range(3)]
+        lines = np.moveaxis(np.pad(lines, edges, mode="edge"), axis, 0)
+        for stride, weight in FACTORS:
+            lines = lines[stride:-stride] + weight * (lines[: -2 * stride] + lines[2 * stride :])
+        lines = np.moveaxis(lines, 0, axis)
+    np.multiply(GAIN, lines, out=coefficients)
+
+
+def find_spread(rgba, spread):
+    """Largest difference of any channel around each pixel, as ``steep._spread``."""
+    spread[...] = (_find_extreme(rgba, np.maximum) - _find_extreme(rgba, np.minimum)).max(axis=-1)
+
+
+def _find_extreme(rgba, choose):
+    """Extreme of each pixel and its neighbors, per channel; ``choose``: np.minimum or np.maximum."""
+    for axis in (0, 1):
+        widths = [(0, 0)] * 3
+        widths[axis] = (AROUND, AROUND)
+        padded = np.moveaxis(np.pad(rgba, widths, mode="edge"), axis, 0)
+        rgba = np.moveaxis(choose(choose(padded[:-2], padded[1:-1]), padded[2:]), 0, axis)
+    return rgba

@@ -1,4 +1,7 @@
-"""Reference implementation of ``scalar_rays``, in numpy: all rays at a time, from one cut to the next."""
+"""The kernels of ``scalar_rays`` once more in numpy, to be read, to run where numba is missing, and to test against.
+
+All rays go at a time, from one cut to the next (algorithm.md 1.14).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from .scalar_rays import COMPOSITED, HALF, SLIVER, SPAN, WALKED
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays_numpy(voxels, rays, lookup, matt, gloss, slabs, least, results):
+def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, results):
     """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too."""
     out, half, work = results
     work[:] = 0

@@ -1,0 +1,159 @@
+"""The kernels of this folder once more in numpy, to be read, to run where numba is missing, and to test against.
+
+Light that reaches voxels and what they reflect (algorithm.md 4.2; the formulas of ``lighting`` and ``lights``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..classify.classification import RED
+from ..classify.reference import find_targets
+from ..encode.reference import code
+from ..volume.reference import CHUNK
+from .environment import light_by_normal
+from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
+from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
+
+FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
+
+
+def light_colors(falling, voxels, part, n, colors):
+    """(k, 3) float32 shaded colors of voxels ``part`` (a slice) with normals ``n`` (k, 3) and own ``colors`` (k, 3)."""
+    own = colors
+    n_y, matrix = voxels.shape_xyz[1], falling.matrix
+    _, diffuse, specular, shininess = falling.material[:4]
+    shadows = falling.shadows or Shadows(np.empty((0, 0), np.uint16), np.full(len(falling.rows) + 1, -1))
+    row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
+    index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
+    points = index @ matrix[:3, :3].T + matrix[:3, 3]
+    view = unit_vectors(falling.eye[:3] - falling.eye[3] * points)
+    everywhere, sky = falling.material[4:7], shadows.share(-1, part)
+    around = np.maximum(everywhere + light_by_normal(n, falling.sky), falling.material[0])
+    matt = around * np.reshape(sky, (-1, 1))
+    gloss = np.zeros((len(points), 3))
+    arrives, every = matt.sum(axis=1), np.full(len(points), everywhere.sum())
+    for number, light in enumerate(falling.rows):
+        towards, falloff = find_light(light, points)
+        every += diffuse * falloff * light[RGB:NEAREST].sum()
+        falloff = falloff * shadows.share(number, part)
+        arrives += diffuse * falloff * light[RGB:NEAREST].sum()
+        strength = falloff[:, None] * light[RGB:NEAREST]
+        facing = (n * towards).sum(axis=1)
+        matt += diffuse * np.maximum(-facing, falling.material[BACK] * facing)[:, None] * strength
+        if specular > 0.0:
+            cosine = np.abs((n * unit_vectors(towards + view)).sum(axis=1))
+            if falling.material[PHONG] > 0.0:
+                mirrored = 2.0 * facing[:, None] * n - towards
+                cosine = np.maximum((mirrored * view).sum(axis=1), 0.0)
+            if falling.material[BACK] == 0.0:
+                cosine = np.where(facing < 0.0, cosine, 0.0)
+            gloss += specular * cosine[:, None] ** shininess * strength
+    if falling.shadows is not None:
+        colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
+    return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
+
+
+def find_light(light, points):
+    """Unit vectors (m, 3) to a light from (m, 3) points, and its falloff (m,), as ``chunk_light._towards``."""
+    if light[KIND] == SUN:
+        return np.broadcast_to(-light[AXIS:RGB], points.shape), np.ones(len(points))
+    way = light[POSITION:AXIS] - points
+    falloff = 1.0 / np.maximum((way**2).sum(axis=1), light[NEAREST])
+    towards = unit_vectors(way)
+    off_axis = -(towards @ light[AXIS:RGB])
+    if light[KIND] == AREA:
+        falloff *= np.maximum(off_axis, 0.0)
+    elif light[KIND] == SPOT:
+        t = np.clip((off_axis - light[CONE]) / light[EDGE], 0.0, 1.0)
+        falloff *= t * t * (3.0 - 2.0 * t)
+    return towards, falloff
+
+
+def write_records(positions, row_of, properties, density_column, normals, falling, records, most):
+    """Lit records of voxels, as ``shading._write_records``, in chunks of voxels."""
+    voxels = positions.voxels
+    targets = find_targets(positions)
+    first, last = positions.span
+    for begin in range(first, last, CHUNK):
+        part = slice(begin, min(begin + CHUNK, last))
+        seen = properties[part] if row_of is None else properties[row_of[part]]
+        colors = seen[:, RED:]
+        if falling is not None:
+            colors = light_colors(falling, voxels, part, normals[part].astype(np.float64), colors)
+        made = np.empty((len(seen), 4), np.float32)
+        made[:, 3] = seen[:, density_column]
+        made[:, :3] = made[:, 3:] * colors
+        records[targets[part.start - first : part.stop - first]] = made
+        most[0] = max(most[0], colors.max(initial=0.0))
+
+
+def code_light(voxels, normals, falling, each, scale, codes):
+    """Codes of the light on voxels, as ``voxel_light._code_light``, in chunks of voxels."""
+    for begin in range(0, len(voxels), CHUNK):
+        part = slice(begin, min(begin + CHUNK, len(voxels)))
+        n = normals[part].astype(np.float64)
+        # White voxels show light plus highlight, black voxels the highlight alone.
+        white, black = (light_colors(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
+        found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
+        for kind, light in enumerate(found):
+            made = code(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
+            codes[part, kind * each : (kind + 1) * each] = made
+
+
+def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
+    """Codes of the light that reaches each voxel, as ``light_sweep._sweep``: slice by slice, with dense slices."""
+    depth = np.zeros((sweep.height, sweep.width))
+    columns, rows = np.arange(sweep.width), np.arange(sweep.height)
+    for n, k in enumerate(sweep.slices):
+        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+        i, j, data = _voxels_of(tables, starts, k)
+        i0, i1, j0, j1 = sweep.spans[n]
+        for_these = (i >= i0) & (i < i1) & (j >= j0) & (j < j1)
+        x, y, at = scale * i[for_these] + offset_x, scale * j[for_these] + offset_y, data[for_these]
+        tau = _interpolate(depth, y, x) + sweep.before[n] * extinction[at]
+        c = sweep.length
+        length = np.sqrt(np.maximum(c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y, 0.0))
+        left = np.exp(-tau * length)
+        if meshes is not None:
+            left = left * _interpolate((meshes > np.float32(n)).mean(axis=2), y, x)
+        codes[at] = (left * FULL + 0.5).astype(np.uint16)
+        n -= sweep.skipped
+        if n < 0:
+            continue
+        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+        i, j, data = _voxels_of(tables, starts, sweep.slices[n])
+        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
+        dense[j + 1, i + 1] = extinction[data]
+        v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
+        u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
+        depth += sweep.whole[n] * _interpolate(dense, v[:, None], u[None, :])
+
+
+def _voxels_of(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n,) column, scanline and list position of each voxel of a slice."""
+    columns, lines, data = [], [], []
+    for j in np.flatnonzero(tables.scanline_pointers[k] >= 0):
+        run, x, at = int(tables.scanline_pointers[k, j]), 0, int(starts[k, j])
+        while x < tables.width:
+            x += int(tables.runs[run])
+            if x >= tables.width:
+                break
+            count = int(tables.runs[run + 1])
+            columns.append(np.arange(x, x + count))
+            lines.append(np.full(count, j))
+            data.append(np.arange(at, at + count))
+            run, x, at = run + 2, x + count, at + count
+    if not columns:
+        return (np.zeros(0, np.int64),) * 3
+    return np.concatenate(columns), np.concatenate(lines), np.concatenate(data)
+
+
+def _interpolate(table, y, x) -> np.ndarray:
+    """Bilinear interpolation in ``table``."""
+    row = np.minimum(np.floor(y).astype(np.int64), table.shape[0] - 2)
+    column = np.minimum(np.floor(x).astype(np.int64), table.shape[1] - 2)
+    down, right = y - row, x - column
+    upper = table[row, column] * (1.0 - right) + table[row, column + 1] * right
+    lower = table[row + 1, column] * (1.0 - right) + table[row + 1, column + 1] * right
+    return upper * (1.0 - down) + lower * down
