@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..rle_splat.pipeline.memory_estimate import MemoryEstimate, picture_bytes
-from ..rle_splat.pipeline.quick_estimate import estimate_visible, likely_sides, visible_in_histogram
+from ..rle_splat.pipeline.quick_estimate import count_in_histogram, estimate_visible, likely_sides
 from ..rle_splat.scene import NO_RAYS
 from ..rle_splat.splat.scratch import scratch_bytes
 from ..rle_splat.view.depth_rules import Sheets, place_sheets
@@ -217,7 +217,7 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
         return ""
     shape, scalars, shaded = counted.shape_xyz, quality.classification == "post", transfer_function.shade is not None
     plane = _LikelyPlane.of(shape, quality, width, height)
-    found = visible_in_histogram(shape, counted.dtype, counted.centers, counted.counts, transfer_function)
+    found = count_in_histogram(shape, counted.dtype, counted.centers, counted.counts, transfer_function)
 
     def wanted(meshes: bool = False, traced: bool = quality.rays > 0.0) -> MemoryEstimate:
         scratch = scratch_bytes(plane, shape, quality, scalars, meshes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes
-from ..pipeline.quick_estimate import estimate_visible, likely_sides, visible_in_planes
+from ..pipeline.quick_estimate import count_in_planes, estimate_visible, likely_sides
 from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
@@ -156,7 +156,7 @@ def _needs(volume, function) -> tuple[float, dict]:
     """The share of the voxels that are visible, and what the report says of the memory for them."""
     quality = Quality()  # the defaults of the command render
     picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
-    found, shaded = visible_in_planes(volume, function), function.shade is not None
+    found, shaded = count_in_planes(volume, function), function.shade is not None
     memory = estimate_visible(found, quality, shaded=shaded, picture=picture)
 
     def with_records(record: int, axes: int, picture: int) -> int:

@@ -30,7 +30,7 @@ SHEET_PIXEL, COEFFICIENTS = 20, 16
 PICTURE_PIXEL, WRITTEN = 20, 48
 
 
-class Found(NamedTuple):
+class VoxelCount(NamedTuple):
     """The voxels that tables hold, by their number alone.
 
     Attributes
@@ -52,7 +52,7 @@ class Found(NamedTuple):
     held: int
 
     @classmethod
-    def in_rows(cls, volume, counted, dtype=None) -> Found:
+    def in_rows(cls, volume, counted, dtype=None) -> VoxelCount:
         """From ``counted``: voxels and connected pieces per row, (nz * ny,) each; ``dtype``: other than the voxels'."""
         counts, pieces = counted
         return cls(
@@ -61,7 +61,7 @@ class Found(NamedTuple):
         )  # fmt: skip
 
 
-class Row(NamedTuple):
+class MemoryRow(NamedTuple):
     """A row of the table: a stage, a part of the estimate, how many things the stage makes, and bytes of each."""
 
     stage: str
@@ -71,7 +71,7 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tables:
+class PlannedTables:
     """What becomes of voxels: the tables of one picture or file.
 
     Attributes
@@ -98,7 +98,7 @@ class Tables:
     mixed: bool = False
 
 
-def memory_table(found: Found, tables: Tables) -> tuple[Row, ...]:
+def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, ...]:
     """What each stage takes for voxels and their tables; ``picture_bytes`` has the stages after them.
 
     The rows of a part add up, except for those of ``work``, which follow each other in time.
@@ -110,25 +110,25 @@ def memory_table(found: Found, tables: Tables) -> tuple[Row, ...]:
     light = 6 if codes else 4 * tables.lit  # bytes of a normal's code; of light and highlight where light is white
     record = min(value, 4) + light if scalars else tables.record
     return (
-        Row("classify", "visible", ny * nz, 28),  # where a row starts, its pieces, and what counting these takes
-        Row("classify", "visible", count, 2 if nx <= 65536 else 4),  # a voxel's column
-        Row("classify", "visible", count, value),
-        Row("classify", "visible", own * count, 20),  # extinction, opacity and color
-        Row("classify", "visible", scalars * voxels, 1 / 8 + 1 / 64),  # bits of kept voxels, and of bricks with any
-        Row("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
+        MemoryRow("classify", "visible", ny * nz, 28),  # where a row starts, its pieces, and what counting these takes
+        MemoryRow("classify", "visible", count, 2 if nx <= 65536 else 4),  # a voxel's column
+        MemoryRow("classify", "visible", count, value),
+        MemoryRow("classify", "visible", own * count, 20),  # extinction, opacity and color
+        MemoryRow("classify", "visible", scalars * voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
+        MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
         # Measured: 95 with lookup tables, 178 without.
-        Row("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
-        Row("shade", "normals", tables.lit * count, 12),
-        Row("shade", "normals", tables.shadows * count, 4),
-        Row("shade", "normals", (tables.shadows > 0) * count, 10),  # while shadows are made
-        Row("shade", "visible", (scalars and not codes) * count, light),
-        Row("shade", "work", scalars * codes * count, 6),  # while codes are put in the order of scanlines
-        Row("encode", "runs", axes * scanlines, 72),  # pointers, and what making them takes meanwhile
+        MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
+        MemoryRow("shade", "normals", tables.lit * count, 12),
+        MemoryRow("shade", "normals", tables.shadows * count, 4),  # what reaches a voxel of each light
+        MemoryRow("shade", "normals", (tables.shadows > 0) * count, 10),  # while shadows are made
+        MemoryRow("shade", "visible", (scalars and not codes) * count, light),
+        MemoryRow("shade", "work", scalars * codes * count, 6),  # while codes are put in the order of scanlines
+        MemoryRow("encode", "runs", axes * scanlines, 72),  # pointers, and what making them takes meanwhile
         # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
-        Row("encode", "runs", axes * (2 * found.pieces + found.lines), 2 if max(found.shape_xyz) <= 65535 else 4),
-        Row("encode", "records", axes * count, record),
+        MemoryRow("encode", "runs", axes * (2 * found.pieces + found.lines), 2 if max(found.shape_xyz) <= 65535 else 4),
+        MemoryRow("encode", "records", axes * count, record),
         # Full records, and those that are packed beside them.
-        Row("encode", "work", (not scalars) * min(count, RECORDS_AT_ONCE), 16 + (record if record != 16 else 0)),
+        MemoryRow("encode", "work", (not scalars) * min(count, RECORDS_AT_ONCE), 16 + (record if record != 16 else 0)),
     )  # fmt: skip
 
 
@@ -150,7 +150,7 @@ class MemoryEstimate:
     records: int
     work: int
     picture: int
-    tables: Tables
+    tables: PlannedTables
 
     @property
     def needed(self) -> int:
@@ -175,16 +175,16 @@ class MemoryEstimate:
 
 
 @lru_cache(maxsize=16)
-def estimate_of(found: Found, tables: Tables, picture: int = 0) -> MemoryEstimate:
+def estimate_tables(found: VoxelCount, tables: PlannedTables, picture: int = 0) -> MemoryEstimate:
     """Sum the table up.
 
     Kept, since most frames have the previous one's.
 
     Parameters
     ----------
-    found : Found
+    found : VoxelCount
         The voxels that the tables hold.
-    tables : Tables
+    tables : PlannedTables
     picture : int
         See ``picture_bytes``.
 

@@ -1,6 +1,6 @@
 """The model of a plan's error and time (algorithm.md 2.4); all of its constants are in ``calibration.json``.
 
-``python3 dev.py calibrate`` makes that file from synthetic scenes.  A plan's error is foreseen in two ways:
+``python3 dev.py calibrate`` makes that file from synthetic scenes.  A plan's error is predicted in two ways:
 
 - ``PresetPlan``, for the quality presets: from the roughness of the volume alone, before anything is drawn, so that a
   plan neither waits for pictures nor depends on the camera.
@@ -8,6 +8,10 @@
   add in quadrature, as measured.  Each is the pilots' difference times a constant of the rule, or of filter and
   density, an upper envelope over the calibration scenes.  The bounds of termination, short records and rounding are
   added to it.
+
+Neither replaces the other.  On 76 calibration scenes, the errors of three plans of presets were at most 12 to 18 times
+what the roughness predicts (99 % of the scenes), and 1.1 to 2.9 times what the pilots predict: a tolerance needs the
+pilots.  By the pilots, 10 of 57 pairs of a volume and a preset had different plans in different views.
 
 Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
 scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users are told is scaled by the

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..scene import Quality
 from ..volume.counts import counts_values, stored_values
-from .memory_estimate import Found, MemoryEstimate, Tables, estimate_of
+from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 
 SAMPLED_PLANES = 32  # at most, and of large planes fewer
 SAMPLED_VOXELS, LEAST_PLANES = 1 << 24, 4
@@ -47,12 +47,12 @@ def estimate(
     """
     shaded = tf.shade is not None if shaded is None else shaded
     return estimate_visible(
-        visible_in_planes(volume, tf), quality or Quality(classification="pre"), axes=axes, shaded=shaded,
+        count_in_planes(volume, tf), quality or Quality(classification="pre"), axes=axes, shaded=shaded,
         picture=picture,
     )  # fmt: skip
 
 
-def visible_in_planes(volume, tf) -> Found:
+def count_in_planes(volume, tf) -> VoxelCount:
     """The visible voxels of a volume, counted as ``estimate`` counts them."""
     wanted = min(max(SAMPLED_VOXELS // volume.voxels[0].size, LEAST_PLANES), SAMPLED_PLANES)
     planes = volume.voxels[:: max(len(volume.voxels) // wanted, 1)]
@@ -67,10 +67,10 @@ def visible_in_planes(volume, tf) -> Found:
     if counts_values(volume.voxels.dtype):
         values = volume.physical(stored_values(volume.voxels.dtype))
         count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
-    return Found(volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, volume.voxels.nbytes)
+    return VoxelCount(volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, volume.voxels.nbytes)
 
 
-def visible_in_histogram(shape_xyz, dtype, values, counts, tf) -> Found:
+def count_in_histogram(shape_xyz, dtype, values, counts, tf) -> VoxelCount:
     """The visible voxels of a volume, roughly, without its voxels.
 
     Parameters
@@ -84,26 +84,26 @@ def visible_in_histogram(shape_xyz, dtype, values, counts, tf) -> Found:
 
     Returns
     -------
-    Found
+    VoxelCount
     """
     _, ny, nz = shape_xyz
     count = int(counts[tf.alpha_at(values) > 0.0].sum())
     pieces, dtype = count // TYPICAL_PIECE, np.dtype(dtype)
     held = math.prod(shape_xyz) * dtype.itemsize
-    return Found(tuple(shape_xyz), dtype, count, pieces, min(pieces, ny * nz), held)
+    return VoxelCount(tuple(shape_xyz), dtype, count, pieces, min(pieces, ny * nz), held)
 
 
 def estimate_visible(
-    found: Found, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0
+    found: VoxelCount, quality: Quality, *, axes: int = 1, shaded: bool = True, picture: int = 0
 ) -> MemoryEstimate:  # fmt: skip
     """What tables take, by the visible voxels ``found``; the parameters are those of ``estimate``.
 
     Post-classified sheets keep more voxels than are visible; the estimate tells how many are visible.
     """
     if quality.classification != "post":
-        return estimate_of(found, Tables(quality.record, axes, shaded), picture)
+        return estimate_tables(found, PlannedTables(quality.record, axes, shaded), picture)
     near = min(round(TYPICAL_NEAR * found.count), math.prod(found.shape_xyz))
-    needs = estimate_of(found._replace(count=near), Tables(axes=axes, lit=shaded), picture)
+    needs = estimate_tables(found._replace(count=near), PlannedTables(axes=axes, lit=shaded), picture)
     return replace(needs, visible_voxels=found.count)
 
 

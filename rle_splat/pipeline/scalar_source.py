@@ -51,7 +51,7 @@ from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import follows_view, lighting_key, scene_lighting, shadowed_steps
 from .medium import Medium, ScalarVoxels, mist_color
-from .memory_estimate import Found, MemoryEstimate, Tables, estimate_of
+from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 from .shadows import shadow_count
 from .source import Source, Work, array_key
 
@@ -75,7 +75,7 @@ class RelevantVoxels:
     reach: Reach
     voxels: VisibleVoxels
     closed: bool
-    found: Found
+    found: VoxelCount
 
     @property
     def key(self) -> tuple:
@@ -330,10 +330,10 @@ class ScalarSource(Source):
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
-        tables = Tables(0, work.axes, lit or labeled, by_normal, shadows, labeled)
+        tables = PlannedTables(0, work.axes, lit or labeled, by_normal, shadows, labeled)
 
-        def needed_by(found: Found) -> MemoryEstimate:
-            return estimate_of(found, tables, work.picture)
+        def needed_by(found: VoxelCount) -> MemoryEstimate:
+            return estimate_tables(found, tables, work.picture)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
         # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
@@ -359,7 +359,7 @@ class ScalarSource(Source):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
             counted = kept_counts(bits, threads=self.threads)
-        counts = Found.in_rows(volume, counted)
+        counts = VoxelCount.in_rows(volume, counted)
         needed = needed_by(counts)
         work.claim(needed)
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")

@@ -33,7 +33,7 @@ from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from .lighting import lighting_key, scene_lighting, shadowed_steps
 from .medium import ClassifiedVoxels
-from .memory_estimate import Found, MemoryEstimate, Tables, estimate_of
+from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 from .shadows import shadow_count
 from .source import Source, Work, array_key
 from .stage_cache import StageCache
@@ -219,10 +219,11 @@ class ScanSource(Source):
         job, clock = work.job, work.clock
 
         shadows = shadow_count(self.scene) if shaded else 0
-        tables = Tables(self.quality.record, work.axes, shaded, False, shadows, self.mixed)
+        tables = PlannedTables(self.quality.record, work.axes, shaded, False, shadows, self.mixed)
 
         def needed_by(counted) -> MemoryEstimate:
-            return estimate_of(Found.in_rows(self.scene.volume, counted, self.record_type), tables, work.picture)
+            voxels = VoxelCount.in_rows(self.scene.volume, counted, self.record_type)
+            return estimate_tables(voxels, tables, work.picture)
 
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)

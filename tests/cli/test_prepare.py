@@ -122,7 +122,7 @@ def test_without_numba_one_sentence_says_so(environ):
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "numba cannot be loaded" in done.stderr
+    assert done.stderr.count("\n") == 1 and "numba, which cannot be loaded" in done.stderr
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.calibrate_presets import fit
 from benchmarks.plans import BEFORE, Judge, plan_of, vessels
 from rle_splat.classify.roughness import roughness
 from rle_splat.classify.transfer_function import TransferFunction
@@ -85,6 +86,13 @@ def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
 
 def test_a_calibration_writes_what_it_reads():
     assert [plan.report() for plan in preset_plans()] == json.loads(CALIBRATION.read_text())["presets"]
+
+
+def test_a_calibration_finds_the_constants_of_the_errors():
+    rough, costs = np.geomspace(3.0, 100.0, 9), np.arange(1.0, 1.0 + len(preset_plans()))
+    errors = [[plan.factor * value**plan.power for plan in preset_plans()] for value in rough]
+    for found, plan, cost in zip(fit(rough, errors, costs), preset_plans(), costs, strict=True):
+        assert found == replace(plan, cost=cost)
 
 
 def test_of_plans_that_cost_the_same_the_most_accurate_is_taken(monkeypatch):

@@ -12,7 +12,7 @@ from rle_splat.comparison.decode import decode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode_scene
-from rle_splat.pipeline.memory_estimate import Tables
+from rle_splat.pipeline.memory_estimate import PlannedTables
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime import memory
@@ -92,11 +92,11 @@ def test_too_little_memory_for_scalars_is_refused_before_it_is_taken(monkeypatch
 def found_in_rows(volume, shown):
     """As if each row of voxels showed so many, in pieces of five."""
     counts = np.full(volume.shape_xyz[1] * volume.shape_xyz[2], shown)
-    return estimate.Found.in_rows(volume, (counts, counts // 5))
+    return estimate.VoxelCount.in_rows(volume, (counts, counts // 5))
 
 
 def test_a_refusal_of_scalars_speaks_of_neighbors_and_not_of_records(monkeypatch):
-    wanted = estimate.estimate_of(found_in_rows(blobs(), 48), Tables(axes=3), 1000)
+    wanted = estimate.estimate_tables(found_in_rows(blobs(), 48), PlannedTables(axes=3), 1000)
     monkeypatch.setattr("rle_splat.pipeline.memory_estimate.available_bytes", lambda: wanted.needed // 2)
     with pytest.raises(RleSplatError, match=r"shown, and their neighbors, need .* less, narrow the") as problem:
         estimate.refuse_too_much(wanted)
@@ -106,7 +106,7 @@ def test_a_refusal_of_scalars_speaks_of_neighbors_and_not_of_records(monkeypatch
 def test_the_estimate_of_scalars_counts_voxels_and_axes():
     volume = blobs()
     found = found_in_rows(volume, 10)
-    one, three = (estimate.estimate_of(found, Tables(axes=axes)) for axes in (1, 3))
+    one, three = (estimate.estimate_tables(found, PlannedTables(axes=axes)) for axes in (1, 3))
     assert one.visible_voxels == 10 * 96 * 96 and one.records == 5 * one.visible_voxels  # a value and its light
     assert three.records == 3 * one.records and one.needed < three.needed and one.volume == volume.voxels.nbytes
 
