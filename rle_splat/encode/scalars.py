@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from .encode import place_slabs, run_tables
+from .encode import place_chunks, run_tables
 from .tables import OnAxis, RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
@@ -157,5 +157,5 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: in
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
     target = np.empty_like(rows)
-    yield from place_slabs(tables, voxels, rows, target, threads=threads)
+    yield from place_chunks(tables, voxels, rows, target, threads=threads)
     return target.reshape(words.shape)
