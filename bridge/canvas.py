@@ -10,7 +10,7 @@ from .held import Held
 SHOWN_IN = ("VIEW_3D", "IMAGE_EDITOR", "NODE_EDITOR", "PROPERTIES")  # areas that show our images or settings
 
 
-class Canvas:
+class ProgressImage:
     """The image of a picture in progress.
 
     Datablocks are looked up again for the draft and at the end, since the user may undo in between.

@@ -26,7 +26,7 @@ _AGAIN = "press Include in Renders again"
 
 
 @dataclass(frozen=True)
-class Picture:
+class CompositedPicture:
     """A picture that reaches the scene's render.
 
     Attributes
@@ -228,7 +228,7 @@ def exchange_images(scene, exchange) -> None:
         node.image = new[node.image]
 
 
-def pictures(scene) -> list[Picture]:
+def pictures(scene) -> list[CompositedPicture]:
     """The pictures that reach the scene's render.
 
     Parameters
@@ -238,7 +238,7 @@ def pictures(scene) -> list[Picture]:
 
     Returns
     -------
-    list of Picture
+    list of CompositedPicture
         Each with the view layers that it is composited over.
     """
     tree = versions.compositor_tree(scene)
@@ -248,7 +248,7 @@ def pictures(scene) -> list[Picture]:
     for node in _reaching(_results(tree)):
         if _is_ours(node.image, scene):
             found.setdefault(node.image, set()).update(_layers_of(tree, node, scene))
-    return [Picture(image, frozenset(layers)) for image, layers in found.items()]
+    return [CompositedPicture(image, frozenset(layers)) for image, layers in found.items()]
 
 
 def problem(scene) -> str | None:

@@ -11,7 +11,7 @@ import numpy as np
 from ..rle_splat.classify.presets import fit_preset
 from ..rle_splat.cli.output import check_outputs
 from ..rle_splat.cli.report import write_report
-from ..rle_splat.figure.files import CONTENTS, Canvas, checked_suffix, sidecar_path
+from ..rle_splat.figure.files import CONTENTS, PageCanvas, checked_suffix, sidecar_path
 from ..rle_splat.figure.make import MadeFigure
 from ..rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from ..rle_splat.figure.sidecar import sidecar_of
@@ -154,7 +154,7 @@ def write(path: str, made: MadeFigure, sources: Sources) -> dict:
     RleSplatError, OSError
         If a file cannot be written; both are whole then, or as they were.
     """
-    suffix, canvas = checked_suffix(path, (EXR,)), Canvas(made.page)
+    suffix, canvas = checked_suffix(path, (EXR,)), PageCanvas(made.page)
     sidecar = sidecar_of(made, sources)
     with whole_files([path, sidecar_path(path)]) as parts:
         if suffix == EXR:

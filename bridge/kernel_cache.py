@@ -12,7 +12,7 @@ from . import kernel_preparation
 FRESH = 10.0  # seconds for which a size counts, because the preferences draw often
 
 
-class _Now:
+class _FolderSize:
     """The size of the folder as last looked up, and when."""
 
     size, at = 0, -FRESH
@@ -21,9 +21,9 @@ class _Now:
 def size() -> int:
     """Bytes of the files in the folder; looked up again after FRESH seconds."""
     now = time.monotonic()
-    if now - _Now.at > FRESH:
-        _Now.size, _Now.at = sum(map(_bytes_of, cache_folder().rglob("*"))), now
-    return _Now.size
+    if now - _FolderSize.at > FRESH:
+        _FolderSize.size, _FolderSize.at = sum(map(_bytes_of, cache_folder().rglob("*"))), now
+    return _FolderSize.size
 
 
 def clear() -> int:
@@ -39,7 +39,7 @@ def clear() -> int:
     The folders of this version stay, because loaded kernels are saved to them.
     """
     kernel_preparation.end()
-    _Now.at = -FRESH
+    _FolderSize.at = -FRESH
     before = size()
     with suppress(OSError):
         for other in cache_folder().glob("kernels-*"):
@@ -48,7 +48,7 @@ def clear() -> int:
     for file in [path for path in KERNELS.rglob("*") if path.is_file()]:
         with suppress(OSError):  # another Blender has it open
             file.unlink()
-    _Now.at = -FRESH
+    _FolderSize.at = -FRESH
     return max(before - size(), 0)
 
 

@@ -34,7 +34,7 @@ FIRST, POLL = 1.0, 1.0  # seconds until the first look, and between looks
 LOG = "preparing.log"
 
 
-class _Now:
+class _Preparing:
     """The process of this Blender, and what the panel says."""
 
     process: subprocess.Popen | None = None
@@ -44,19 +44,19 @@ class _Now:
 
 def text() -> str:
     """What is going on, for people; "" when no kernels are prepared."""
-    return _Now.text
+    return _Preparing.text
 
 
 def are_missing() -> bool:
     """Whether the kernels of default pictures are not on disk; looked up once in a session, and after a preparation."""
-    if _Now.missing is None:
-        _Now.missing = is_needed()
-    return _Now.missing
+    if _Preparing.missing is None:
+        _Preparing.missing = is_needed()
+    return _Preparing.missing
 
 
 def is_due() -> bool:
     """Whether kernels are being prepared, or will be as soon as the timer looks."""
-    return _Now.process is not None or (bpy.app.timers.is_registered(_tick) and _is_wanted())
+    return _Preparing.process is not None or (bpy.app.timers.is_registered(_tick) and _is_wanted())
 
 
 def register():
@@ -80,7 +80,7 @@ def begin() -> None:
 
 def end() -> None:
     """End the process, if there is one, and wait until it is gone."""
-    process, _Now.process, _Now.text, _Now.missing = _Now.process, None, "", None
+    process, _Preparing.process, _Preparing.text, _Preparing.missing = _Preparing.process, None, "", None
     if process is not None:
         process.kill()
         process.wait()
@@ -89,9 +89,9 @@ def end() -> None:
 
 def _tick():
     """Blender calls this again after the seconds it returns, and no more after None."""
-    before = _Now.text
+    before = _Preparing.text
     seconds = advance()
-    if _Now.text != before:
+    if _Preparing.text != before:
         redraw(bpy.context)
     return seconds
 
@@ -101,7 +101,7 @@ def advance() -> float | None:
     if not _is_wanted():
         end()
         return None
-    code = None if _Now.process is None else _Now.process.poll()
+    code = None if _Preparing.process is None else _Preparing.process.poll()
     if code is not None:
         end()
         if code != prepare_process.BUSY:
@@ -109,15 +109,15 @@ def advance() -> float | None:
                 tell(f"Kernels could not be prepared (exit code {code}); {cache_folder() / LOG} says why.")
             return None
     try:
-        if _Now.process is None:
+        if _Preparing.process is None:
             with only_one(cache_folder() / prepare_process.LOCK) as free:
                 pass
             if free:
-                _Now.process = start()
+                _Preparing.process = start()
     except OSError as problem:
         tell(f"Kernels could not be prepared: {problem}.")
         return None
-    _Now.text = describe(_seconds_left())
+    _Preparing.text = describe(_seconds_left())
     return POLL
 
 

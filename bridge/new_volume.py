@@ -8,19 +8,19 @@ from ..rle_splat.read.formats import format_of
 from . import box, linked, source_options, volumes
 from .facts import write_facts
 from .playback import FIXED, HOLD
-from .reading import Found
+from .reading import ReadSource
 from .settings import scene_scale_of
 from .transfer import write_transfer
 
 
-def add_volume(context, found: Found, options, transfer_function, at_cursor: bool = False):
+def add_volume(context, found: ReadSource, options, transfer_function, at_cursor: bool = False):
     """Add a volume object to the scene; it becomes the active and only selected object.
 
     Parameters
     ----------
     context : bpy.types.Context
         Gives scene, collection, view layer and 3D cursor.
-    found : Found
+    found : ReadSource
         What was read.
     options : SourceOptions or PlainOptions
         The options with which it was read.
@@ -63,7 +63,7 @@ def add_volume(context, found: Found, options, transfer_function, at_cursor: boo
     return owner, remark
 
 
-def fill_volume(scene, owner, found: Found) -> None:
+def fill_volume(scene, owner, found: ReadSource) -> None:
     """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory.
 
     Parameters
@@ -72,7 +72,7 @@ def fill_volume(scene, owner, found: Found) -> None:
         Gives the scene scale.
     owner : bpy.types.Object
         The volume object.
-    found : Found
+    found : ReadSource
         What was read.
     """
     properties, volume = owner.rle_splat, found.volume

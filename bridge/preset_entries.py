@@ -44,7 +44,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Group:
+class PresetGroup:
     """Entries under one heading; ``is_open``: whether they are shown at first."""
 
     name: str
@@ -72,7 +72,7 @@ def modality_of(properties) -> str | None:
     return line.removeprefix(MODALITY) or None
 
 
-def groups(properties) -> list[Group]:
+def groups(properties) -> list[PresetGroup]:
     """The groups of a volume, those that suit it first.
 
     It reads only properties, so a panel may call it at every redraw.
@@ -84,7 +84,7 @@ def groups(properties) -> list[Group]:
 
     Returns
     -------
-    list of Group
+    list of PresetGroup
         None of them empty.
     """
     modality = modality_of(properties)
@@ -99,9 +99,9 @@ def groups(properties) -> list[Group]:
             others.append(Entry(name, _short(label), description))
     own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
     found = [
-        Group("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
-        Group(OWN, filled("Own"), tuple(own), True),
-        Group("OTHERS", filled("Others"), tuple(others), False),
+        PresetGroup("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
+        PresetGroup(OWN, filled("Own"), tuple(own), True),
+        PresetGroup("OTHERS", filled("Others"), tuple(others), False),
     ]
     return [group for group in found if group.entries]
 

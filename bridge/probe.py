@@ -35,7 +35,7 @@ class Ray(NamedTuple):
     furthest: float = math.inf
 
 
-class Found(NamedTuple):
+class ProbeHit(NamedTuple):
     """The surface that a ray meets first, its volume object, and the scene that it was found in."""
 
     surface: Surface
@@ -74,7 +74,7 @@ def visible_owners(context) -> list:
     return [owner for owner in found if owner is not None and owner.visible_get(**where)]
 
 
-def look_along(context, depsgraph, ray: Ray, owners) -> Found | None:
+def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
     """Find the first visible surface of volumes along a ray.
 
     Parameters
@@ -88,7 +88,7 @@ def look_along(context, depsgraph, ray: Ray, owners) -> Found | None:
 
     Returns
     -------
-    Found or None
+    ProbeHit or None
         None if nothing is visible before the first mesh.
 
     Raises
@@ -104,7 +104,7 @@ def look_along(context, depsgraph, ray: Ray, owners) -> Found | None:
         plain = render_scene.seen_by(owner, depsgraph, ANY_VIEW, with_shadows=False)
         surface = first_surface(plain, ray.origin, ray.direction, ray.nearest, furthest)
         if surface is not None and (nearest is None or surface.distance < nearest.surface.distance):
-            nearest = Found(surface, owner, plain)
+            nearest = ProbeHit(surface, owner, plain)
     return nearest
 
 
@@ -159,12 +159,12 @@ def line_under(context, mouse) -> str:
     return NOTHING if found is None else line_of(found, len(owners) > 1)
 
 
-def line_of(found: Found, with_name: bool = False) -> str:
+def line_of(found: ProbeHit, with_name: bool = False) -> str:
     """A surface as a line: value, voxel, position, label, and the volume's name if there are several.
 
     Parameters
     ----------
-    found : Found
+    found : ProbeHit
     with_name : bool
         Whether to add the volume's name.
 

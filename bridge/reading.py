@@ -21,7 +21,7 @@ MEASURING = 0.95  # share of the time until a volume is read
 
 
 @dataclass(frozen=True)
-class Found:
+class ReadSource:
     """What was read of the source of a volume object.
 
     Attributes
@@ -52,7 +52,7 @@ class Found:
 
 
 def found_steps(path: str, options):
-    """Generator of Progress: read a volume and check its values; return a Found.
+    """Generator of Progress: read a volume and check its values; return a ReadSource.
 
     Parameters
     ----------
@@ -77,16 +77,16 @@ def found_steps(path: str, options):
             )
     volume = yield from part(volumes.file_steps(path, given), 0.0, MEASURING)
     if not volume.holds_values:
-        return Found(path, volume, None, 1, 1, volume.remarks)
+        return ReadSource(path, volume, None, 1, 1, volume.remarks)
     check_values(volume)
     counted = yield from portion(histogram_steps(volume, BINS), MEASURING, 1.0, "counting the values")
     if numbered is None:
-        return Found(path, volume, counted, given.get("frame", 1), volume.frames, volume.remarks)
+        return ReadSource(path, volume, counted, given.get("frame", 1), volume.frames, volume.remarks)
     remarks = volume.remarks
     if numbered.missing:
         frames = join_numbers(numbered.missing)
         remarks += (f"Files of the sequence are missing: there is none for frame {frames} of {numbered.count}.",)
-    return Found(path, volume, counted, numbered.frame_of(path), numbered.count, remarks)
+    return ReadSource(path, volume, counted, numbered.frame_of(path), numbered.count, remarks)
 
 
 def thumbnail_steps(several: SeveralSeries):

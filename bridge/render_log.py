@@ -18,7 +18,7 @@ class RenderLog:
 
     Attributes
     ----------
-    pictures : list of compositor.Picture
+    pictures : list of compositor.CompositedPicture
         The pictures of the current frame.
     drawn : list of bpy.types.Image
         Their images that are finished.

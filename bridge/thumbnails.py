@@ -31,7 +31,7 @@ CACHE_BYTES = 1 << 28  # of stages that thumbnails of one volume share
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class WantedThumbnail:
     """A thumbnail that a panel asked for."""
 
     key: tuple
@@ -49,10 +49,10 @@ class Coarse:
 
 
 _collections: list = []  # the one preview collection while the extension is registered
-_wanted: dict[tuple, Wanted] = {}  # by key, in the order in which they were asked for
+_wanted: dict[tuple, WantedThumbnail] = {}  # by key, in the order in which they were asked for
 _failed: set = set()  # keys of thumbnails that cannot be made
 _coarse: list[Coarse] = []  # at most one
-_work: list = []  # at most one (Wanted, generator)
+_work: list = []  # at most one (WantedThumbnail, generator)
 
 
 def register():
@@ -103,7 +103,7 @@ def icon(owner, entry: Entry) -> int:
         if name in collection:
             return collection[name].icon_id
         if key not in _failed and key not in _wanted:
-            _wanted[key] = Wanted(key, Held(owner), entry)
+            _wanted[key] = WantedThumbnail(key, Held(owner), entry)
             _start()
     return 0
 

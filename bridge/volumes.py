@@ -27,7 +27,7 @@ PURPOSE = "voxels"  # see ``store.Wish``
 
 
 @dataclass(frozen=True)
-class Source:
+class VolumeSource:
     """Where the voxels of a volume object are at a time: file or folder, options of reading, and key of the cache."""
 
     path: str
@@ -103,7 +103,7 @@ def read_file(path: str, options: dict):
     return drain(file_steps(path, options))
 
 
-def source_of(owner, frame: int) -> Source:
+def source_of(owner, frame: int) -> VolumeSource:
     """Where the voxels of a volume object are.
 
     Parameters
@@ -133,7 +133,7 @@ def source_of(owner, frame: int) -> Source:
         raise RleSplatError(
             f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
         ) from None
-    return Source(path, options, (path, state, tuple(sorted(options.items()))))
+    return VolumeSource(path, options, (path, state, tuple(sorted(options.items()))))
 
 
 def files_digest(owner) -> str:
@@ -173,7 +173,7 @@ def load_ahead_steps(owner):
     return _cached_steps(source_of(owner, shown_frame(owner, ahead=1)), store.AHEAD)
 
 
-def _cached_steps(source: Source, wish: store.Wish):
+def _cached_steps(source: VolumeSource, wish: store.Wish):
     """Generator of Progress: the voxels of a source, from memory or its file."""
     try:
         return (yield from store.steps(wish, source.key, lambda: file_steps(source.path, source.options)))

@@ -40,7 +40,7 @@ SOON = "The world's light is rendered as soon as the world is still."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
 
-class _Now:
+class _WorldLight:
     """Light by the digest of a world; the last digest of each world by session id; what the timer waits for."""
 
     known: dict = {}
@@ -69,12 +69,12 @@ def light_of(scene) -> tuple[tuple | None, str]:
     key = digest_of(scene)
     found = _kept(scene, key)
     if found is not None:
-        _Now.last[scene.world.session_uid] = key
+        _WorldLight.last[scene.world.session_uid] = key
         return found, ""
     _want(scene, key)
-    if key in _Now.failed:
-        return None, _Now.failed[key]
-    earlier = _Now.known.get(_Now.last.get(scene.world.session_uid))
+    if key in _WorldLight.failed:
+        return None, _WorldLight.failed[key]
+    earlier = _WorldLight.known.get(_WorldLight.last.get(scene.world.session_uid))
     if earlier is not None:
         return earlier, STALE
     return None, NOT_YET if bpy.app.background else SOON
@@ -82,12 +82,12 @@ def light_of(scene) -> tuple[tuple | None, str]:
 
 def _kept(scene, key: str) -> tuple | None:
     """The light of a digest from memory, or from the file."""
-    if key not in _Now.known and scene.rle_splat.world_light:
+    if key not in _WorldLight.known and scene.rle_splat.world_light:
         with suppress(ValueError, TypeError, RleSplatError):  # one that is damaged is rendered again
             saved, mean, first, second = json.loads(scene.rle_splat.world_light)
             if saved == key:
-                _Now.known[key] = tuple(map(float, mean)), None if first is None else Environment(first, second)
-    return _Now.known.get(key)
+                _WorldLight.known[key] = tuple(map(float, mean)), None if first is None else Environment(first, second)
+    return _WorldLight.known.get(key)
 
 
 def make_ready(scene, depsgraph) -> None:
@@ -115,9 +115,9 @@ def is_needed(scene) -> bool:
 
 def forget() -> None:
     """Drop all light and wishes, before another file is opened."""
-    for held in (_Now.known, _Now.last, _Now.failed):
+    for held in (_WorldLight.known, _WorldLight.last, _WorldLight.failed):
         held.clear()
-    _Now.wanted = None
+    _WorldLight.wanted = None
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
 
@@ -129,24 +129,24 @@ def _want(scene, key: str) -> None:
     """
     if not bpy.app.background and not bpy.app.is_job_running("RENDER"):
         wanted = scene.original.session_uid, key
-        if wanted != _Now.wanted:
-            _Now.wanted, _Now.since = wanted, time.perf_counter()
+        if wanted != _WorldLight.wanted:
+            _WorldLight.wanted, _WorldLight.since = wanted, time.perf_counter()
         if not bpy.app.timers.is_registered(_tick):
             bpy.app.timers.register(_tick, first_interval=STILL)
 
 
 def _tick():
     """Timer function: Blender calls it again after the returned seconds, and stops after None."""
-    left = _Now.since + STILL - time.perf_counter()
+    left = _WorldLight.since + STILL - time.perf_counter()
     if left > 0.0:
         return left
-    if bpy.app.is_job_running("RENDER") and not _Now.is_awaited:
+    if bpy.app.is_job_running("RENDER") and not _WorldLight.is_awaited:
         return BUSY
-    wanted, _Now.wanted = _Now.wanted, None
+    wanted, _WorldLight.wanted = _WorldLight.wanted, None
     scene = next((one for one in bpy.data.scenes if wanted and one.session_uid == wanted[0]), None)
     if scene is not None and is_needed(scene):  # its world may have been removed meanwhile
         key = digest_of(scene)
-        if _kept(scene, key) is None and key not in _Now.failed:
+        if _kept(scene, key) is None and key not in _WorldLight.failed:
             render_light(scene, key)
     return None
 
@@ -182,10 +182,10 @@ def _await(scene, key: str) -> None:
     if not bpy.app.timers.is_registered(_tick):
         return  # no edit was seen; timers are registered on the main thread alone
     until = time.perf_counter() + LONGEST
-    _Now.wanted, _Now.since, _Now.is_awaited = (scene.session_uid, key), 0.0, True
-    while key not in _Now.known and key not in _Now.failed and time.perf_counter() < until:
+    _WorldLight.wanted, _WorldLight.since, _WorldLight.is_awaited = (scene.session_uid, key), 0.0, True
+    while key not in _WorldLight.known and key not in _WorldLight.failed and time.perf_counter() < until:
         time.sleep(BRIEF)
-    _Now.is_awaited = False
+    _WorldLight.is_awaited = False
 
 
 HANDLERS = (("depsgraph_update_post", _on_update), ("render_init", _on_render_init))
@@ -210,13 +210,13 @@ def render_light(scene, key: str) -> tuple | None:
     try:
         light = _fitted(*_baked(scene, made))
     except Exception as problem:  # of Blender's own operators, such as a build without Cycles
-        _Now.failed[key] = f"The world's light could not be rendered: {sentence_of(problem)}"
+        _WorldLight.failed[key] = f"The world's light could not be rendered: {sentence_of(problem)}"
         return None
     finally:
         bpy.data.batch_remove(made)
-    while len(_Now.known) >= MOST_KEPT:
-        _Now.known.pop(next(iter(_Now.known)))
-    _Now.known[key] = mean, environment = light
+    while len(_WorldLight.known) >= MOST_KEPT:
+        _WorldLight.known.pop(next(iter(_WorldLight.known)))
+    _WorldLight.known[key] = mean, environment = light
     moments = (None, None) if environment is None else (environment.first.tolist(), environment.second.tolist())
     scene.rle_splat.world_light = json.dumps((key, mean, *moments))
     return light

@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge import freshness, pictures, render_scene, show_image
-from ..bridge.canvas import Canvas
+from ..bridge.canvas import ProgressImage
 from ..bridge.held import Held
 from ..bridge.settings import tolerance_of
 from .through_camera import ThroughCamera, report_picture
@@ -18,7 +18,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)
-        self._canvas = Canvas(self._scene, self._volume, "color")
+        self._canvas = ProgressImage(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
         self._made_from = freshness.made_of(plain, quality, tolerance, self.with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ..bridge import backdrop, following, freshness, pictures, render_scene, volumes
-from ..bridge.canvas import Canvas, redraw
+from ..bridge.canvas import ProgressImage, redraw
 from ..bridge.held import Held
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.settings import tolerance_of
@@ -51,7 +51,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         plain, quality = render_scene.read_scene(
             volume_object, evaluated(context, volume_object), with_meshes=with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
-        self._canvas = Canvas(self._scene, self._volume, "backdrop", self._camera)
+        self._canvas = ProgressImage(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)
         tolerance = tolerance_of(scene)
         self._made_from = freshness.made_of(plain, quality, tolerance, with_meshes)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gpu
 from gpu_extras.batch import batch_for_shader
 
-from .frames import Picture
+from .frames import RegionPicture
 
 VERTEX = """
 void main()
@@ -64,12 +64,12 @@ def _shader_and_quad() -> tuple:
     return tuple(_made)
 
 
-def texture_of(picture: Picture):
+def texture_of(picture: RegionPicture):
     """A new texture that holds a picture; a texture cannot be written to again.
 
     Parameters
     ----------
-    picture : Picture
+    picture : RegionPicture
 
     Returns
     -------
@@ -87,7 +87,7 @@ def draw(placed: list, framebuffer) -> None:
     Parameters
     ----------
     placed : list of (gpu.types.GPUTexture, tuple)
-        Textures, and where they lie as ``Picture.place`` says.
+        Textures, and where they lie as ``RegionPicture.place`` says.
     framebuffer : gpu.types.GPUFrameBuffer
         The viewport's own, of this redraw.
     """

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .view import View
+from .view import ViewportView
 
 PIXELS = 1.5  # by which a line may lie beside its pixel's center, which changes the floor's depth
 MOST = 0.05  # of the depth: near the horizon the floor changes too much to tell
@@ -20,12 +20,12 @@ THIN = 5  # pixels across which a line, or lines side by side, are less
 ROWS = 4  # one row of so many is looked at first
 
 
-def without_floor(view: View, ends: np.ndarray, part) -> None:
+def without_floor(view: ViewportView, ends: np.ndarray, part) -> None:
     """Let no ray end at thin lines in the plane z = 0.
 
     Parameters
     ----------
-    view : View
+    view : ViewportView
     ends : (height, width) ndarray of float32
         As of ``view.ray_ends``; changed in place. A line takes the furthest depth beside it. A mesh in that plane is no
         line and stays.
@@ -62,7 +62,7 @@ class _Floor:
     parallel: bool
 
     @classmethod
-    def of(cls, view: View, part) -> _Floor:
+    def of(cls, view: ViewportView, part) -> _Floor:
         left, top, right, bottom = part
         window, matrix = view.window, view.camera.matrix_world
         # World z of the view's axes, and of the eye.

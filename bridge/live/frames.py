@@ -14,7 +14,7 @@ from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
 from ..drafts import draft_of
-from .view import Matrices, View, furthest_of_blocks, pixels_of, resized, view_of, with_margin
+from .view import Matrices, ViewportView, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap
 
@@ -42,7 +42,7 @@ class Contents:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class RegionPicture:
     """A picture of a part of a region.
 
     Attributes
@@ -67,7 +67,7 @@ class Shot:
     Attributes
     ----------
     matrices : Matrices
-    view : View
+    view : ViewportView
         In the region's own size.
     contents : tuple of Contents
         Those that the view shows, the furthest first.
@@ -78,7 +78,7 @@ class Shot:
     """
 
     matrices: Matrices
-    view: View
+    view: ViewportView
     contents: tuple[Contents, ...]
     pixels: dict
     groups: tuple = ()
@@ -125,7 +125,7 @@ def shot_of(matrices: Matrices, contents) -> Shot:
 
 
 def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | None):
-    """Generator: make the pictures of a view; yields Progress, returns a list of Picture, the furthest first.
+    """Generator: make the pictures of a view; yields Progress, returns a list of RegionPicture, the furthest first.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
             steps = several_steps(scenes, make, MOST_SPANS if coarseness is None else DRAFT_SPANS)
         rendering = yield from steps
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
-        made.append(Picture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
+        made.append(RegionPicture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
     return made
 
 

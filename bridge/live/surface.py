@@ -17,7 +17,7 @@ from ..loop import work
 from . import shown
 from .floor import without_floor
 from .frames import Contents
-from .view import Matrices, View, ray_ends
+from .view import Matrices, ViewportView, ray_ends
 from .viewport import Habits, Request
 
 BEYOND = 2.0  # voxels by which footprints reach beyond the outermost voxel centers
@@ -142,7 +142,7 @@ class BlenderSurface:
         digest = freshness.made_of(plain, quality, None, triangles is not None).digest
         return Contents(plain, quality, digest, box_of(plain.index_to_world, plain.volume.shape_xyz, BEYOND))
 
-    def ends(self, view: View, part) -> np.ndarray | None:
+    def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
         if self._framebuffer is None or not has_depth(self._request) or _are_slow(self._waits):
             return None

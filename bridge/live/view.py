@@ -40,7 +40,7 @@ class Matrices:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ViewportView:
     """A viewport's view for the renderer.
 
     Attributes
@@ -62,7 +62,7 @@ class View:
     set_back: float
 
 
-def view_of(matrices: Matrices, nearest: float = np.inf) -> View:
+def view_of(matrices: Matrices, nearest: float = np.inf) -> ViewportView:
     """The camera that sees what a viewport sees.
 
     Parameters
@@ -74,7 +74,7 @@ def view_of(matrices: Matrices, nearest: float = np.inf) -> View:
 
     Returns
     -------
-    View
+    ViewportView
 
     Raises
     ------
@@ -104,7 +104,7 @@ def view_of(matrices: Matrices, nearest: float = np.inf) -> View:
         lens=0.5 * SENSOR * across, ortho_scale=2.0 / across, shift_x=float(0.5 * right), clip_start=begin,
         clip_end=end, **_of_size(window, width, height),
     )
-    return View(camera, width, height, window, set_back)
+    return ViewportView(camera, width, height, window, set_back)
 
 
 def _of_size(window: np.ndarray, width: int, height: int) -> dict:
@@ -114,18 +114,18 @@ def _of_size(window: np.ndarray, width: int, height: int) -> dict:
     return {"pixel_aspect": (1.0, tall), "shift_y": float(0.5 * above * height * tall / width)}
 
 
-def resized(view: View, width: int, height: int) -> View:
+def resized(view: ViewportView, width: int, height: int) -> ViewportView:
     """The same view in another size, from the same place.
 
     Parameters
     ----------
-    view : View
+    view : ViewportView
     width, height : int
         Pixels.
 
     Returns
     -------
-    View
+    ViewportView
     """
     camera = replace(view.camera, **_of_size(view.window, width, height))
     return replace(view, camera=camera, width=width, height=height)
@@ -153,12 +153,12 @@ def _clip_distances(window: np.ndarray, parallel: bool) -> tuple[float, float]:
     return float(near), float(far) if np.isfinite(far) and far > near else 1e6 * max(abs(float(near)), 1.0)
 
 
-def pixels_of(view: View, corners: np.ndarray) -> tuple[int, int, int, int] | None:
+def pixels_of(view: ViewportView, corners: np.ndarray) -> tuple[int, int, int, int] | None:
     """The part of a view's picture that holds some points and everything between them.
 
     Parameters
     ----------
-    view : View
+    view : ViewportView
     corners : (n, 3) array_like
         World coordinates of the corners of a convex body.
 
@@ -182,7 +182,7 @@ def pixels_of(view: View, corners: np.ndarray) -> tuple[int, int, int, int] | No
     return (left, top, right, bottom) if left < right and top < bottom else None
 
 
-def _of_camera(view: View) -> np.ndarray:
+def _of_camera(view: ViewportView) -> np.ndarray:
     """(4, 4) camera space to clip space: the window matrix from where the camera really stands."""
     moved = np.eye(4)
     moved[2, 3] = view.set_back
@@ -195,12 +195,12 @@ def with_margin(pixels, width: int, height: int, margin: int = AROUND) -> tuple[
     return max(left - margin, 0), max(top - margin, 0), min(right + margin, width), min(bottom + margin, height)
 
 
-def ray_ends(view: View, buffer: np.ndarray, part) -> np.ndarray:
+def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
     """The depths at which a viewport's framebuffer ends rays.
 
     Parameters
     ----------
-    view : View
+    view : ViewportView
         Of the region's own size.
     buffer : (rows, columns) ndarray of float32
         The framebuffer's depth, 0 to 1, the lowest row first, of a part of the region.

@@ -1,7 +1,7 @@
 """What one viewport shows: a draft while anything changes, a refined picture when all is still.
 
 Nothing of Blender is used here.  What a viewport is drawn with comes as a Request, and what must be looked up comes
-from a Surface, so that tests can stand in for both.
+from a DrawnSurface, so that tests can stand in for both.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from ..messages import sentence_of
-from .frames import Contents, Picture, Shot, picture_steps, shot_of
-from .view import Matrices, View, differ
+from .frames import Contents, RegionPicture, Shot, picture_steps, shot_of
+from .view import Matrices, ViewportView, differ
 
 BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
@@ -69,7 +69,7 @@ class Request:
     habits: Habits = Habits()
 
 
-class Surface(Protocol):
+class DrawnSurface(Protocol):
     """What a viewport looks up while it is redrawn."""
 
     def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | None]:
@@ -78,7 +78,7 @@ class Surface(Protocol):
     def hides(self) -> bool:
         """Whether meshes hide the volume."""
 
-    def ends(self, view: View, part) -> np.ndarray | None:
+    def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """Depths of ``view.ray_ends``; None where the viewport has none."""
 
 
@@ -93,7 +93,7 @@ class Viewport:
 
     Attributes
     ----------
-    pictures : list of Picture
+    pictures : list of RegionPicture
         To draw, the furthest first.
     version : int
         Grows with every new list of pictures.
@@ -108,7 +108,7 @@ class Viewport:
     """
 
     def __init__(self, cache, now=time.perf_counter):
-        self.pictures: list[Picture] = []
+        self.pictures: list[RegionPicture] = []
         self.version, self.problem, self.counts, self.is_refined = 0, "", Counter(), False
         self.waits = False
         self._cache, self._now = cache, now
@@ -135,7 +135,7 @@ class Viewport:
         """Whether there is work, now or later."""
         return self._work is not None or self._due is not None
 
-    def redraw(self, request: Request, stamp, surface: Surface) -> None:
+    def redraw(self, request: Request, stamp, surface: DrawnSurface) -> None:
         """Look at what a redraw shows; where it changed, work on a draft for at most a bite.
 
         Parameters
@@ -143,7 +143,7 @@ class Viewport:
         request : Request
         stamp : object
             Differs from that of the last redraw after any event that may have changed the contents.
-        surface : Surface
+        surface : DrawnSurface
         """
         now = self._now()
         moved = request != self._request
@@ -159,7 +159,7 @@ class Viewport:
         except Exception as problem:  # one sentence instead of a traceback for every redraw
             self._fail(problem)
 
-    def _look(self, request: Request, stamp, surface: Surface, moved: bool, now: float) -> bool:
+    def _look(self, request: Request, stamp, surface: DrawnSurface, moved: bool, now: float) -> bool:
         """Look up contents and depths; return whether the picture is of something else."""
         last = self._request
         other = last is None or (request.volumes, request.drawn) != (last.volumes, last.drawn)
@@ -184,7 +184,7 @@ class Viewport:
             self._request, self._shot, self._ends = request, shot, ends
         return changed
 
-    def _read(self, request: Request, surface: Surface, with_triangles: bool) -> bool:
+    def _read(self, request: Request, surface: DrawnSurface, with_triangles: bool) -> bool:
         """Look up the contents; return whether they differ.  A volume that waits for its files keeps its own."""
         self.counts["reads"] += 1
         self._has_triangles = with_triangles
@@ -274,7 +274,7 @@ class Viewport:
             if now >= until or (self._work_on[1] is None and 2.0 * now - began >= until):
                 break
 
-    def _finish(self, pictures: list[Picture]) -> None:
+    def _finish(self, pictures: list[RegionPicture]) -> None:
         shot, coarseness = self._work_on
         self._left = np.inf if shot.matrices == self._request.matrices else self._now()
         self._work, self.is_refined = None, coarseness is None
@@ -304,7 +304,7 @@ class Viewport:
         if self.pictures and self._now() - self._left > max(MOST_LAG, OF_LAST * self._lasted):
             self._show([])
 
-    def _show(self, pictures: list[Picture]) -> None:
+    def _show(self, pictures: list[RegionPicture]) -> None:
         self.pictures = pictures
         self.version += 1
 

@@ -26,7 +26,7 @@ LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: 
 
 
 @dataclass(eq=False)
-class Work:
+class ReadingWork:
     """Files that are being read.
 
     Attributes
@@ -43,7 +43,7 @@ class Work:
     progress: Progress | None = None
 
 
-_queue: dict = {}  # key of the files, see ``loading.key_of`` -> Work; the first one is worked on
+_queue: dict = {}  # key of the files, see ``loading.key_of`` -> ReadingWork; the first one is worked on
 _failed: set = set()  # keys of sources that could not be read; asking for them again tells why
 _is_due = [False]  # whether the next frame may be read ahead; once for each frame, however many volumes there are
 
@@ -76,7 +76,7 @@ def want(owner, depsgraph=None) -> bool:
             _drop(other)
     if waits:
         if key not in _queue:
-            _queue[key] = Work(loading.load_steps(owner, depsgraph))
+            _queue[key] = ReadingWork(loading.load_steps(owner, depsgraph))
             _start(PAUSE)
         _queue[key].waiting[wish] = Held(owner)
     return waits
@@ -104,7 +104,7 @@ def stop() -> None:
         bpy.app.timers.unregister(_tick)
 
 
-def _drop(key: tuple) -> Work:
+def _drop(key: tuple) -> ReadingWork:
     work = _queue.pop(key)
     work.steps.close()
     return work
@@ -131,7 +131,7 @@ def _tick():
 
 
 def _advance(key: tuple) -> None:
-    """Do one step of a Work; objects that waited for it are tagged when it is done."""
+    """Do one step of a ReadingWork; objects that waited for it are tagged when it is done."""
     try:
         _queue[key].progress = next(_queue[key].steps)
         return
@@ -145,13 +145,13 @@ def _advance(key: tuple) -> None:
 
 
 def _next_frame() -> dict:
-    """Key and Work of the next frame of the first volume that needs one; empty if none does."""
+    """Key and ReadingWork of the next frame of the first volume that needs one; empty if none does."""
     for window in bpy.context.window_manager.windows:
         for owner in volumes.volume_objects(window.scene):
             if owner.rle_splat.frame_count > 1 and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
                 try:
                     key = loading.key_of(owner, ahead=1)
-                    return {} if key in _failed else {key: Work(volumes.load_ahead_steps(owner))}
+                    return {} if key in _failed else {key: ReadingWork(volumes.load_ahead_steps(owner))}
                 except RleSplatError:
                     return {}  # the frame is missing; it is said when it is shown
     return {}

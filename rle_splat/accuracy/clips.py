@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rays import Rays
+from .rays import WorldRays
 
 
 class Clipping:
@@ -13,10 +13,10 @@ class Clipping:
     Parameters
     ----------
     clips : sequence of Clip
-    rays : Rays
+    rays : WorldRays
     """
 
-    def __init__(self, clips, rays: Rays):
+    def __init__(self, clips, rays: WorldRays):
         self._clips = [(clip, np.linalg.inv(clip.matrix_world)) for clip in clips]
         self._rays = rays
 

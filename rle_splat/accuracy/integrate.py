@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .medium import cubics
-from .rays import Rays
+from .rays import WorldRays
 
 NO_DEPTH = 1e10
 TOLERANCE = 1e-10
@@ -221,14 +221,14 @@ def _compose(medium, pieces: _Pieces, values: np.ndarray, count: int) -> tuple[n
     return rgba, depth
 
 
-def integrate(medium, rays: Rays, index_to_world, near=-np.inf, far=np.inf, tolerance: float = TOLERANCE,
+def integrate(medium, rays: WorldRays, index_to_world, near=-np.inf, far=np.inf, tolerance: float = TOLERANCE,
               clipping=None):  # fmt: skip
     """Integrate emission and absorption of a medium along world rays.
 
     Parameters
     ----------
     medium : ClassifiedMedium or ScalarMedium
-    rays : Rays
+    rays : WorldRays
     index_to_world : (4, 4) float64
     near, far : float or (N,) float
         Planar depths where the integration begins and ends: clip distances, or a surface that ends each ray.

@@ -39,16 +39,16 @@ def shading_of(scene: Scene, truth_name: str) -> dict:
         return {}
     if scene.ambient_occlusion or (scene.volume_shadows and any(light.casts_shadow for light in scene.lights)):
         raise RleSplatError("The truths have no shadows: turn off shadows and ambient occlusion to measure an error.")
-    lit = VoxelLight(scene)
+    lit = ReferenceLight(scene)
     if truth_name == "T1":
-        return {"colors": _Looked(lit.color)}
-    shading = {"light": _Looked(lambda indices: lit.light(indices)[0])}
+        return {"colors": _ByIndex(lit.color)}
+    shading = {"light": _ByIndex(lambda indices: lit.light(indices)[0])}
     if scene.transfer_function.shade.specular > 0.0:
-        shading["highlight"] = _Looked(lambda indices: lit.light(indices)[1])
+        shading["highlight"] = _ByIndex(lambda indices: lit.light(indices)[1])
     return shading
 
 
-class _Looked:
+class _ByIndex:
     """A function of index arrays, with the subscript of an array."""
 
     def __init__(self, function):
@@ -58,7 +58,7 @@ class _Looked:
         return self._function(indices)
 
 
-class VoxelLight:
+class ReferenceLight:
     """The light on the voxels of a scene: shaded color = c * light + highlight.
 
     Arguments called ``indices`` are index arrays (z, y, x) that broadcast to any shape.

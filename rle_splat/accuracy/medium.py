@@ -46,7 +46,7 @@ def polynomial(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
     return ((c[..., 3] * t + c[..., 2]) * t + c[..., 1]) * t + c[..., 0]
 
 
-class _Medium:
+class _Field:
     """What both media share: the fields at single points."""
 
     def at(self, positions) -> np.ndarray:
@@ -72,7 +72,7 @@ def _corner_indices(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
     return tuple(indices), inside
 
 
-class ClassifiedMedium(_Medium):
+class ClassifiedField(_Field):
     """T1: extinction and associated color interpolated trilinearly, zero outside the grid.
 
     The medium fills [-1, n] along each axis: from the outermost voxels it ramps down to zero within one voxel.
@@ -90,7 +90,7 @@ class ClassifiedMedium(_Medium):
         self._set_fields(extinction.shape, lambda indices: extinction[indices], lambda indices, _: color[indices])
 
     @classmethod
-    def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedMedium:
+    def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedField:
         """Make one from stored scalars, which are classified at the corners of the cells that rays cross.
 
         Parameters
@@ -144,7 +144,7 @@ class ClassifiedMedium(_Medium):
 
     @staticmethod
     def split(poly: np.ndarray):
-        """All pieces as they are: the cubics have no kinks inside a cell.  See ``ScalarMedium.split``."""
+        """All pieces as they are: the cubics have no kinks inside a cell.  See ``ScalarField.split``."""
         count = len(poly)
         return np.arange(count), np.zeros(count), np.ones(count), np.zeros(count, dtype=np.int64)
 
@@ -154,7 +154,7 @@ class ClassifiedMedium(_Medium):
         return polynomial(poly[:, :, None, :], t[:, None, :])
 
 
-class ScalarMedium(_Medium):
+class ScalarField(_Field):
     """T2: the scalar interpolated trilinearly and then classified, inside the box of voxel centers [0, n - 1].
 
     A cell with a NaN corner is transparent; an infinite value counts as the transfer function's nearest point.

@@ -13,7 +13,7 @@ from ..scene import Camera
 
 
 @dataclass(frozen=True, eq=False)
-class Rays:
+class WorldRays:
     """N world rays, parametrized by planar depth (distance along the camera's axis).
 
     Attributes
@@ -39,8 +39,8 @@ class Rays:
         """(N, 3) world points at the given planar depths."""
         return self.origin + self.step * np.broadcast_to(depth, self.length_per_depth.shape)[:, None]
 
-    def __getitem__(self, chosen) -> Rays:
-        return Rays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
+    def __getitem__(self, chosen) -> WorldRays:
+        return WorldRays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
 
 
 def pixel_centers(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +56,7 @@ def rigid(matrix_world) -> np.ndarray:
     return matrix
 
 
-def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None) -> Rays:
+def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None) -> WorldRays:
     """Rays of a camera through pixel positions.
 
     Parameters
@@ -96,4 +96,4 @@ def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None
     matrix = rigid(camera.matrix_world)
     step = step @ matrix[:3, :3].T
     length = np.sqrt((step**2).sum(axis=1))
-    return Rays(start @ matrix[:3, :3].T + matrix[:3, 3], step / length[:, None], length)
+    return WorldRays(start @ matrix[:3, :3].T + matrix[:3, 3], step / length[:, None], length)

@@ -9,7 +9,7 @@ import numpy as np
 from ..scene import RleSplatError, Scene
 from .clips import Clipping
 from .integrate import TOLERANCE, integrate
-from .medium import ClassifiedMedium, ScalarMedium
+from .medium import ClassifiedField, ScalarField
 from .rays import camera_rays, pixel_centers
 from .transfer import opacity_unit_distance
 
@@ -50,8 +50,8 @@ def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=
     if scene.mode == "xray":  # an X-ray shows absorption as white
         transfer_function, light, highlight = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None, None
     if truth_name == "T2":
-        return ScalarMedium(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
-    return ClassifiedMedium.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)
+        return ScalarField(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
+    return ClassifiedField.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)
 
 
 def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np.inf, tolerance=TOLERANCE,

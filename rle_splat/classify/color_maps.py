@@ -13,7 +13,7 @@ Facts:
 from __future__ import annotations
 
 from ..scene import RleSplatError
-from .foreign import Found, display_color, number, scene_linear_points
+from .foreign import FileFunction, display_color, number, scene_linear_points
 from .presets import RELATIVE
 from .transfer_function import Shade, TransferFunction
 
@@ -23,7 +23,7 @@ MOST_OPAQUE = 0.5  # at the high end, where a file has no opacities
 NO_OPACITY_REMARK = f"A color map has no opacities; a ramp from 0 to {MOST_OPAQUE:g} over its values was taken."
 
 
-def read_niivue(mapping: dict, name: str, what: str) -> list[Found]:
+def read_niivue(mapping: dict, name: str, what: str) -> list[FileFunction]:
     """Read a color map of niivue.
 
     Parameters
@@ -37,7 +37,7 @@ def read_niivue(mapping: dict, name: str, what: str) -> list[Found]:
 
     Returns
     -------
-    list of Found
+    list of FileFunction
         Of one; its unit is RELATIVE without ``min`` and ``max``.
 
     Raises
@@ -68,7 +68,7 @@ def read_niivue(mapping: dict, name: str, what: str) -> list[Found]:
     values = [low + (high - low) * position / LARGEST for position in positions]
     points = [(value, *(c / LARGEST for c in rgb)) for value, *rgb in zip(values, *colors)]
     opacity = tuple((value, alpha / LARGEST) for value, alpha in zip(values, alphas))
-    return [Found(TransferFunction(name, unit, opacity, tuple(scene_linear_points(points)), None, Shade()))]
+    return [FileFunction(TransferFunction(name, unit, opacity, tuple(scene_linear_points(points)), None, Shade()))]
 
 
 def _levels(mapping: dict, key: str, what: str, default=None) -> list[float]:
@@ -84,7 +84,7 @@ def _levels(mapping: dict, key: str, what: str, default=None) -> list[float]:
     return levels
 
 
-def read_rows(lines: list[str], name: str, what: str) -> list[Found]:
+def read_rows(lines: list[str], name: str, what: str) -> list[FileFunction]:
     """Read a color map of FSL.
 
     Parameters
@@ -97,7 +97,7 @@ def read_rows(lines: list[str], name: str, what: str) -> list[Found]:
 
     Returns
     -------
-    list of Found
+    list of FileFunction
         Of one, whose unit is RELATIVE.
 
     Raises
@@ -122,4 +122,4 @@ def read_rows(lines: list[str], name: str, what: str) -> list[Found]:
     last = max(len(colors) - 1, 1)
     points = scene_linear_points([(i / last, *rgb) for i, rgb in enumerate(colors)])
     function = TransferFunction(name, RELATIVE, ((0.0, 0.0), (1.0, MOST_OPAQUE)), tuple(points), None, Shade())
-    return [Found(function, (NO_OPACITY_REMARK,))]
+    return [FileFunction(function, (NO_OPACITY_REMARK,))]

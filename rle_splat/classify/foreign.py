@@ -23,7 +23,7 @@ BETWEEN = np.linspace(0.0, 1.0, 9)[1:-1]  # where an interval is compared
 
 
 @dataclass(frozen=True)
-class Found:
+class FileFunction:
     """One transfer function of a file.
 
     Attributes

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..runtime.jit import read_only
 from ..runtime.work_sizes import MIXED_AT_ONCE
-from ..volume.blocks import Blocks, slabs
+from ..volume.blocks import Blocks, cut_chunks
 from ..volume.counts import counts_values
 from .classification import (
     ALPHA_CAP,
@@ -261,7 +261,7 @@ class Mixture:
         """
         nx, ny, nz = self.volume.shape_xyz
         counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             seen, rows = self._seen(first, last, threads), slice(first * ny, last * ny)
             count_seen(seen, counts[rows], row_pieces[rows], threads)
@@ -289,7 +289,7 @@ class Mixture:
         counts, row_pieces = counted
         row_start = row_offsets(counts)
         column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             seen = self._seen(first, last, threads)
             put_columns(seen, row_start[first * ny : last * ny + 1], column, threads)
@@ -302,7 +302,7 @@ class Mixture:
         tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]
         properties = np.empty((len(voxels), PROPERTIES), np.float32)
         nx, ny, nz = self.volume.shape_xyz
-        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             row_start = voxels.row_start[first * ny : last * ny + 1]
             begin, end = row_start[[0, -1]]
             indices = np.repeat(np.arange(first * ny, last * ny, dtype=np.int64) * nx, np.diff(row_start))
@@ -345,7 +345,7 @@ class Mixture:
         own, voxels = self._parts[0], self.volume.voxels.copy()
         nx, ny, nz = self.volume.shape_xyz
         flat = self.volume.voxels.reshape(-1)
-        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             begin, end = max(first - 1, 0), min(last + 1, nz)
             edges, offset = own.edges(begin, end, threads), begin * ny * nx
@@ -385,7 +385,7 @@ class Mixture:
         """
         own, factor = self._parts[0], np.empty(len(voxels), np.float32)
         nx, ny, nz = self.volume.shape_xyz
-        for first, last in slabs(nz, ny * nx, MIXED_AT_ONCE):
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
             row_start = voxels.row_start[first * ny : last * ny + 1]
             begin, end = row_start[[0, -1]]

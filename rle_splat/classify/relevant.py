@@ -17,7 +17,7 @@ from ..runtime.bits import count_bits, eight_bytes, lowest_bit
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
-from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, slabs
+from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
 from .reference import WORD
@@ -161,7 +161,7 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
     nx, ny, nz = volume.shape_xyz
     bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
     voxels, near = read_only(np.asarray(volume.voxels)), reach.of_blocks(blocks)
-    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
+    for first, last in cut_chunks(nz, ny * nx, multiple=BLOCK_Z):
         yield first / nz
         rows = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         if not near[rows].any():

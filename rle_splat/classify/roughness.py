@@ -52,7 +52,7 @@ def roughness(volume, transfer_function) -> float | None:
         return None
     if not SMALLEST_SPAN < largest - least < LARGEST:
         return 0.0 if least == largest else None
-    medium = _Medium(volume, transfer_function, least, largest)
+    medium = _FunctionTables(volume, transfer_function, least, largest)
     spacing = volume.spacing[::-1]
     ahead = random.standard_normal((len(cells), 3)) / spacing
     ahead /= np.abs(ahead).max(axis=1, keepdims=True)  # one voxel along the principal axis
@@ -68,7 +68,7 @@ def roughness(volume, transfer_function) -> float | None:
     return LEVELS * float(np.mean(off**4)) ** 0.25
 
 
-class _Medium:
+class _FunctionTables:
     """A transfer function as tables of even steps over the values from ``low`` to ``high``, low < high.
 
     ``rates`` (n, 4): extinction times color, and extinction, per unit length.  ``sums``: their integrals.

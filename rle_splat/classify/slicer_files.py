@@ -19,7 +19,7 @@ from __future__ import annotations
 from xml.parsers import expat
 
 from ..scene import RleSplatError
-from .foreign import Found, display_color, number, scene_linear_points
+from .foreign import FileFunction, display_color, number, scene_linear_points
 from .transfer_function import GradientOpacity, Shade, TransferFunction
 
 ELEMENT = "VolumeProperty"
@@ -39,7 +39,7 @@ BENT_REMARK = "Midpoints and sharpness of its curves were left out; its points a
 COMPONENTS_REMARK = "It is for values of several components, of which the first was read."
 
 
-def read_mrml(content: bytes, what: str) -> list[Found]:
+def read_mrml(content: bytes, what: str) -> list[FileFunction]:
     """Read the volume properties of an MRML file.
 
     Parameters
@@ -51,7 +51,7 @@ def read_mrml(content: bytes, what: str) -> list[Found]:
 
     Returns
     -------
-    list of Found
+    list of FileFunction
         One for each VolumeProperty element.
 
     Raises
@@ -79,7 +79,7 @@ def read_mrml(content: bytes, what: str) -> list[Found]:
     return [_property(one, one.get("name") or "", what) for one in elements]
 
 
-def read_vp(lines: list[str], name: str, what: str) -> list[Found]:
+def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
     """Read a volume property file.
 
     Parameters
@@ -92,7 +92,7 @@ def read_vp(lines: list[str], name: str, what: str) -> list[Found]:
 
     Returns
     -------
-    list of Found
+    list of FileFunction
         Of one.
 
     Raises
@@ -105,7 +105,7 @@ def read_vp(lines: list[str], name: str, what: str) -> list[Found]:
     return [_property(dict(zip(LINES, map(str.strip, lines))), name, what)]
 
 
-def _property(texts: dict, name: str, what: str) -> Found:
+def _property(texts: dict, name: str, what: str) -> FileFunction:
     """The transfer function of the texts of one volume property."""
     what = f"{what}, {name!r}" if name else what
     curves = {}
@@ -136,7 +136,7 @@ def _points(text: str, width: int, what: str) -> list[tuple]:
     return points
 
 
-def _found(name: str, what: str, curves: dict, lighting: dict | None, distance: float, remarks: tuple) -> Found:
+def _found(name: str, what: str, curves: dict, lighting: dict | None, distance: float, remarks: tuple) -> FileFunction:
     """The transfer function of points, by the names of LINES; ``lighting`` None: unshaded."""
     for key in ("scalarOpacity", "colorTransfer"):
         if key not in curves:
@@ -152,7 +152,7 @@ def _found(name: str, what: str, curves: dict, lighting: dict | None, distance: 
             name, None, tuple(curves["scalarOpacity"]), tuple(scene_linear_points(colors)), distance, shade, steep)
     except RleSplatError as problem:
         raise RleSplatError(f"{what}: {problem}") from None
-    return Found(function, (*remarks, *more))
+    return FileFunction(function, (*remarks, *more))
 
 
 def _gradient_opacity(points) -> tuple[GradientOpacity | None, tuple]:
@@ -176,7 +176,7 @@ def _gradient_opacity(points) -> tuple[GradientOpacity | None, tuple]:
 # --- .vp.json -------------------------------------------------------------------------------------------------
 
 
-def read_vp_json(mapping: dict, name: str, what: str) -> list[Found]:
+def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
     """Read a volume property file in JSON.
 
     Parameters
@@ -190,7 +190,7 @@ def read_vp_json(mapping: dict, name: str, what: str) -> list[Found]:
 
     Returns
     -------
-    list of Found
+    list of FileFunction
         One for each volume property.
 
     Raises
@@ -212,7 +212,7 @@ def _typed(value, kind: type, what: str):
     return value
 
 
-def _json_property(one, name: str, what: str) -> Found:
+def _json_property(one, name: str, what: str) -> FileFunction:
     components = _typed(_typed(one, dict, f"{what}: a volume property").get("components"), list, f"{what}: components")
     if not components:
         raise RleSplatError(f"{what} has a volume property without components; save the preset anew.")

@@ -12,7 +12,7 @@ from ..runtime.steps import drain
 from ..scene import RleSplatError, read_json
 from ..volume.volume import Volume
 from .color_maps import read_niivue, read_rows
-from .foreign import Found
+from .foreign import FileFunction
 from .presets import RELATIVE, fitted_steps
 from .slicer_files import read_mrml, read_vp, read_vp_json
 from .transfer_function import TransferFunction
@@ -22,7 +22,7 @@ SUFFIXES = (".json", ".xml", ".mrml", ".vp", ".cmap")  # for choosing a file
 MOST_BYTES = 1 << 26  # a scene of Slicer's may list many nodes; a scan chosen by mistake is larger
 
 
-def read_transfer_functions(path) -> tuple[Found, ...]:
+def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     """Read all transfer functions of a file.
 
     Parameters
@@ -31,7 +31,7 @@ def read_transfer_functions(path) -> tuple[Found, ...]:
 
     Returns
     -------
-    tuple of Found
+    tuple of FileFunction
         At least one, their names all different.  A unit RELATIVE asks for ``fitted``.
 
     Raises
@@ -64,15 +64,15 @@ def _content(path: Path) -> bytes:
         raise RleSplatError(f"Cannot read {WHAT} {path}: {problem.strerror or problem}; check the path.") from None
 
 
-def _read_mapping(mapping, name: str, what: str) -> list[Found]:
+def _read_mapping(mapping, name: str, what: str) -> list[FileFunction]:
     if isinstance(mapping, dict) and "volumeProperties" in mapping:
         return read_vp_json(mapping, name, what)
     if isinstance(mapping, dict) and "R" in mapping:
         return read_niivue(mapping, name, what)
-    return [Found(TransferFunction.from_json(mapping))]
+    return [FileFunction(TransferFunction.from_json(mapping))]
 
 
-def _named_apart(found: list[Found]) -> tuple[Found, ...]:
+def _named_apart(found: list[FileFunction]) -> tuple[FileFunction, ...]:
     """The same, with numbers behind names that occur before or are empty; a single one keeps its own."""
     if len(found) == 1:
         return tuple(found)
@@ -85,12 +85,12 @@ def _named_apart(found: list[Found]) -> tuple[Found, ...]:
     return tuple(replace(one, function=replace(one.function, name=name)) for one, name in zip(found, names))
 
 
-def chosen(found: tuple[Found, ...], name: str | None, path, option: str) -> Found:
+def chosen(found: tuple[FileFunction, ...], name: str | None, path, option: str) -> FileFunction:
     """One of the transfer functions of a file.
 
     Parameters
     ----------
-    found : tuple of Found
+    found : tuple of FileFunction
     name : str or None
         None takes the only one.
     path : str or Path

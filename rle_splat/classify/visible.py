@@ -14,7 +14,7 @@ import numpy as np
 
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, parallel_call, read_only
-from ..volume.blocks import BLOCK_Z, Blocks, slabs
+from ..volume.blocks import BLOCK_Z, Blocks, cut_chunks
 from . import classify_kernels as passes
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
@@ -235,7 +235,7 @@ def _pieces_of_work(shown: Visibility, blocks: Blocks):
     """Yield (first plane, last plane, their rows, their relevant blocks) for pieces of the volume with any of these."""
     volume, relevant = shown.volume, shown.relevant(blocks)
     nx, ny, nz = volume.shape_xyz
-    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
+    for first, last in cut_chunks(nz, ny * nx, multiple=BLOCK_Z):
         here = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         part = relevant[here]
         if part.any():

@@ -14,8 +14,8 @@ from time import perf_counter
 
 from ..runtime.steps import drain
 from .progress import ProgressLine
-from .render import Checked, Prepared, picture_steps, prepare
-from .series import Series
+from .render import Checked, PreparedScene, picture_steps, prepare
+from .series import FrameSeries
 
 _JOBS: dict[str, object] = {}
 # Tasks of a worker with several threads: one at a time prepares a job.
@@ -47,14 +47,14 @@ class Made:
 
     Attributes
     ----------
-    prepared : Prepared or None
+    prepared : PreparedScene or None
         Without its scene, for the report; None for a frame that is there already.
     rendering : Rendering or None
     scene_hash : str or None
         Of a frame.
     """
 
-    prepared: Prepared | None
+    prepared: PreparedScene | None
     rendering: object
     scene_hash: str | None = None
 
@@ -96,8 +96,8 @@ def finish_tile(job: Command, tile, sections) -> Made:
 def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
     began = perf_counter()
-    series = _kept(job.key, lambda: Series(job.args, job.checked, ProgressLine(False)))
-    _TOKEN.get()  # a Series makes one frame after the other
+    series = _kept(job.key, lambda: FrameSeries(job.args, job.checked, ProgressLine(False)))
+    _TOKEN.get()  # a FrameSeries makes one frame after the other
     try:
         prepared, scene_hash = series.ready(own)
     finally:
@@ -120,7 +120,7 @@ def forget(keys) -> None:
 
 
 def _picture_of(job: Command) -> tuple:
-    """The Prepared of a picture, and the cache that its tiles share; the view is checked once."""
+    """The PreparedScene of a picture, and the cache that its tiles share; the view is checked once."""
     from ..pipeline.stage_cache import StageCache
     from ..pipeline.tiles import check_view
 

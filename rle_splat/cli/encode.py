@@ -37,8 +37,8 @@ def add_arguments(parser) -> None:
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
     parser.add_argument(
         "--folder", action="store_true",
-        help="write a folder of tables, slab by slab, for a volume larger than memory; the same command goes on where "
-        "it was killed")
+        help="write a folder of tables, some planes at a time, for a volume larger than memory; the same command goes "
+        "on where it was killed")
     parser.add_argument(
         "--classification", metavar="|".join(CLASSIFICATIONS), default="pre",
         help="pre (the default), or post, which a folder of tables alone can hold")

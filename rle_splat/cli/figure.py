@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from time import perf_counter
 
-from ..figure.files import CONTENTS, SIDECAR_SUFFIX, Canvas, sidecar_path
+from ..figure.files import CONTENTS, SIDECAR_SUFFIX, PageCanvas, sidecar_path
 from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
 from ..read.channels import level_options, read_channel_steps
 from ..read.formats import format_named, read_steps
@@ -92,7 +92,7 @@ def _check_outputs(args, inputs, further=()) -> None:
 def _write(args, made, remarks, sidecar: dict | None) -> list[str]:
     """Write all files of a figure, with its ``sidecar`` if one is given; return their names."""
     targets = [*args.output, *([str(sidecar_path(args.output[0]))] if sidecar is not None else [])]
-    canvas = Canvas(made.page)
+    canvas = PageCanvas(made.page)
     with whole_files([*targets, *([args.json] if args.json else [])]) as parts:
         for path, part in zip(args.output, parts):
             with writing(path):

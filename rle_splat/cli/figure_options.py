@@ -75,7 +75,7 @@ def style_from(args) -> FigureStyle:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WantedPanels:
     """What the panels of a figure differ in: transfer functions and views, each at least one, as options.
 
     Attributes
@@ -98,7 +98,7 @@ class Wanted:
         return len(self.functions) * len(self.views)
 
 
-def wanted_panels(args, read) -> Wanted:
+def wanted_panels(args, read) -> WantedPanels:
     """What the panels of a figure differ in; ``read``: ``read_transfer_function``.
 
     Raises
@@ -117,7 +117,7 @@ def wanted_panels(args, read) -> Wanted:
         raise RleSplatError(f"--view and {other} contradict each other; give every view by --view.")
     functions = tuple(_with_function(args, name) for name in args.compare) or (args,)
     views = tuple(_with(args, azimuth=azimuth, elevation=elevation) for azimuth, elevation in args.view) or (args,)
-    wanted = Wanted(functions, tuple(read(one) for one in functions), views)
+    wanted = WantedPanels(functions, tuple(read(one) for one in functions), views)
     if args.title and len(args.title) != wanted.count:
         raise RleSplatError(
             f"--title is given {len(args.title)} times for {wanted.count} panels; give one for each panel, or none."
@@ -137,14 +137,14 @@ def _with_function(args, name: str) -> Namespace:
     return _with(args, transfer_function=None, preset=name)
 
 
-def panels_of(args, volume, wanted: Wanted, scene_of) -> tuple[list[Panel], list[str]]:
+def panels_of(args, volume, wanted: WantedPanels, scene_of) -> tuple[list[Panel], list[str]]:
     """The panels of a figure, row by row.
 
     Parameters
     ----------
     args : argparse.Namespace
     volume : Volume
-    wanted : Wanted
+    wanted : WantedPanels
     scene_of : callable
         ``scene_of(options, transfer_function)`` is the Scene of a view.
 
@@ -164,7 +164,7 @@ def panels_of(args, volume, wanted: Wanted, scene_of) -> tuple[list[Panel], list
     return [Panel(panel.scene, title) for panel, title in zip(panels, titles, strict=True)], reasons
 
 
-def _title(panel: Panel, wanted: Wanted, n: int) -> str:
+def _title(panel: Panel, wanted: WantedPanels, n: int) -> str:
     """What a panel differs in from the others."""
     of_function, of_view = divmod(n, len(wanted.views))
     parts = []

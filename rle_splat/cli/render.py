@@ -78,7 +78,7 @@ def add_arguments(parser) -> None:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedScene:
     """A scene to render, its quality, and entries for the report.
 
     Attributes
@@ -125,7 +125,7 @@ class Checked:
 
 
 @dataclass(frozen=True)
-class Job:
+class RenderJob:
     """How a picture is made, beside its scene.
 
     Attributes
@@ -170,7 +170,7 @@ def run(args) -> None:
             reports = [picture_on_cluster(args, checked, line, start, _report)]
         elif frames[0] is args:
             prepared, _ = prepare(args, checked, line)
-            reports = [rendered(args, prepared, line, Job(start))]
+            reports = [rendered(args, prepared, line, RenderJob(start))]
         else:
             reports = _rendered_frames(args, frames, checked, line)
     made = [report for report in reports if not report.get("kept")]
@@ -188,9 +188,9 @@ def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
 
             reports = frames_on_cluster(args, frames, checked, line, _written_frame)
         else:
-            from .series import Series
+            from .series import FrameSeries
 
-            series = Series(args, checked, line)
+            series = FrameSeries(args, checked, line)
             reports = [series.make(own, perf_counter()) for own in frames]
     except KeyboardInterrupt:
         raise Cancelled("Stopped; frames that were complete are kept.") from None
@@ -227,7 +227,7 @@ def _checked(args, frames) -> Checked:
     return Checked(quality_from(args, usual), poses, mixing, sky, crop, is_encoded)
 
 
-def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Prepared, Like | None]:
+def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[PreparedScene, Like | None]:
     """Read a frame and make its scene; ``like``: what it has from the first."""
     line.show(0.0, f"reading {Path(args.volume).name}")
     if checked.is_encoded:
@@ -240,7 +240,7 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
 
 
-def rendered(args, prepared: Prepared, line, job: Job) -> dict:
+def rendered(args, prepared: PreparedScene, line, job: RenderJob) -> dict:
     """Render a picture or a frame and write its outputs; return the report."""
     line.show(0.1, "loading the renderer")
     side = side_of_tiles(args, prepared.scene, prepared.quality)
@@ -284,7 +284,7 @@ def _written(args, rendering, taken, parts) -> float:
     return 1e3 * (perf_counter() - began)
 
 
-def picture_steps(args, prepared: Prepared, job: Job):
+def picture_steps(args, prepared: PreparedScene, job: RenderJob):
     """Generator of Progress: render with the tolerance or the quality; return (Rendering, shadow pass or None)."""
     scene, quality = prepared.scene, prepared.quality
     if args.shadow_pass is not None:
@@ -308,7 +308,7 @@ def _check_background(background) -> None:
         raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
-def seen_anew(args, checked: Checked, first: Prepared) -> Prepared:
+def seen_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     """The scene of the first frame, seen by the camera of another; nothing is read."""
     volume = first.scene.volume
     camera, matrix = place(args, volume, *read_placement(args))
@@ -318,7 +318,7 @@ def seen_anew(args, checked: Checked, first: Prepared) -> Prepared:
     return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
 
-def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Prepared, Like]:
+def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[PreparedScene, Like]:
     """Read a volume and make its scene; options are checked before the volume is read."""
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -332,10 +332,10 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
     scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
     described = {"name": like.function.name, "reason": like.reason}
     scene = with_light_effects(args, scene, checked.sky)
-    return Prepared(scene, checked.quality, read_ms, described, quality_remarks(args, checked.quality)), like
+    return PreparedScene(scene, checked.quality, read_ms, described, quality_remarks(args, checked.quality)), like
 
 
-def _prepare_tables(args, quality) -> Prepared:
+def _prepare_tables(args, quality) -> PreparedScene:
     """Load a .rle file, with its own transfer function, lights, model and record, and make its scene."""
     from ..classify.transfer_function import TransferFunction
     from ..encode.store import load
@@ -378,10 +378,10 @@ def _prepare_tables(args, quality) -> Prepared:
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
     described = {"name": function.name, "reason": "stored in the .rle file"}
-    return Prepared(scene, quality, read_ms, described, (*removed_remarks(args), remark))
+    return PreparedScene(scene, quality, read_ms, described, (*removed_remarks(args), remark))
 
 
-def _report(args, prepared: Prepared, rendered: dict, write_ms: float, start: float) -> dict:
+def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, start: float) -> dict:
     """The renderer's report with the command's entries; ``total`` includes reading and writing."""
     report = {"command": "render", "input": {"path": str(args.volume)}, **rendered}
     stages = rendered["stages_ms"]

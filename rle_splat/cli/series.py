@@ -7,11 +7,11 @@ from pathlib import Path
 
 from .frames import is_in_time
 from .made import SceneHashes, delete_abandoned, is_made, kept_report, outputs_of
-from .render import Checked, Job, Like, Prepared, prepare, rendered, seen_anew
+from .render import Checked, Like, PreparedScene, RenderJob, prepare, rendered, seen_anew
 
 
 @dataclass
-class Series:
+class FrameSeries:
     """What the frames of a command have in common.
 
     Attributes
@@ -34,7 +34,7 @@ class Series:
         self._cache = None if self._in_time else StageCache()
         self._hashes, self._held, self._plan = SceneHashes(), None, None
         self._like: Like | None = None
-        self._first: Prepared | None = None
+        self._first: PreparedScene | None = None
 
     def make(self, own, start: float) -> dict:
         """Make a frame, or keep the picture that is there; return its report.
@@ -54,7 +54,7 @@ class Series:
         self._plan = report["plan"]
         return report
 
-    def ready(self, own) -> tuple[Prepared, str]:
+    def ready(self, own) -> tuple[PreparedScene, str]:
         """Read a frame, and return it with the hash of everything that its pictures depend on."""
         if self._held is None and self._in_time and self.args.like not in (None, own.number):
             self._settle(self._prepared(self._like_frame(own)))
@@ -65,18 +65,18 @@ class Series:
             prepared = replace(prepared, quality=self._held)
         return prepared, self.scene_hash(own, prepared)
 
-    def job(self, start: float, scene_hash: str) -> Job:
+    def job(self, start: float, scene_hash: str) -> RenderJob:
         """How a frame is made."""
-        return Job(start, self._plan, self._cache, scene_hash, refuse_empty_view=self.args.camera_path is None)
+        return RenderJob(start, self._plan, self._cache, scene_hash, refuse_empty_view=self.args.camera_path is None)
 
-    def scene_hash(self, own, prepared: Prepared) -> str:
+    def scene_hash(self, own, prepared: PreparedScene) -> str:
         """Hash of everything that the pictures of a frame depend on."""
         return self._hashes.of(
             prepared.scene, self._held, own.tolerance, own.probes, own.background, own.shadow_pass is not None,
             [Path(path).suffix.lower() for path in outputs_of(own)],
         )  # fmt: skip
 
-    def _prepared(self, own) -> Prepared:
+    def _prepared(self, own) -> PreparedScene:
         if self._first is not None:
             return seen_anew(own, self.checked, self._first)
         prepared, like = prepare(own, self.checked, self.line, self._like)
@@ -86,7 +86,7 @@ class Series:
             self._first = prepared
         return prepared
 
-    def _settle(self, prepared: Prepared) -> None:
+    def _settle(self, prepared: PreparedScene) -> None:
         """Keep the plan of the frame that all others are like."""
         from ..pipeline.preset_plan import hold_plan_of
 

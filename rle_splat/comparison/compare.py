@@ -8,7 +8,7 @@ from ..accuracy.metrics import difference
 from ..runtime.jit import thread_count
 from ..runtime.steps import Progress, drain
 from ..scene import Quality, RleSplatError, Scene
-from .medium import Medium, scene_medium
+from .medium import ShadedScene, scene_medium
 from .probe_truth import probe_truth
 from .system import System
 from .table import SYSTEMS, system_of
@@ -80,7 +80,7 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
     }
 
 
-def _measured(system: System, medium: Medium, quality: Quality, truth, repeats: int) -> dict:
+def _measured(system: System, medium: ShadedScene, quality: Quality, truth, repeats: int) -> dict:
     """One system's entry of the report."""
     entry = {
         "name": system.name, "title": system.title, "reference": system.reference, "differs": system.differs,

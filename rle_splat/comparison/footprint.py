@@ -23,7 +23,7 @@ _GAUSS = (0.5 - 0.5 / math.sqrt(3.0), 0.5 + 0.5 / math.sqrt(3.0))  # exact for p
 
 
 @dataclass(frozen=True, eq=False)
-class Footprint:
+class FootprintTable:
     """A footprint table.
 
     Attributes
@@ -42,7 +42,7 @@ class Footprint:
     reach: np.ndarray
 
 
-def footprint(view: IndexView, scale: float = 1.0) -> Footprint:
+def footprint(view: IndexView, scale: float = 1.0) -> FootprintTable:
     """Make the footprint of a trilinear kernel of half width ``scale`` voxels, for a view with parallel rays."""
     frame, _ = pixel_frame(view)
     reach = scale * np.abs(frame[:2]).sum(axis=1)
@@ -59,7 +59,7 @@ def footprint(view: IndexView, scale: float = 1.0) -> Footprint:
     length = scale * np.linalg.norm(view.to_world @ along)
     weights = length * tent_line_integral(offsets.reshape(-1, 3) @ inverse.T, along)
     shape = np.array((subpixels, height, width), np.int64)
-    return Footprint(weights.astype(np.float32), shape, reach)
+    return FootprintTable(weights.astype(np.float32), shape, reach)
 
 
 def tent_line_integral(points: np.ndarray, along: np.ndarray) -> np.ndarray:

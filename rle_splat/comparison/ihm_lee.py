@@ -19,8 +19,8 @@ from ..encode.encode import encode
 from ..scene import Quality
 from ..volume.volume import Volume
 from . import ours
-from .medium import Medium
-from .system import Prepared
+from .medium import ShadedScene
+from .system import ReadySystem
 
 ROW = 4096  # visible voxels are classified in rows of this length
 RECORD = 16  # bytes of a run-length voxel record, for the comparison of memory
@@ -121,7 +121,7 @@ def classify_shown(
     )
 
 
-def prepare(medium: Medium, quality: Quality) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """Index the volume, find the visible voxels by the index, encode them and render them at ``quality``."""
     scene = medium.scene
     began = time.perf_counter()

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from ..scene import Quality
 from . import ours
-from .medium import Medium
-from .system import Prepared
+from .medium import ShadedScene
+from .system import ReadySystem
 
 # Rays end at an opacity of 95 %, the usual limit of shear-warp programs.
 TERMINATION = 0.05
@@ -28,6 +28,6 @@ def shear_warp(**overrides) -> Quality:
     )
 
 
-def prepare(medium: Medium, quality: Quality) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """Our renderer with the shear-warp settings; only the threads of ``quality`` count."""
     return ours.prepare(medium, shear_warp(threads=quality.threads))

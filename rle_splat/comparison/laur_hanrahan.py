@@ -15,8 +15,8 @@ from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..scene import Quality
 from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
-from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
-from .system import Prepared, picture
+from .medium import CHANNELS, ShadedScene, need_parallel_rays, need_whole_volume
+from .system import ReadySystem, picture
 
 TITLE = "Hierarchical splatting"
 LEVELS = 3  # above the voxels: nodes of up to 8 voxels a side
@@ -24,12 +24,12 @@ THRESHOLD = 0.05  # the largest error of a node, in the optical depth of one vox
 BANDS_PER_THREAD = 4
 
 
-def prepare(medium: Medium, quality: Quality, threshold: float = THRESHOLD, levels: int = LEVELS) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality, threshold: float = THRESHOLD, levels: int = LEVELS) -> ReadySystem:
     """Splat the coarsest nodes whose error is at most a threshold, front to back, compositing every sample.
 
     Parameters
     ----------
-    medium : Medium
+    medium : ShadedScene
     quality : Quality
         Only its threads count.
     threshold : float
@@ -50,10 +50,10 @@ def prepare(medium: Medium, quality: Quality, threshold: float = THRESHOLD, leve
         "footprint_tables": sum(table.weights.nbytes for table in tables),
     }
     notes = {"threshold": threshold, "splats": len(splats[0]), "splats_per_level": [len(found) for found in nodes]}
-    return Prepared(partial(draw, medium, quality, splats, tables), memory, notes)
+    return ReadySystem(partial(draw, medium, quality, splats, tables), memory, notes)
 
 
-def in_order(medium: Medium, tree, nodes):
+def in_order(medium: ShadedScene, tree, nodes):
     """Pixels (m, 2) float64, level (m,) int64 and record (m, 4) float32 of the nodes, front to back.
 
     Octants whose corner is nearer along all axes come first: Morton order, with the axes directed away from the eye.
@@ -84,7 +84,7 @@ def _morton(indices: np.ndarray) -> np.ndarray:
     return key
 
 
-def draw(medium: Medium, quality: Quality, splats, tables):
+def draw(medium: ShadedScene, quality: Quality, splats, tables):
     """One frame."""
     view = medium.view
     image = np.zeros((view.height, view.width, CHANNELS), np.float32)

@@ -12,21 +12,21 @@ import numpy as np
 from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..runtime.lanes import add4
 from ..scene import NO_DEPTH, Quality
-from .medium import CHANNELS, Medium
+from .medium import CHANNELS, ShadedScene
 from .pixel_rays import pixel_rays
-from .system import Prepared, picture
+from .system import ReadySystem, picture
 
 TITLE = "Levoy's ray casting"
 STEP = 1.0  # of the smallest voxel spacing, the default of current ray casters
 BLOCK = 4  # cells along a side of the blocks that are leaped over where nothing absorbs
 
 
-def prepare(medium: Medium, quality: Quality, step: float = STEP, leaping: bool = True) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality, step: float = STEP, leaping: bool = True) -> ReadySystem:
     """Cast rays through the pre-classified medium, interpolated trilinearly, zero outside the grid.
 
     Parameters
     ----------
-    medium : Medium
+    medium : ShadedScene
     quality : Quality
         Only its termination and threads count.
     step : float
@@ -38,7 +38,7 @@ def prepare(medium: Medium, quality: Quality, step: float = STEP, leaping: bool 
     field = medium.field
     blocks = occupied_blocks(field)
     memory = {"voxels": field.nbytes, "blocks": blocks.nbytes if leaping else 0}
-    return Prepared(lambda: cast(medium, quality, blocks, step, leaping), memory, {"step_voxels": step})
+    return ReadySystem(lambda: cast(medium, quality, blocks, step, leaping), memory, {"step_voxels": step})
 
 
 def occupied_blocks(field: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ def occupied_blocks(field: np.ndarray) -> np.ndarray:
     return whole.reshape(counts[0], BLOCK, counts[1], BLOCK, counts[2], BLOCK).any(axis=(1, 3, 5)).astype(np.uint8)
 
 
-def cast(medium: Medium, quality: Quality, blocks, step: float = STEP, leaping: bool = True):
+def cast(medium: ShadedScene, quality: Quality, blocks, step: float = STEP, leaping: bool = True):
     """Cast one frame; a Rendering with depth."""
     view, camera = medium.view, medium.scene.camera
     start, direction = pixel_rays(view)

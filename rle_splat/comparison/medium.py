@@ -22,7 +22,7 @@ CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
 
 
 @dataclass(frozen=True, eq=False)
-class Medium:
+class ShadedScene:
     """A scene with its voxels classified and shaded.
 
     Attributes
@@ -95,7 +95,7 @@ class Medium:
         return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 
-def scene_medium(scene: Scene, quality: Quality) -> Medium:
+def scene_medium(scene: Scene, quality: Quality) -> ShadedScene:
     """Classify and shade a scene for comparison; raises RleSplatError for scenes that not all systems can draw."""
     if quality.classification != "pre":
         raise RleSplatError(
@@ -109,17 +109,17 @@ def scene_medium(scene: Scene, quality: Quality) -> Medium:
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()
     classified, colors = classify_and_shade(scene, quality, clock)
-    return Medium(scene, classified, colors, {name: clock.stages[name] for name in ("classify", "shade")})
+    return ShadedScene(scene, classified, colors, {name: clock.stages[name] for name in ("classify", "shade")})
 
 
-def need_whole_volume(medium: Medium, title: str) -> None:
+def need_whole_volume(medium: ShadedScene, title: str) -> None:
     """Raise RleSplatError where the clip distances cut the volume, for a system without clipping."""
     nearest, furthest = box_depths(medium.view, medium.classified.shape_xyz)
     if nearest < medium.scene.camera.clip_start or furthest > medium.scene.camera.clip_end:
         raise RleSplatError(f"{title} draws whole volumes only; move the clip distances off the volume.")
 
 
-def need_parallel_rays(medium: Medium, title: str) -> None:
+def need_parallel_rays(medium: ShadedScene, title: str) -> None:
     """Raise RleSplatError for a perspective view, for a system of parallel projection."""
     if not medium.view.is_parallel:
         raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")

@@ -9,11 +9,11 @@ from ..encode.encode import encode
 from ..encode.tables import RunLengthVolume
 from ..pipeline.render import render
 from ..scene import Quality
-from .medium import Medium
-from .system import Prepared
+from .medium import ShadedScene
+from .system import ReadySystem
 
 
-def encoded_axes(medium: Medium, quality: Quality) -> dict[int, RunLengthVolume]:
+def encoded_axes(medium: ShadedScene, quality: Quality) -> dict[int, RunLengthVolume]:
     """Encode the run-length tables of the principal axes that the view needs."""
     return {
         axis: encode(medium.classified, medium.colors, axis, quality.model, threads=quality.threads)
@@ -21,21 +21,21 @@ def encoded_axes(medium: Medium, quality: Quality) -> dict[int, RunLengthVolume]
     }
 
 
-def prepare(medium: Medium, quality: Quality) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The renderer at ``quality``, from tables made in advance."""
     return prepared_tables(medium, quality, encoded_axes(medium, quality))
 
 
-def prepared_tables(medium: Medium, quality: Quality, axes: dict[int, RunLengthVolume], **notes) -> Prepared:
+def prepared_tables(medium: ShadedScene, quality: Quality, axes: dict[int, RunLengthVolume], **notes) -> ReadySystem:
     """The renderer at ``quality`` from given tables, ``axes``: principal axis -> RunLengthVolume."""
     scene = medium.stored(axes)
     memory: dict = {}
     for encoded in axes.values():
         for table, size in encoded.table_bytes.items():
             memory[table] = memory.get(table, 0) + size
-    return Prepared(lambda: render(scene, quality), memory, notes)
+    return ReadySystem(lambda: render(scene, quality), memory, notes)
 
 
-def prepare_paper(medium: Medium, quality: Quality) -> Prepared:
+def prepare_paper(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The paper's pipeline to the letter: opacities added in slice-plane sheets, one sheet pixel per voxel."""
     return prepare(medium, Quality.paper(threads=quality.threads))

@@ -5,25 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from ..accuracy.integrate import integrate
-from ..accuracy.medium import ClassifiedMedium
+from ..accuracy.medium import ClassifiedField
 from ..accuracy.probes import stratified_pixels
 from ..accuracy.rays import camera_rays
 from ..accuracy.transfer import extinction_and_color
 from ..accuracy.truths import world_opacity_distance
-from .medium import Medium
+from .medium import ShadedScene
 
 TOLERANCE = 1e-7  # far below a level, 1/255
 _CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)])
 
 
-class SparseMedium(ClassifiedMedium):
+class SparseMedium(ClassifiedField):
     """T1's medium without a classified copy of the volume.
 
     Extinction and unshaded color are computed from the transfer function's points at the corners of the cells that
     rays cross.  Shaded colors are those of the medium that the systems draw.
     """
 
-    def __init__(self, medium: Medium):
+    def __init__(self, medium: ShadedScene):
         self._scene = medium.scene
         self._distance = world_opacity_distance(medium.scene)
         self._shape = np.array(medium.classified.shape_xyz)
@@ -48,7 +48,7 @@ class SparseMedium(ClassifiedMedium):
         return np.concatenate((color * extinction[..., None], extinction[..., None]), axis=-1)
 
 
-def probe_truth(medium: Medium, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def probe_truth(medium: ShadedScene, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Columns and rows of about ``count`` random pixels, one in each cell of a grid, and their truth (N, 4) float64."""
     scene = medium.scene
     columns, rows = stratified_pixels(scene.width, scene.height, count, seed)

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..scene import NO_DEPTH, Quality, Rendering
-from .medium import Medium
+from .medium import ShadedScene
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class ReadySystem:
     """A system after the work that does not depend on the frame.
 
     Attributes
@@ -47,7 +47,7 @@ class System:
     differs : str
         Its differences from our renderer and from the original, in words.
     prepare : callable
-        (Medium, Quality) -> Prepared.
+        (ShadedScene, Quality) -> ReadySystem.
     channels : str
         The channels of its picture that are compared with T1: "rgba", or "a" for a system without occlusion.
     """
@@ -56,7 +56,7 @@ class System:
     title: str
     reference: str
     differs: str
-    prepare: Callable[[Medium, Quality], Prepared]
+    prepare: Callable[[ShadedScene, Quality], ReadySystem]
     channels: str = "rgba"
 
 

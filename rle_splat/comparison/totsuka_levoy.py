@@ -13,17 +13,17 @@ import numpy as np
 
 from ..runtime.jit import need_kernels, parallel_call, read_only
 from ..scene import NO_DEPTH, Quality, Rendering
-from .medium import Medium, need_parallel_rays, need_whole_volume
+from .medium import ShadedScene, need_parallel_rays, need_whole_volume
 from .pixel_rays import pixel_frame
 from .spectrum import TAPS, Spectrum, fast_size, look_up, transform
-from .system import Prepared
+from .system import ReadySystem
 
 TITLE = "Frequency domain rendering"
 BANDS = 2  # frequencies up to this many times the pixels' Nyquist frequency; higher ones are cut off
 MARGIN = 4  # pixels around the projected volume, for the ringing of the cut
 
 
-def prepare(medium: Medium, quality: Quality, bands: int = BANDS) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality, bands: int = BANDS) -> ReadySystem:
     """Transform the extinction; a frame is a slice of its spectrum.
 
     The picture is alpha = 1 - exp(-optical depth) in the medium's mean color.  ``bands``: see BANDS.
@@ -35,17 +35,17 @@ def prepare(medium: Medium, quality: Quality, bands: int = BANDS) -> Prepared:
     mean = extinction @ medium.colors / max(extinction.sum(), np.finfo(np.float64).tiny)
     spectrum = transform(medium.field[1:-1, 1:-1, 1:-1, 3])
     memory = {"spectrum": spectrum.nbytes}
-    return Prepared(partial(draw, medium, quality, spectrum, mean, bands), memory, {"taps": TAPS, "bands": bands})
+    return ReadySystem(partial(draw, medium, quality, spectrum, mean, bands), memory, {"taps": TAPS, "bands": bands})
 
 
-def draw(medium: Medium, quality: Quality, spectrum: Spectrum, mean_color, bands: int = BANDS) -> Rendering:
+def draw(medium: ShadedScene, quality: Quality, spectrum: Spectrum, mean_color, bands: int = BANDS) -> Rendering:
     """Draw one frame."""
     alpha = -np.expm1(-np.maximum(optical_depth(medium, quality, spectrum, bands), 0.0))
     rgba = np.concatenate((alpha[..., None] * mean_color, alpha[..., None]), axis=2).astype(np.float32)
     return Rendering(rgba, np.full(alpha.shape, NO_DEPTH, np.float32), {})
 
 
-def optical_depth(medium: Medium, quality: Quality, spectrum: Spectrum, bands: int = BANDS) -> np.ndarray:
+def optical_depth(medium: ShadedScene, quality: Quality, spectrum: Spectrum, bands: int = BANDS) -> np.ndarray:
     """(H, W) float64: the optical depth of each pixel's ray through the trilinear medium (projection-slice theorem).
 
     With pixel = P x + o the transform of the picture at (a, b) cycles per pixel is that of the medium at

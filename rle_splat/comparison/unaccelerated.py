@@ -18,8 +18,8 @@ from ..encode.tables import (
 from ..scene import Quality
 from . import ours
 from .decode import decode
-from .medium import Medium
-from .system import Prepared
+from .medium import ShadedScene
+from .system import ReadySystem
 
 DIFFERS = (
     "The same compiled loops, threads and termination as ours, on tables in which every voxel counts as "
@@ -27,7 +27,7 @@ DIFFERS = (
 )
 
 
-def prepare(medium: Medium, quality: Quality) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The renderer at ``quality``, visiting every voxel."""
     encoded = ours.encoded_axes(medium, quality)
     axes = {axis: every_voxel(tables, quality.threads) for axis, tables in encoded.items()}

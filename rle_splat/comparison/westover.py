@@ -15,20 +15,20 @@ from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..scene import Quality
 from ..view.principal_axis import dominant_axis
 from ..volume.axes import AXES
-from .footprint import Footprint, composite_sample, first_pixel, footprint
-from .medium import CHANNELS, Medium, need_parallel_rays, need_whole_volume
-from .system import Prepared, picture
+from .footprint import FootprintTable, composite_sample, first_pixel, footprint
+from .medium import CHANNELS, ShadedScene, need_parallel_rays, need_whole_volume
+from .system import ReadySystem, picture
 
 TITLE = "Westover's splatting"
 BANDS_PER_THREAD = 2  # bands of screen rows; few, because voxel rows at their borders are visited twice
 
 
-def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = True) -> Prepared:
+def prepare(medium: ShadedScene, quality: Quality, sheets: bool = True, cull: bool = True) -> ReadySystem:
     """Splat every voxel of the dense grid in parallel projection.
 
     Parameters
     ----------
-    medium : Medium
+    medium : ShadedScene
     quality : Quality
         Only its threads count.
     sheets : bool
@@ -42,10 +42,10 @@ def prepare(medium: Medium, quality: Quality, sheets: bool = True, cull: bool = 
     table = footprint(medium.view)
     memory = {"voxels": medium.field.nbytes, "footprint_table": table.weights.nbytes}
     notes = {"footprint": table.shape[1:].tolist(), "subpixels": int(table.shape[0])}
-    return Prepared(partial(draw, medium, quality, table, sheets, cull), memory, notes)
+    return ReadySystem(partial(draw, medium, quality, table, sheets, cull), memory, notes)
 
 
-def front_to_back(medium: Medium):
+def front_to_back(medium: ShadedScene):
     """The voxels in the order of their depth.
 
     Returns
@@ -75,7 +75,7 @@ def front_to_back(medium: Medium):
     return voxels.transpose(*(2 - a for a in order), 3), pixels, np.ascontiguousarray(steps)
 
 
-def draw(medium: Medium, quality: Quality, table: Footprint, sheets: bool, cull: bool):
+def draw(medium: ShadedScene, quality: Quality, table: FootprintTable, sheets: bool, cull: bool):
     """Draw one frame."""
     view = medium.view
     image = np.zeros((view.height, view.width, CHANNELS), np.float32)
@@ -154,7 +154,7 @@ def splat_voxels(workers, voxels, corner, steps, weights, shape, reach, sheets, 
 
     ``voxels``: (slices, scanlines, width, 4) float32 records, nearest first.  ``corner`` (2,) and ``steps`` (3, 2),
     float64: pixel = corner + slice * steps[0] + scanline * steps[1] + voxel * steps[2], column before row.
-    ``weights``, ``shape``, ``reach``: see ``Footprint``.  ``image``: (H, W, 4) float32 color and transmittance,
+    ``weights``, ``shape``, ``reach``: see ``FootprintTable``.  ``image``: (H, W, 4) float32 color and transmittance,
     updated.  Bands of screen rows are independent, so the result is the same for any number of threads.
     """
     rows = image.shape[0]

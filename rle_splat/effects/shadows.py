@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from ..encode.encode import fetch_slabs
+from ..encode.encode import fetch_chunks
 from ..encode.scalars import in_scanlines
 from ..encode.tables import RunTables
 from ..runtime.steps import drain
@@ -189,7 +189,7 @@ def _swept(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
         starts, extinction = tables.scanline_data_pointers, occluders.extinction_across
         for sweep in across:
             sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, occluders), found, threads=threads)
-        drain(fetch_slabs(tables, voxels, codes[:, None], found[:, None], threads=threads))
+        drain(fetch_chunks(tables, voxels, codes[:, None], found[:, None], threads=threads))
     for sweep in sweeps:
         if sweep.axis != 0:
             starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)

@@ -156,12 +156,12 @@ def record_steps(
     floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
     in_order = tables.axis == 2  # records stay in the order of the voxels
-    for fraction, *slab in _slabs(voxels):
+    for fraction, *chunk in _cut_chunks(voxels):
         yield fraction
         if record == 16:
-            most_color = max(most_color, write(_positions(tables, voxels, *slab), voxel_data))
+            most_color = max(most_color, write(_positions(tables, voxels, *chunk), voxel_data))
             continue
-        for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
+        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(threads), *chunk):
             positions = RecordPositions.in_order(voxels, *planes)
             first, last = positions.span
             if len(floats) < last - first:
@@ -180,11 +180,11 @@ def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthV
     """As ``record_steps``, from the records of principal z, ``in_order``, which are in the order of the voxels."""
     voxel_data = empty_records(in_order.record, tables.n_voxels)
     words, target = words_of(in_order.voxel_data), words_of(voxel_data)
-    yield from place_slabs(tables, voxels, words, target, threads=threads)
+    yield from place_chunks(tables, voxels, words, target, threads=threads)
     return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
 
 
-def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
+def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
     """Copy records from the order of the voxels to the order of run-length tables.
 
     Parameters
@@ -203,14 +203,14 @@ def place_slabs(tables: RunTables, voxels: VisibleVoxels, words, target, *, thre
     float
         Fraction done.
     """
-    for fraction, first_plane, last_plane in _slabs(voxels):
+    for fraction, first_plane, last_plane in _cut_chunks(voxels):
         yield fraction
         positions = _positions(tables, voxels, first_plane, last_plane)
         first, last = positions.span
         _place(positions, words[first:last], target, threads)
 
 
-def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
+def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
     """Copy records back from the order of run-length tables to the order of the voxels.
 
     Parameters
@@ -232,7 +232,7 @@ def fetch_slabs(tables: RunTables, voxels: VisibleVoxels, words, source, *, thre
     """
     if tables.axis != 0:
         raise ValueError(f"records are fetched from scanlines along y (axis 0) only, not from axis {tables.axis}")
-    for fraction, first_plane, last_plane in _slabs(voxels):
+    for fraction, first_plane, last_plane in _cut_chunks(voxels):
         yield fraction
         positions = _positions(tables, voxels, first_plane, last_plane)
         first, last = positions.span
@@ -250,9 +250,9 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     """
     floats = empty_records(16, 0)
     most_color = 0.0
-    for fraction, *slab in _slabs(voxels):
+    for fraction, *chunk in _cut_chunks(voxels):
         yield fraction
-        for _, *planes in _slabs(voxels, PACKED_AT_ONCE * thread_count(threads), *slab):
+        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(threads), *chunk):
             positions = RecordPositions.in_order(voxels, *planes)
             first, last = positions.span
             if len(floats) < last - first:
@@ -261,7 +261,7 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     return most_color
 
 
-def _slabs(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, last: int | None = None):
+def _cut_chunks(voxels: VisibleVoxels, at_once: int | None = None, first: int = 0, last: int | None = None):
     """Yield (fraction done, first plane, last plane) for pieces of planes [first, last); None for all planes.
 
     ``at_once``: approximate number of visible voxels of a piece; None for RECORDS_AT_ONCE.

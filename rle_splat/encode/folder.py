@@ -1,7 +1,7 @@
-"""Write a folder of run-length tables (``encode.members``), of a volume that is larger than memory, slab by slab.
+"""Write a folder of run-length tables (``encode.members``), of a volume that is larger than memory, chunk by chunk.
 
-The tables of a slab are appended to the files; so nothing that is on disk is ever written again, and a job that was
-killed goes on behind the last slab that its journal names.
+The tables of a chunk are appended to the files; so nothing that is on disk is ever written again, and a job that was
+killed goes on behind the last chunk that its journal names.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def unfinished(path: Path) -> Path:
 
 
 def can_go_on(path) -> bool:
-    """Whether a job that was stopped before it had written the folder ``path`` has left its slabs."""
+    """Whether a job that was stopped before it had written the folder ``path`` has left its chunks."""
     return (unfinished(Path(path)) / JOURNAL).is_file()
 
 
@@ -47,15 +47,15 @@ def _check_output(path: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Slab:
-    """What the journal says of a slab.
+class Chunk:
+    """What the journal says of a chunk.
 
     Attributes
     ----------
     planes : int
         One past its last plane.
     tables : dict of str to (int, int)
-        Name of a table -> bytes and checksum of the slab's part.
+        Name of a table -> bytes and checksum of the chunk's part.
     facts : dict
         JSON-compatible, for the header.
     """
@@ -68,7 +68,7 @@ class Slab:
 class FolderWriter:
     """Writes a folder of tables; as a context manager, it leaves nothing behind after an error.
 
-    A job that the user stops leaves the slabs that are done, as one that was killed does, and as one does whose folder
+    A job that the user stops leaves the chunks that are done, as one that was killed does, and as one does whose folder
     another program holds. While one writes, another one for the same folder is refused.
 
     Parameters
@@ -86,7 +86,7 @@ class FolderWriter:
         self.path = Path(path)
         self.folder = unfinished(self.path)
         self._aside = self.path.with_name(f".{self.path.name}.replaced")  # where the folder that is replaced is moved
-        self.slabs: list[Slab] = []
+        self.chunks: list[Chunk] = []
         self._job: str | None = None  # whose folder it is, from begin on
         self._sizes: Counter[str] = Counter()  # bytes of each file
         self._open = ExitStack()
@@ -105,7 +105,7 @@ class FolderWriter:
     def __exit__(self, kind, _problem, _traceback):
         goes_on = self._is_held_up or (kind is not None and issubclass(kind, STOPS))
         with self._open:
-            if kind is not None and self._job and not (goes_on and can_go_on(self.path) and self.slabs):
+            if kind is not None and self._job and not (goes_on and can_go_on(self.path) and self.chunks):
                 shutil.rmtree(self.folder, ignore_errors=True)
 
     def begin(self, job: dict) -> None:
@@ -115,8 +115,8 @@ class FolderWriter:
         """
         self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
         with writing(self.path):
-            self.slabs = self._left_behind() or []
-            if not self.slabs:
+            self.chunks = self._left_behind() or []
+            if not self.chunks:
                 self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -139,21 +139,21 @@ class FolderWriter:
     @property
     def planes(self) -> int:
         """Planes that are done."""
-        return self.slabs[-1].planes if self.slabs else 0
+        return self.chunks[-1].planes if self.chunks else 0
 
-    def _left_behind(self) -> list[Slab] | None:
-        """The slabs that the same job has written before it was killed, with nothing behind them in any file."""
+    def _left_behind(self) -> list[Chunk] | None:
+        """The chunks that the same job has written before it was killed, with nothing behind them in any file."""
         try:
             first, *lines = (self.folder / JOURNAL).read_text(encoding="utf-8").splitlines(keepends=True)
             lines = [line for line in lines if line.endswith("\n")]  # the last one may be cut
-            slabs = [Slab(**json.loads(line)) for line in lines]
+            chunks = [Chunk(**json.loads(line)) for line in lines]
         except (OSError, ValueError, TypeError):
             return None
         if first != self._job + "\n":
             return None
         sizes: Counter[str] = Counter()
-        for slab in slabs:
-            sizes.update({name: size for name, (size, _) in slab.tables.items()})
+        for chunk in chunks:
+            sizes.update({name: size for name, (size, _) in chunk.tables.items()})
         for name, size in sizes.items():
             file = self.folder / name
             if not file.is_file() or file.stat().st_size < size:
@@ -162,19 +162,19 @@ class FolderWriter:
         sizes[JOURNAL] = len("".join([first, *lines]).encode())
         os.truncate(self.folder / JOURNAL, sizes[JOURNAL])
         self._sizes = sizes
-        return slabs
+        return chunks
 
     def append(self, planes: int, tables: dict, facts: dict) -> None:
-        """Append a slab up to plane ``planes``; ``tables``: name -> array."""
+        """Append a chunk up to plane ``planes``; ``tables``: name -> array."""
         written = {}
         with writing(self.path):
             for name, array in tables.items():
                 content = bytes_of(array)
                 self._append(name, content)
                 written[name] = len(content), zlib.crc32(content)
-            slab = Slab(planes, written, facts)
-            self._append(JOURNAL, (json.dumps(vars(slab)) + "\n").encode())
-        self.slabs.append(slab)
+            chunk = Chunk(planes, written, facts)
+            self._append(JOURNAL, (json.dumps(vars(chunk)) + "\n").encode())
+        self.chunks.append(chunk)
 
     def _append(self, name: str, content) -> None:
         with open(self.folder / name, "ab") as file:
@@ -194,8 +194,8 @@ class FolderWriter:
             self._check_is_replaceable()
             for name in joined:
                 self._join(name)
-            slabs = [[slab.planes, slab.tables] for slab in self.slabs]
-            (self.folder / HEADER).write_bytes(make_header({**header, "slabs": slabs}))
+            chunks = [[chunk.planes, chunk.tables] for chunk in self.chunks]
+            (self.folder / HEADER).write_bytes(make_header({**header, "slabs": chunks}))
             (self.folder / JOURNAL).unlink()
             size = 0
             for file in filter(Path.is_file, self.folder.rglob("*")):
@@ -209,7 +209,7 @@ class FolderWriter:
         return size
 
     def _check_is_replaceable(self) -> None:
-        """RleSplatError that leaves the slabs, if the folder that is there cannot be renamed: Windows holds mapped
+        """RleSplatError that leaves the chunks, if the folder that is there cannot be renamed: Windows holds mapped
         files."""
         if not self.path.exists():
             return

@@ -1,14 +1,14 @@
 """The members of stored run-length tables: files of a folder, or the same in one file, a zip that is not compressed.
 
-The members are a header and a few tables of bare numbers. A slab of planes z is encoded as a volume of its own, and its
-tables follow those of the slab before. The pointers of the whole volume follow from the number of runs and voxels of
+The members are a header and a few tables of bare numbers. A chunk of planes z is encoded as a volume by itself; its
+tables follow those of the chunk before. The pointers of the whole volume follow from the number of runs and voxels of
 each scanline when the tables are opened; a scanline may lie anywhere in them.
 
     rows      scanlines along x, in the order of the planes: the tables of principal z, and of y, whose scanlines are
               the same
-    across    scanlines along y, slab by slab: the tables of principal x
+    across    scanlines along y, chunk by chunk: the tables of principal x
 
-Members are mapped, not read. The header has a checksum of each slab of each table, which is compared, and the slab's
+Members are mapped, not read. The header has a checksum of each chunk of each table, which is compared, and the chunk's
 runs are validated, before a kernel reads it.
 """
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from .encode import place_slabs, run_tables
-from .tables import RunTables
+from .encode import place_chunks, run_tables
+from .tables import OnAxis, RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
 MOST = 1e37  # larger values that become float32 are taken for it, so that their differences stay finite
@@ -23,7 +23,7 @@ NOT_A_NUMBER = np.float32(-3e38)  # replaces NaN; treated like a voxel that is n
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarVolume:
+class ScalarVolume(OnAxis):
     """The kept voxels of a volume, run-length encoded along one principal axis, with their scalars and light.
 
     Attributes
@@ -61,24 +61,14 @@ class ScalarVolume:
         return self.tables.axis
 
     @property
-    def width(self) -> int:
-        """Voxels of a scanline."""
-        return self.tables.width
-
-    @property
-    def n_slices(self) -> int:
-        """Number of slices."""
-        return self.tables.n_slices
+    def shape_xyz(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
+        return self.tables.shape_xyz
 
     @property
     def data_pointers(self) -> np.ndarray:
         """See RunLengthVolume."""
         return self.tables.data_pointers
-
-    @property
-    def filled_slices(self) -> np.ndarray:
-        """See RunTables."""
-        return self.tables.filled_slices
 
     @property
     def record(self) -> int:
@@ -89,17 +79,7 @@ class ScalarVolume:
     @property
     def table_bytes(self) -> dict[str, int]:
         """Bytes of each table by the paper's names, and of the derived table."""
-        tables = self.tables
-        return {
-            "scanline_pointers": tables.scanline_pointers.nbytes, "data_pointers": tables.data_pointers.nbytes,
-            "runs": tables.runs.nbytes, "voxel_data": len(self.scalars) * self.record,
-            "scanline_data_pointers": tables.scanline_data_pointers.nbytes,
-        }  # fmt: skip
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all tables."""
-        return sum(self.table_bytes.values())
+        return {**self.tables.table_bytes, "voxel_data": len(self.scalars) * self.record}
 
 
 def center_of(kind, ends) -> float:
@@ -177,5 +157,5 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: in
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
     target = np.empty_like(rows)
-    yield from place_slabs(tables, voxels, rows, target, threads=threads)
+    yield from place_chunks(tables, voxels, rows, target, threads=threads)
     return target.reshape(words.shape)

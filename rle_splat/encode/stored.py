@@ -60,13 +60,13 @@ class MappedTables:
     ----------
     members : FolderMembers or FileMembers
     header : dict
-        With ``slabs`` and ``dtypes`` (name of a table -> dtype and words of an entry).
+        With ``chunks`` and ``dtypes`` (name of a table -> dtype and words of an entry).
     """
 
     def __init__(self, members, header: dict):
         self._members, self._dtypes = members, header["dtypes"]
         self.ends = [0, *(int(planes) for planes, _ in header["slabs"])]
-        self._slabs = [tables for _, tables in header["slabs"]]
+        self._chunks = [tables for _, tables in header["slabs"]]
         self._mapped: dict[str, np.ndarray] = {}
 
     def has(self, name: str) -> bool:
@@ -88,9 +88,9 @@ class MappedTables:
                 self._checked_size(name)
 
     def _checked_size(self, name: str) -> int:
-        """Bytes of a member, which are those of its slabs."""
+        """Bytes of a member, which are those of its chunks."""
         names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
-        size, held = sum(int(slab[one][0]) for slab in self._slabs for one in names), self._members.size(name)
+        size, held = sum(int(chunk[one][0]) for chunk in self._chunks for one in names), self._members.size(name)
         if held != size:
             raise damaged(self._members.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
         return size
@@ -113,33 +113,33 @@ class MappedTables:
             raise RleSplatError(f"Cannot read {path / name}: {problem.strerror}; check its permissions.") from None
 
     def entries(self, name: str, number: int) -> int:
-        """Entries of slab ``number`` in a table."""
+        """Entries of chunk ``number`` in a table."""
         kind, words, _ = self._dtypes[name]
-        return self._slab_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
+        return self._chunk_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
 
-    def _slab_bytes(self, name: str, number: int) -> int:
-        """Bytes of a slab in a table, of one piece of a joined one."""
-        return int(self._slabs[number][f"{name}.0" if self._dtypes[name][2] else name][0])
+    def _chunk_bytes(self, name: str, number: int) -> int:
+        """Bytes of a chunk in a table, of one piece of a joined one."""
+        return int(self._chunks[number][f"{name}.0" if self._dtypes[name][2] else name][0])
 
-    def slab_parts(self, number: int, names):
-        """(first plane, end, name -> the slab's part of that table) of slab ``number``, its checksums compared."""
+    def chunk_parts(self, number: int, names):
+        """(first plane, end, name -> the chunk's part of that table) of chunk ``number``, its checksums compared."""
         first, last = self.ends[number : number + 2]
         parts = {}
         for name in names:
             table, (_, words, pieces) = self.table(name), self._dtypes[name]
-            begin = sum(self._slab_bytes(name, before) for before in range(number)) // table.itemsize
-            end = begin + self._slab_bytes(name, number) // table.itemsize
+            begin = sum(self._chunk_bytes(name, before) for before in range(number)) // table.itemsize
+            end = begin + self._chunk_bytes(name, number) // table.itemsize
             for piece, row in enumerate(table.reshape(max(pieces, 1), -1)):
                 part = row[begin:end]
-                if zlib.crc32(bytes_of(part)) != self._slabs[number][f"{name}.{piece}" if pieces else name][1]:
+                if zlib.crc32(bytes_of(part)) != self._chunks[number][f"{name}.{piece}" if pieces else name][1]:
                     what = f"the checksum of {name} does not fit in planes {first} to {last - 1}"
                     raise damaged(self._members.path, what)
             parts[name] = part.reshape(-1, words) if words else part
         return first, last, parts
 
 
-class _SlabCounts(NamedTuple):
-    """What a slab on the disk has of an order.
+class _ChunkCounts(NamedTuple):
+    """What a chunk on the disk has of an order.
 
     Attributes
     ----------
@@ -300,7 +300,7 @@ class StoredVolume:
     def of_planes(self, first: int, last: int) -> StoredVolume:
         """The volume for pictures along z of the planes [``first``, ``last``): nothing else is read for them.
 
-        Along x and y each slab on the disk has voxels of every slice, and is read for its checksum.
+        Along x and y each chunk on the disk has voxels of every slice, and is read for its checksum.
         """
         return replace(self, planes=(first, last))
 
@@ -321,8 +321,8 @@ class StoredVolume:
         wanted = self.planes if axis == 2 and self.mapped is not None else None
         if axis not in self.opened or self.opened[axis][0] != wanted:
             try:
-                slabs = yield from self._slabs_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
-                self.opened[axis] = wanted, self._of_axis(axis, slabs)
+                chunks = yield from self._chunks_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
+                self.opened[axis] = wanted, self._of_axis(axis, chunks)
             except DAMAGE as problem:
                 raise damaged(self.path, f"they do not fit together ({problem})") from None
         elif self.mapped is not None:
@@ -335,8 +335,8 @@ class StoredVolume:
         names = {name: f"{order}.{name}" for name in OF_VOXELS[self.classification]}
         return {name: file for name, file in names.items() if self.mapped.has(file)}
 
-    def _slabs_steps(self, order: str, wanted):
-        """Generator of fractions done: the _SlabCounts of each slab; those with planes ``wanted`` are checked."""
+    def _chunks_steps(self, order: str, wanted):
+        """Generator of fractions done: the _ChunkCounts of each chunk; those with planes ``wanted`` are checked."""
         found = []
         for number, (first, last) in enumerate(zip(self.mapped.ends, self.mapped.ends[1:])):
             yield first / self.shape_xyz[2]
@@ -348,20 +348,20 @@ class StoredVolume:
             found.append(self.opened[order, number])
         return found
 
-    def _unread(self, order: str, number: int) -> _SlabCounts:
-        """Of a slab that is taken for empty; how much of the files it takes is known from their header."""
+    def _unread(self, order: str, number: int) -> _ChunkCounts:
+        """Of a chunk that is taken for empty; how much of the files it takes is known from their header."""
         first, last = self.mapped.ends[number : number + 2]
-        none = np.zeros(self._slab_shape(order, first, last), np.uint32)
+        none = np.zeros(self._chunk_shape(order, first, last), np.uint32)
         of_voxels = next(iter(self._names(order).values()))
-        return _SlabCounts(none, none, *(self.mapped.entries(name, number) for name in (f"{order}.{RUNS}", of_voxels)))
+        return _ChunkCounts(none, none, *(self.mapped.entries(name, number) for name in (f"{order}.{RUNS}", of_voxels)))
 
-    def _checked(self, order: str, number: int) -> _SlabCounts:
-        """Of a slab whose checksums and tables are checked."""
+    def _checked(self, order: str, number: int) -> _ChunkCounts:
+        """Of a chunk whose checksums and tables are checked."""
         of_voxels = self._names(order)
         names = [f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]
-        first, last, parts = self.mapped.slab_parts(number, names)
+        first, last, parts = self.mapped.chunk_parts(number, names)
         axis, shape = 2 if order == ROWS else 0, (*self.shape_xyz[:2], last - first)
-        counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(*self._slab_shape(order, first, last), 2)
+        counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(*self._chunk_shape(order, first, last), 2)
         runs, voxels = counts[..., 0], counts[..., 1]
         pointers, n_runs = scanline_pointers_from_counts(runs)
         starts, n_voxels = pointers_from_counts(voxels)
@@ -377,9 +377,9 @@ class StoredVolume:
             check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
         else:
             check_scalars(axis, parts[of_voxels["scalars"]])
-        return _SlabCounts(runs, voxels, n_runs, n_voxels)
+        return _ChunkCounts(runs, voxels, n_runs, n_voxels)
 
-    def _slab_shape(self, order: str, first: int, last: int) -> tuple[int, int]:
+    def _chunk_shape(self, order: str, first: int, last: int) -> tuple[int, int]:
         """Slices and scanlines of the planes [``first``, ``last``) in an order."""
         nx, ny, _ = self.shape_xyz
         return (last - first, ny) if order == ROWS else (nx, last - first)
@@ -388,18 +388,18 @@ class StoredVolume:
         """Records as RunLengthVolume has them."""
         return stored.reshape(-1, *WORDS[self.record])
 
-    def _of_axis(self, axis: int, slabs: list[_SlabCounts]):
-        """The tables of a principal axis from the counts of its order's slabs, one behind the other in the files."""
+    def _of_axis(self, axis: int, chunks: list[_ChunkCounts]):
+        """The tables of a principal axis from the counts of its order's chunks, one behind the other in the files."""
         order = ORDER_OF[axis]
         all_pointers, all_starts, n_runs, n_voxels = [], [], 0, 0
-        for slab in slabs:
-            pointers, _ = scanline_pointers_from_counts(slab.runs)
-            starts, _ = pointers_from_counts(slab.voxels)
+        for chunk in chunks:
+            pointers, _ = scanline_pointers_from_counts(chunk.runs)
+            starts, _ = pointers_from_counts(chunk.voxels)
             all_pointers.append(np.where(pointers < 0, -1, pointers.astype(np.int64) + n_runs))
             all_starts.append(starts + n_voxels)
-            n_runs, n_voxels = n_runs + slab.n_runs, n_voxels + slab.n_voxels
+            n_runs, n_voxels = n_runs + chunk.n_runs, n_voxels + chunk.n_voxels
         kind = np.int32 if n_runs <= np.iinfo(np.int32).max else np.int64
-        columns = all_pointers, all_starts, [slab.voxels for slab in slabs]
+        columns = all_pointers, all_starts, [chunk.voxels for chunk in chunks]
         pointers, starts, voxels = (np.concatenate(parts, axis=0 if order == ROWS else 1) for parts in columns)
         if axis == 1:  # the scanlines of z, slice by slice
             pointers, starts, voxels = (np.ascontiguousarray(part.T) for part in (pointers, starts, voxels))

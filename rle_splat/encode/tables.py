@@ -15,8 +15,11 @@ LEAST_DENSITY = 1e-37  # avoids 0 / 0 in color = associated color / density
 TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's tables, in its order
 
 
-class _OnAxis:
-    """Sizes of a grid of ``shape_xyz`` along principal ``axis``."""
+POINTERS = ("scanline_pointers", "data_pointers", "runs", "scanline_data_pointers")  # tables without the voxel data
+
+
+class OnAxis:
+    """Sizes of a grid of ``shape_xyz`` along principal ``axis``, and of its tables, ``table_bytes``."""
 
     @property
     def width(self) -> int:
@@ -38,9 +41,14 @@ class _OnAxis:
         """(n_slices + 2,) bool: whether a slice has voxels; one entry at each end stands for slices outside."""
         return np.pad(np.diff(self.data_pointers) > 0, 1)
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all tables."""
+        return sum(self.table_bytes.values())
+
 
 @dataclass(frozen=True, eq=False)
-class RunTables(_OnAxis):
+class RunTables(OnAxis):
     """Run-length tables of visible voxels for one principal axis: a RunLengthVolume without its voxel data.
 
     They depend only on which voxels are visible, not on colors or lights. Attributes: see RunLengthVolume.
@@ -59,12 +67,9 @@ class RunTables(_OnAxis):
         return int(self.data_pointers[-1])
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of all tables."""
-        return (
-            self.scanline_pointers.nbytes + self.data_pointers.nbytes + self.runs.nbytes
-            + self.scanline_data_pointers.nbytes
-        )
+    def table_bytes(self) -> dict[str, int]:
+        """Bytes of each table by name."""
+        return {name: getattr(self, name).nbytes for name in POINTERS}
 
     def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> RunLengthVolume:
         """RunLengthVolume of these tables and ``voxel_data``, whose records are in the order of the tables."""
@@ -75,7 +80,7 @@ class RunTables(_OnAxis):
 
 
 @dataclass(frozen=True, eq=False)
-class RunLengthVolume(_OnAxis):
+class RunLengthVolume(OnAxis):
     """A classified, shaded volume, run-length encoded along one principal axis.
 
     Attributes
@@ -152,11 +157,6 @@ class RunLengthVolume(_OnAxis):
     def table_bytes(self) -> dict[str, int]:
         """Bytes of each table by name, including the derived one."""
         return {name: getattr(self, name).nbytes for name in (*TABLES, "scanline_data_pointers")}
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all tables."""
-        return sum(self.table_bytes.values())
 
 
 def run_type(shape_xyz) -> type:

@@ -108,7 +108,7 @@ def checked_color(brightest) -> float:
 
 
 def checked_layout(header: dict, facts: dict) -> dict:
-    """Check that the tables have the types that kernels take, and that all slabs have entries for all
+    """Check that the tables have the types that kernels take, and that all chunks have entries for all
     scanlines and voxels; raises one of DAMAGE.
 
     Parameters
@@ -122,11 +122,11 @@ def checked_layout(header: dict, facts: dict) -> dict:
     dict
         Name of a table -> dtype, words of an entry and parts, see ``members.words_of_entry``.
     """
-    (nx, ny, nz), record, slabs = facts["shape_xyz"], facts["record"], header["slabs"]
+    (nx, ny, nz), record, chunks = facts["shape_xyz"], facts["record"], header["slabs"]
     classification = header["classification"]
-    ends = [planes for planes, _ in slabs]
+    ends = [planes for planes, _ in chunks]
     in_order = all(_is_count(end, 1) for end in ends) and ends == sorted(set(ends))
-    _require(in_order and ends[-1] == nz, "its slabs do not fill the volume")
+    _require(in_order and ends[-1] == nz, "its chunks do not fill the volume")
     allowed = {
         COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
         "records": {(np.dtype(TYPES[record]).str[1:], math.prod(WORDS[record]), 0)},
@@ -138,7 +138,7 @@ def checked_layout(header: dict, facts: dict) -> dict:
         of_voxels = [name for name in OF_VOXELS[classification] if f"{order}.{name}" in found]
         _require(set(NEEDED[classification]) <= set(of_voxels), f"it lacks tables of {order}")
         first, visible = 0, 0
-        for end, sizes in slabs:
+        for end, sizes in chunks:
             entries = {
                 name: _entries(sizes, f"{order}.{name}", found, allowed[name]) for name in (COUNTS, RUNS, *of_voxels)
             }
@@ -151,7 +151,7 @@ def checked_layout(header: dict, facts: dict) -> dict:
 
 
 def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
-    """Entries of a slab in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
+    """Entries of a chunk in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
     _require(found[table] in allowed, f"{table} has a type that no kernel takes")
     kind, words, parts = found[table]
     counts = {sizes[name][0] for name in ([f"{table}.{part}" for part in range(parts)] or [table])}

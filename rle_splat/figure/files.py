@@ -34,7 +34,7 @@ def png_content(page: Page, canvas) -> bytes:
 CONTENTS = {".svg": svg_content, ".png": png_content}
 
 
-class Canvas:
+class PageCanvas:
     """Draws a page when its pixels are first asked for: ``canvas()`` is a (H, W, 4) array of float32."""
 
     def __init__(self, page: Page):

@@ -41,7 +41,7 @@ class ScaleBar:
 
 
 @dataclass(eq=False)
-class Draft:
+class PageDraft:
     """A page in the making: the figure, its measures in mm, the items so far, and sentences for the report."""
 
     figure: Figure
@@ -90,7 +90,7 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
     RleSplatError
         If something that was asked for cannot be shown.
     """
-    draft = Draft(figure)
+    draft = PageDraft(figure)
     check_labels(figure, draft)
     bars = [scale_bar(panel.scene, draft) for panel in figure.panels]
     y, columns = MARGIN, figure.columns
@@ -104,7 +104,7 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
     return page, draft.remarks
 
 
-def check_labels(figure: Figure, draft: Draft | None = None) -> None:
+def check_labels(figure: Figure, draft: PageDraft | None = None) -> None:
     """Refuse letters of a patient whose sides are unknown; ``draft`` notes it where they were not asked for."""
     unknown = any(not knows_sides(panel.scene) for panel in figure.panels)
     if not unknown or figure.style.sides == OFF:
@@ -115,7 +115,7 @@ def check_labels(figure: Figure, draft: Draft | None = None) -> None:
         draft.remark(f"{NO_SIDES}, so the figure has no letters.")
 
 
-def scale_bar(scene: Scene, draft: Draft) -> ScaleBar | None:
+def scale_bar(scene: Scene, draft: PageDraft) -> ScaleBar | None:
     """The scale bar of a picture; None without one, which ``draft`` notes if it was left to the program."""
     style = draft.figure.style
     if style.scale_bar == OFF:
@@ -145,7 +145,7 @@ def scale_bar(scene: Scene, draft: Draft) -> ScaleBar | None:
 # --- the rows of panels -----------------------------------------------------------------------------------------------
 
 
-def _row(draft: Draft, row: range, pictures: list, bars: list, y: float) -> float:
+def _row(draft: PageDraft, row: range, pictures: list, bars: list, y: float) -> float:
     """Add one row of panels below ``y``; return where it ends."""
     panels, size = draft.figure.panels, draft.size
     wide, tall = draft.tile
@@ -169,26 +169,26 @@ def _row(draft: Draft, row: range, pictures: list, bars: list, y: float) -> floa
     return end + (0.8 * GUTTER if row.stop < len(panels) else 0.0)
 
 
-def _title_lines(draft: Draft, n: int) -> list[str]:
+def _title_lines(draft: PageDraft, n: int) -> list[str]:
     """The lines of a panel's title, at least one where panels have letters."""
     indent = _indent(draft)
     lines = wrapped(draft.figure.panels[n].title, draft.size, draft.tile[0] - indent)
     return lines or ([""] if indent else [])
 
 
-def _indent(draft: Draft) -> float:
+def _indent(draft: PageDraft) -> float:
     """Where a title begins, beside the panel's letter; 0 for a figure of one panel."""
     return 1.7 * draft.size if 1 < len(draft.figure.panels) <= len(LABELS) else 0.0
 
 
-def _title(draft: Draft, n: int, line: str, number: int, x: float, y: float) -> None:
+def _title(draft: PageDraft, n: int, line: str, number: int, x: float, y: float) -> None:
     if _indent(draft) and number == 0:
         draft.items.append(Text(x, y, LABELS[n], 1.15 * draft.size, draft.ink, bold=True))
     if line:
         draft.items.append(Text(x + _indent(draft), y, line, draft.size, draft.ink))
 
 
-def _sides(draft: Draft, scene: Scene, x: float, y: float) -> None:
+def _sides(draft: PageDraft, scene: Scene, x: float, y: float) -> None:
     """The patient's sides in a picture."""
     style, (wide, tall) = draft.figure.style, draft.tile
     if style.sides == OFF or not knows_sides(scene):
@@ -201,7 +201,7 @@ def _sides(draft: Draft, scene: Scene, x: float, y: float) -> None:
     draft.items += letter_texts(edge_letters(scene), x, y, wide, tall, draft.size, draft.ink, halo)
 
 
-def _window_text(draft: Draft, n: int) -> str:
+def _window_text(draft: PageDraft, n: int) -> str:
     """Window and level of a panel, where panels differ in them."""
     if not draft.several_functions:
         return ""
@@ -217,7 +217,7 @@ def window_of(scene: Scene) -> tuple[str, str, str]:
     return *texts, scene.volume.value_unit or ""
 
 
-def _strip_lines(draft: Draft, n: int, bar: ScaleBar | None) -> int:
+def _strip_lines(draft: PageDraft, n: int, bar: ScaleBar | None) -> int:
     """Lines that scale bar and window need below a picture."""
     window = _window_text(draft, n)
     if bar is None or not window:
@@ -226,7 +226,7 @@ def _strip_lines(draft: Draft, n: int, bar: ScaleBar | None) -> int:
     return 1 if width <= draft.tile[0] else 2
 
 
-def _strip(draft: Draft, n: int, bar: ScaleBar | None, x: float, y: float, lines: int) -> None:
+def _strip(draft: PageDraft, n: int, bar: ScaleBar | None, x: float, y: float, lines: int) -> None:
     """Scale bar, and window and level, below a picture that ends at ``y``."""
     size, window = draft.size, _window_text(draft, n)
     if bar is not None:
@@ -243,7 +243,7 @@ def _strip(draft: Draft, n: int, bar: ScaleBar | None, x: float, y: float, lines
 # --- color bars and caption -------------------------------------------------------------------------------------------
 
 
-def _color_bar(draft: Draft, scene: Scene, x: float, y: float, width: float) -> None:
+def _color_bar(draft: PageDraft, scene: Scene, x: float, y: float, width: float) -> None:
     function, volume = scene.transfer_function, scene.volume
     distance = function.opacity_unit_distance or float(volume.spacing.min())
     units = f"{distance:.3g} {volume.unit}", volume.value_unit
@@ -252,7 +252,7 @@ def _color_bar(draft: Draft, scene: Scene, x: float, y: float, width: float) -> 
         draft.remark("The color bar is that of the volume; labels and channels have further colors.")
 
 
-def _shared_bar(draft: Draft, y: float) -> float:
+def _shared_bar(draft: PageDraft, y: float) -> float:
     """Add one color bar for a figure with one transfer function; return where it ends."""
     if draft.several_functions or not draft.figure.style.color_bar:
         return y
@@ -261,7 +261,7 @@ def _shared_bar(draft: Draft, y: float) -> float:
     return y + 0.8 * draft.size + Lines(0.9 * draft.size).height
 
 
-def _caption(draft: Draft, y: float) -> float:
+def _caption(draft: PageDraft, y: float) -> float:
     """Add the caption; return where it ends."""
     caption = draft.figure.style.caption
     text = automatic_caption(draft) if caption is None else caption
@@ -273,7 +273,7 @@ def _caption(draft: Draft, y: float) -> float:
     return y + LEADING * draft.size * len(lines)
 
 
-def automatic_caption(draft: Draft) -> str:
+def automatic_caption(draft: PageDraft) -> str:
     """What is seen: transfer function, window and level, voxels, projection, and the letters of the patient's sides."""
     scenes = [panel.scene for panel in draft.figure.panels]
     first = scenes[0]
@@ -298,7 +298,7 @@ def automatic_caption(draft: Draft) -> str:
     return check_text(text, "The figure's caption")
 
 
-def _letters_used(draft: Draft, scenes: list) -> set:
+def _letters_used(draft: PageDraft, scenes: list) -> set:
     if draft.figure.style.sides == OFF or not all(map(knows_sides, scenes)):
         return set()
     if draft.figure.style.sides == "cube":

@@ -8,7 +8,7 @@ from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
 from ..runtime.steps import Progress, mapped
 from ..scene import Quality, Rendering
-from .layout import Draft, automatic_caption, check_labels, lay_out, scale_bar
+from .layout import PageDraft, automatic_caption, check_labels, lay_out, scale_bar
 from .lettering import check_text
 from .page import Page
 from .plan import Figure
@@ -65,7 +65,7 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
 
 def check_figure(figure: Figure) -> None:
     """Refuse a figure that asks for a scale bar, letters or a lettering that it cannot have."""
-    draft = Draft(figure)
+    draft = PageDraft(figure)
     check_labels(figure)
     for panel in figure.panels:
         scale_bar(panel.scene, draft)

@@ -1,7 +1,7 @@
-"""Encode a scene whose tables do not fit into memory: slab by slab, into a folder of tables (``encode.members``).
+"""Encode a scene whose tables do not fit into memory: chunk by chunk, into a folder of tables (``encode.members``).
 
-A slab of planes is classified, lit and encoded by the stages that encode a whole volume. Its voxels keep their place in
-the volume, so that positions, normals and light are the same to the bit.
+A chunk of planes is classified, lit and encoded by the stages that encode a whole volume. Its voxels keep their place
+in the volume, so that positions, normals and light are the same to the bit.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from .scalar_source import value_ends
 from .scan_source import LitVolume, scan_source
 from .shadows import shadow_count
 
-VOXEL_WORK = 96  # bytes that a visible voxel of a slab takes at most while it is encoded
+VOXEL_WORK = 96  # bytes that a visible voxel of a chunk takes at most while it is encoded
 COARSE_VOXELS = 1 << 24  # a volume of more is stored in larger voxels, too: with so many a viewport turns smoothly
-DENSER = 1.5  # times as dense as a slab the next one may be
-LEAST_DENSITY = 1.0 / 32.0  # so that a slab of hidden planes does not become the whole volume
-SHARE = 0.25  # of the free memory that a slab may take: the rest is for the fixed costs and the picture
+DENSER = 1.5  # times as dense as a chunk the next one may be
+LEAST_DENSITY = 1.0 / 32.0  # so that a chunk of hidden planes does not become the whole volume
+SHARE = 0.25  # of the free memory that a chunk may take: the rest is for the fixed costs and the picture
 RECORDS, SCALARS, LIGHT, NORMALS = "records", "scalars", "light", "normals"  # tables of voxels
 
 
 @dataclass(frozen=True, eq=False)
-class _SlabTables:
-    """The tables of a slab by name, what the header is told of it, and its visible voxels."""
+class _ChunkTables:
+    """The tables of a chunk by name, what the header is told of it, and its visible voxels."""
 
     tables: dict
     facts: dict
@@ -61,7 +61,7 @@ class _SlabTables:
 
 
 def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> dict:
-    """Classify, shade and encode the volume of a scene into a folder of tables, slab by slab.
+    """Classify, shade and encode the volume of a scene into a folder of tables, chunk by chunk.
 
     Parameters
     ----------
@@ -121,20 +121,20 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
     volume.measured["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
-    kind = _ClassifiedSlabs if quality.classification == "pre" else _ScalarSlabs
-    slabs = kind(scene, quality, axes)
+    kind = _ClassifiedChunks if quality.classification == "pre" else _ScalarChunks
+    chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
     resumed = writer.planes
     has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
-    yield from portion(timed(slabs.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+    yield from portion(timed(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
     nx, ny, nz = volume.shape_xyz
-    density = 1.0  # visible voxels among all; of the first slab nothing is known
+    density = 1.0  # visible voxels among all; of the first chunk nothing is known
     while (first := writer.planes) < nz:
         last = min(first + _planes_at_once(nx * ny, density), nz)
         yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
         try:
             with clock.stage("encode"):
-                made = slabs.encoded(first, last)
+                made = chunks.encoded(first, last)
                 writer.append(last, made.tables, {**made.facts, "visible": made.visible})
         except TooLargeError:
             if last == first + 1:
@@ -143,17 +143,17 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
             continue
         density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
     yield Progress(0.98, "Finishing the folder")
-    facts = [slab.facts for slab in writer.slabs]
+    facts = [chunk.facts for chunk in writer.chunks]
     header = describe_tables(
         volume, classification=quality.classification, model=quality.model, record=quality.record, axes=axes,
         unit_length=unit_length(volume, scene.index_to_world), transfer_function=scene.transfer_function.to_json(),
         lighting=describe_lighting(scene), source=source,
     )  # fmt: skip
-    header |= slabs.header(facts)
+    header |= chunks.header(facts)
     header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
     with clock.stage("encode"):
-        size = writer.finish(header, slabs.joined)
-    return _report(scene, quality, facts, size, resumed, len(writer.slabs), clock)
+        size = writer.finish(header, chunks.joined)
+    return _report(scene, quality, facts, size, resumed, len(writer.chunks), clock)
 
 
 def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
@@ -173,7 +173,7 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
 
 
 def _check(scene: Scene, quality: Quality) -> None:
-    """RleSplatError for scenes that a slab alone does not show."""
+    """RleSplatError for scenes that a chunk alone does not show."""
     if is_mixed(scene) or not scene.volume.holds_values:
         raise RleSplatError("A folder of tables holds one volume without labels and channels; leave them out.")
     if shadow_count(scene):
@@ -184,12 +184,12 @@ def _check(scene: Scene, quality: Quality) -> None:
 
 
 def _planes_at_once(plane_voxels: int, density: float = 1.0) -> int:
-    """Planes of a slab of which a part, ``density``, is visible."""
+    """Planes of a chunk of which a part, ``density``, is visible."""
     return max(int(SHARE * available_bytes() / (density * plane_voxels * VOXEL_WORK)), 1)
 
 
 def _claim(counts: np.ndarray) -> None:
-    """TooLargeError if a slab with so many visible voxels in its rows needs more memory than is free."""
+    """TooLargeError if a chunk with so many visible voxels in its rows needs more memory than is free."""
     needed, free = int(counts.sum()) * VOXEL_WORK, available_bytes()
     if needed > free:
         raise TooLargeError(
@@ -212,7 +212,7 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
     return {"job": hashlib.blake2b(content.encode(), digest_size=16).hexdigest()}
 
 
-def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, slabs: int, clock: Clock) -> dict:
+def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, chunks: int, clock: Clock) -> dict:
     visible = sum(one["visible"] for one in facts)
     return {
         "stages_ms": clock.report(),
@@ -221,15 +221,15 @@ def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, slab
             "visible_fraction": visible / math.prod(scene.volume.shape_xyz),
         },
         "classification": quality.classification, "model": quality.model, "record": quality.record,
-        "folder": {"bytes": size, "slabs": slabs, "resumed_at_plane": resumed},
+        "folder": {"bytes": size, "slabs": chunks, "resumed_at_plane": resumed},
     }  # fmt: skip
 
 
-# --- slabs ------------------------------------------------------------------------------------------------------------
+# --- chunks -----------------------------------------------------------------------------------------------------------
 
 
-class _Slabs:
-    """The stages of a slab; the base class of both classifications."""
+class _Chunks:
+    """The stages of a chunk; the base class of both classifications."""
 
     joined = ()  # see FolderWriter.finish
 
@@ -241,7 +241,7 @@ class _Slabs:
         self.dtypes: dict[str, list] = {}
 
     def prepare_steps(self):
-        """Generator of fractions done: what all slabs depend on."""
+        """Generator of fractions done: what all chunks depend on."""
         yield from ()
 
     def part(self, first: int, last: int):
@@ -249,7 +249,7 @@ class _Slabs:
         return replace(self.volume, voxels=self.volume.voxels[first:last])
 
     def in_volume(self, local: VisibleVoxels, first: int) -> VisibleVoxels:
-        """Voxels of a slab from plane ``first`` on, as the only ones that are visible in the volume."""
+        """Voxels of a chunk from plane ``first`` on, as the only ones that are visible in the volume."""
         nx, ny, nz = self.volume.shape_xyz
         begin, end = first * ny, first * ny + len(local.row_pieces)
         row_start, row_pieces = np.zeros(nz * ny + 1, np.int64), np.zeros(nz * ny, np.int32)
@@ -265,13 +265,13 @@ class _Slabs:
         return named
 
     def header(self, facts) -> dict:
-        """Entries of the header beside those of every folder; ``facts``: of each slab."""
-        if not self.dtypes:  # every slab was there already; a plane has all tables
+        """Entries of the header beside those of every folder; ``facts``: of each chunk."""
+        if not self.dtypes:  # every chunk was there already; a plane has all tables
             self.encoded(0, 1)
         return {"dtypes": self.dtypes}
 
 
-class _ClassifiedSlabs(_Slabs):
+class _ClassifiedChunks(_Chunks):
     """Records of voxels that are classified first, as in the paper."""
 
     def __init__(self, scene: Scene, quality: Quality, axes):
@@ -302,7 +302,7 @@ class _ClassifiedSlabs(_Slabs):
         self.decoding = decoding_of(self.quality.record, most_density, most_color)
 
     def _lit(self, first: int, last: int):
-        """The visible voxels of a slab, and the same as a LitVolume."""
+        """The visible voxels of a chunk, and the same as a LitVolume."""
         shown = Visibility(self.part(first, last), self.scene.transfer_function)
         blocks = drain(block_steps(shown.volume, threads=self.threads))
         counted = drain(count_steps(shown, blocks, threads=self.threads))
@@ -313,26 +313,26 @@ class _ClassifiedSlabs(_Slabs):
         directions = None if self.falling is None else self.source.normals(voxels)
         return local, LitVolume(self.source, found, self.falling, normals=directions)
 
-    def encoded(self, first: int, last: int) -> _SlabTables:
+    def encoded(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""
         local, lit = self._lit(first, last)
         model, record, write = self.quality.model, self.quality.record, lit.write_records(self.quality.model)
 
-        def write_slab(positions, records):
+        def write_chunk(positions, records):
             place = RecordPositions(
                 lit.classified.voxels, first + positions.first_plane, positions.across, positions.data_starts
             )
             return write(place, records)
 
         tables = run_tables(local, 2, threads=self.threads)
-        rows = drain(record_steps(tables, local, write_slab, model, record, self.decoding, threads=self.threads))
+        rows = drain(record_steps(tables, local, write_chunk, model, record, self.decoding, threads=self.threads))
         named = self.named(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
             across = drain(reorder_steps(tables, local, rows, threads=self.threads))
             named |= self.named(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
         facts = {"most_color": rows.most_color, "nan": local.nan_voxels}
-        return _SlabTables(named, facts, len(local))
+        return _ChunkTables(named, facts, len(local))
 
     def header(self, facts) -> dict:
         return {
@@ -342,7 +342,7 @@ class _ClassifiedSlabs(_Slabs):
         }  # fmt: skip
 
 
-class _ScalarSlabs(_Slabs):
+class _ScalarChunks(_Chunks):
     """Scalars of the voxels that post-classified sheets need, and the light on them.
 
     Short gaps are not closed, so that the tables serve all depth rules.
@@ -366,7 +366,7 @@ class _ScalarSlabs(_Slabs):
         self.light = None
 
     def _kept(self, first: int, last: int) -> VisibleVoxels:
-        """The voxels of a slab that its own cells and those that it shares with its neighbors need."""
+        """The voxels of a chunk that its own cells and those that it shares with its neighbors need."""
         _, ny, nz = self.volume.shape_xyz
         begin, end = max(first - 1, 0), min(last + 1, nz)
         around = self.part(begin, end)
@@ -377,7 +377,7 @@ class _ScalarSlabs(_Slabs):
         _claim(counted[0])
         return kept_voxels(self.part(first, last), bits, counted, blocks, threads=self.threads)
 
-    def encoded(self, first: int, last: int) -> _SlabTables:
+    def encoded(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""
         local = self._kept(first, last)
         of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
@@ -390,7 +390,7 @@ class _ScalarSlabs(_Slabs):
                 for name, array in of_voxels.items()
             }
             named |= self.named(ACROSS, tables, **placed)
-        return _SlabTables(named, {}, len(local))
+        return _ChunkTables(named, {}, len(local))
 
     def _lights(self, voxels: VisibleVoxels) -> dict:
         """The light on voxels: coded normals where it follows the view, codes of light elsewhere."""

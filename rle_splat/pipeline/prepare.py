@@ -34,7 +34,7 @@ NOT_KEPT = (
 
 
 @dataclass(frozen=True)
-class Picture:
+class SyntheticPicture:
     """One synthetic picture, made once for each stored type.
 
     ``first``, ``more``: seconds that its kernels took to compile in an empty cache, for the first of STORED_TYPES and
@@ -55,19 +55,19 @@ class Picture:
 
 # In the order in which users need them.  Sideways: the voxels' x is the principal axis, whose runs lie across rows.
 PICTURES = (
-    Picture("orthographic", 28.8, 4.5),
-    Picture("perspective", 0.0, 0.0, perspective=True),
-    Picture("sideways", 4.3, 0.0, azimuth=90.0),
-    Picture("lights", 7.7, 0.0, scene="lights", perspective=True),
-    Picture("lights without shadows", 1.5, 0.0, scene="no shadows", perspective=True),
-    Picture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
-    Picture("hard walls", 21.4, 2.4, quality="fine"),
-    Picture("surfaces only", 20.0, 0.4, scene="surfaces"),
+    SyntheticPicture("orthographic", 28.8, 4.5),
+    SyntheticPicture("perspective", 0.0, 0.0, perspective=True),
+    SyntheticPicture("sideways", 4.3, 0.0, azimuth=90.0),
+    SyntheticPicture("lights", 7.7, 0.0, scene="lights", perspective=True),
+    SyntheticPicture("lights without shadows", 1.5, 0.0, scene="no shadows", perspective=True),
+    SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
+    SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
+    SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
 )
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedPart:
     """One picture's part of a preparation: how long it took, and the kernels that were new on disk after it, one that
     was compiled for several combinations of argument types as often."""
 
@@ -99,7 +99,7 @@ def prepare_steps():
 
     Returns
     -------
-    list of Prepared
+    list of PreparedPart
         One entry for each picture and stored type.
 
     Raises
@@ -119,7 +119,7 @@ def prepare_steps():
             start, done = done, done + picture.seconds(stored)
             yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
-            prepared.append(Prepared(name, perf_counter() - began, tuple(new)))
+            prepared.append(PreparedPart(name, perf_counter() - began, tuple(new)))
     _mark().touch()
     yield Progress(1.0, "Done")
     return prepared
@@ -145,7 +145,7 @@ def _on_disk() -> set[Path]:
     return set(jit.KERNELS.rglob("*.nbc"))
 
 
-def _picture_steps(picture: Picture, stored: str):
+def _picture_steps(picture: SyntheticPicture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
     quality = Quality.preset(picture.quality, name="prepared", threads=1)
@@ -162,7 +162,7 @@ def _ball(stored: str) -> Volume:
     return Volume(voxels, np.eye(4))
 
 
-def _scene(picture: Picture, volume: Volume) -> Scene:
+def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
     By the headlight, or as ``picture.scene`` says: "surfaces", with gradient opacity; "lights", a lamp that casts

@@ -3,10 +3,13 @@
     source -> plan -> view -> classify -> shade -> encode -> splat -> warp -> rays -> report
 
 The paper (Zhang, Sun and Sun, "Accelerate Volume Splatting by Using Run Length Encoding", 2003) classifies and shades
-the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet.  Here sheets lie on
-base planes in index space, and a warp makes the picture of them (algorithm.md 1.3).  Before that comes what the scene
-is (source) and how finely it is drawn (plan).  After it come single rays, where sheets and warp err most, and the
-report.
+the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet, front to back.
+
+Here a sheet is parallel to the slices of the volume, on a *base plane* in voxel indices, and a *warp* makes the picture
+of it (algorithm.md 1.3).  Before the paper's steps, the *source* says what the volume is, and the *plan* how finely it
+is drawn.  After them, *rays* integrate single pixels again where sheets and warp err most.  What is classified and lit
+is a *medium*: voxels with extinction and color, as in the paper, or voxels with their scalar, which is classified where
+a sheet interpolates it.
 
 Each stage is a generator of Progress, so that whoever asks for the picture can show how far it is, and can cancel it by
 closing the generator.  Each is timed by a Clock, and what it makes is kept in a StageCache under all that it was made
@@ -67,24 +70,25 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
     as it was before.
     """
-    steps = _exposed_steps(scene, quality, cache, refuse_empty_view)
+    steps = _expose_steps(scene, quality, cache, refuse_empty_view)
     rendering, kernels = yield from watch_steps(steps, scene, quality)
     return replace(rendering, report={**rendering.report, "kernels": kernels})
 
 
-def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
-    """Generator: choose source and plan, and take the mean of the sharp pictures that the scene's exposure takes.
+def _expose_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
+    """Generator of Progress: choose source and plan, and render the mean of the scene's sharp pictures.
 
-    That is one picture, unless depth of field or motion blurs it.
+    There is one sharp picture, unless depth of field or motion blurs the scene.
     """
-    clocks = [Clock()]  # of the first picture, which the choices belong to
-    with clocks[0].running():
-        # Source: what the volume is (a scan, several channels, or tables of a file), whether it is classified before
-        # it is interpolated, as in the paper, or afterwards, and which effects the scene has.
+    clock = Clock()
+    kept = StageCache(0) if cache is None else cache
+    with clock.running():
+        # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
+        # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
         source = choose_source(scene, quality)
-        # Plan: sheets a voxel, filters and single rays.  A preset takes the cheapest plan that keeps its error.
-        with clocks[0].stage("plan"):
-            kept = StageCache(0) if cache is None else cache
+        # Plan: how many sheets a voxel has, by which filters they are resampled, and where single rays replace them.
+        # A preset of quality takes the cheapest plan that is expected to keep its error.
+        with clock.stage("plan"):
             source = choose_plan(source, kept)
         pictures = exposures(source.scene)
         if cache is None and len(pictures) > 1:  # the pictures of a blur have most stages in common
@@ -92,19 +96,22 @@ def _exposed_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
 
     def sharp_steps(sharp: Scene):
-        clock = clocks.pop() if clocks else Clock()
-        return within(_sharp_steps(replace(source, scene=sharp), kept, refuse, clock), clock.running)
+        nonlocal clock
+        own, clock = clock or Clock(), None  # that of the first picture has counted the choices, too
+        steps = _sharp_steps(replace(source, scene=sharp), kept, refuse, own)
+        return within(steps, own.running)
 
     return exposure_steps(source.scene, pictures, sharp_steps)
 
 
 def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clock: Clock):
     """Generator of Progress: the stages of one sharp picture, in the paper's order; returns its Rendering."""
-    # View: the principal axis that the camera looks along, the base plane in index space and its sheets.
+    # View: the principal axis that the camera looks along, the base plane and where its sheets lie.  It comes first,
+    # since voxels are encoded along that axis, and since the picture's pixels may need more memory than there is.
     picture = begin_picture(source, cache, refuse_empty_view, clock)
-    # Classify: which voxels the transfer function shows.
+    # Classify: which voxels the transfer function shows, and by how much they absorb and in which color.
     voxels = yield from picture.source.classify_steps(picture.work)
-    # Shade: their normals, and the light and the shadows that fall on them.
+    # Shade: normals from the gradient, and the light that reaches each voxel.
     medium = yield from picture.source.shade_steps(voxels, picture.work)
     # Encode: the paper's tables of runs, pointers and voxel records, along each principal axis of the view.
     tables = yield from encode_steps(picture, medium)
@@ -129,9 +136,9 @@ def encode_steps(picture: Picture, medium: Medium):
 def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     """Generator of Progress: splat and warp each part of the view; returns (rgba, depth).
 
-    There is one part, unless two principal axes fade into each other or the camera sees along several of them.
+    There is one part, unless the camera turns from one principal axis to another: then both fade into each other.
     """
-    rays, fades = picture.rays, picture.view.fades
+    rays, fades = picture.rays, picture.view.fades  # rays: the effects that end rays, such as clip distances
     rays.inspect(picture.view.planes)
     mixed = None
     for n, fade in enumerate(fades):

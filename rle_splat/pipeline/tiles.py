@@ -17,7 +17,7 @@ from .choose_source import choose_source
 from .memory_estimate import PICTURE_PIXEL, WRITTEN
 from .render import render_steps
 from .report import image_report
-from .single_rays import traces_steep_pixels
+from .single_rays import traces_steep_pixels, with_neighbors
 from .source import Source
 from .stage_cache import StageCache
 from .views import choose_view
@@ -87,7 +87,8 @@ def _some_of(tiles: list, across: int) -> set:
 
 def _picture_bytes(source: Source) -> int:
     """What the sheets and the pixels of the scene's crop take."""
-    source, view = choose_view(source, refuse_empty=False)
+    source = with_neighbors(source)
+    view = choose_view(source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
     pictured = source.picture_bytes(view.planes, shortened=True, traced=traces_steep_pixels(source))
     return WRITTEN * (right - left) * (bottom - top) + pictured

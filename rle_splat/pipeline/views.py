@@ -13,7 +13,6 @@ from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
 from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
-from .single_rays import with_neighbors
 from .source import Source
 
 
@@ -57,32 +56,15 @@ class View:
         """The principal axes that tables are needed of, in the order of their planes."""
         return tuple(dict.fromkeys(plane.axis for plane in self.planes))
 
-    def window(self, scene: Scene, quality: Quality) -> View:
-        """The view with the parts of its planes that the wanted pixels need."""
-        return replace(self, fades=[fade.window(scene, quality) for fade in self.fades])
 
-
-def choose_view(source: Source, refuse_empty: bool) -> tuple[Source, View]:
-    """Choose the base planes of a picture.
-
-    Returns
-    -------
-    Source
-        With the pixels that are needed beside the wanted ones.
-    View
-        The part of its view that these pixels need.
+def choose_view(source: Source, refuse_empty: bool) -> View:
+    """Choose the base planes of a picture, and the parts of them that its pixels need.
 
     Raises
     ------
     RleSplatError
         Where ``refuse_empty`` is set and the camera sees nothing of the volume.
     """
-    source = with_neighbors(source)
-    return source, view_of(source, refuse_empty).window(source.scene, source.quality)
-
-
-def view_of(source: Source, refuse_empty: bool) -> View:
-    """The view of a source by its scene's camera; see ``choose_view``."""
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
@@ -108,4 +90,4 @@ def view_of(source: Source, refuse_empty: bool) -> View:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
-    return View(view, fades)
+    return View(view, [fade.window(scene, quality) for fade in fades])

@@ -47,7 +47,7 @@ LARGEST_SHORT = 32767  # voxels along an axis in a NIfTI-1 header
 
 
 @dataclass(frozen=True)
-class _Facts:
+class _NiftiFacts:
     """What a header says: ``offset`` is where the voxels begin in the data, ``data`` the file they are in."""
 
     shape: tuple
@@ -92,7 +92,7 @@ def _partner(path: Path, suffix: str) -> Path:
     raise RleSplatError(f"{path.name} needs {stem}{suffix} beside it, which is not there; copy both files.")
 
 
-def _facts(path: Path) -> _Facts:
+def _facts(path: Path) -> _NiftiFacts:
     """Read and check the header of a file."""
     nibabel = library("nibabel", "nibabel", "NIfTI")
     is_image = bool(re.search(r"\.img(\.gz)?$", path.name, flags=re.IGNORECASE)) and not recognizes_nifti(head_of(path))
@@ -118,7 +118,7 @@ def _facts(path: Path) -> _Facts:
         raise damaged(source, f"its voxels begin at byte {offset:g}")
     slope, intercept = _scale(header, version)
     affine, unit, space, remarks = _geometry(source, header, version)
-    return _Facts(
+    return _NiftiFacts(
         shape, checked_kind(source, dtype), math.prod(lengths[3:]), "time" if max(lengths[4:]) == 1 else "kind",
         affine, unit, space, slope, intercept, max(int(offset), SIZES[version] + 4) if is_single else int(offset),
         source if is_single else _partner(source, ".img"), SIZES[version or 1], remarks,

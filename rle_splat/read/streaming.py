@@ -27,7 +27,7 @@ LEAST_MAPPED = 1 << 28  # bytes of voxels from which a file is mapped: a smaller
 EXPANSION = {None: 1, "gzip": DEFLATE_LIMIT, "zlib": DEFLATE_LIMIT, "bzip2": BZIP2_LIMIT}  # packing -> largest factor
 
 
-class _Inflated:
+class _InflatedStream:
     """Unpacked bytes of a gzip or zlib stream; the members of a gzip file follow one another."""
 
     def __init__(self, stream, window: int):
@@ -72,7 +72,7 @@ def opened(path, offset: int = 0, packing: str | None = None):
                     yield source
             else:
                 stream.seek(offset)
-                yield _Inflated(stream, GZIP_WINDOW if packing == "gzip" else ZLIB_WINDOW)
+                yield _InflatedStream(stream, GZIP_WINDOW if packing == "gzip" else ZLIB_WINDOW)
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
 

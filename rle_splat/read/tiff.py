@@ -43,7 +43,7 @@ PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^>]*>")
 
 
 @dataclass(frozen=True)
-class _Facts:
+class _TiffFacts:
     """What a file says beside its pages: spacing (x, y, z) or None, its unit, frames and remarks."""
 
     spacing: tuple | None = None
@@ -146,7 +146,7 @@ def _by_openimageio(path, page, number: int) -> np.ndarray:
 
 
 def _one_file_steps(path: Path, file, frame: int | None):
-    """Generator of Progress: the largest series of an open file; return (voxels, _Facts)."""
+    """Generator of Progress: the largest series of an open file; return (voxels, _TiffFacts)."""
     with _library(path):
         several = len(file.series)
         index, series = max(enumerate(file.series), key=lambda pair: math.prod(pair[1].shape))
@@ -178,7 +178,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
         remarks += ("The file says that its pages follow one another in time; they were taken as slices.",)
     kinds = ["time" if axis in TIME_AXES else "channel" for axis in others] or ["time"]
     differ_in = " and ".join(dict.fromkeys(kinds))
-    return voxels, _Facts(spacing, unit, frames, differ_in, remarks)
+    return voxels, _TiffFacts(spacing, unit, frames, differ_in, remarks)
 
 
 def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
@@ -193,7 +193,7 @@ def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
 
 
 def _files_steps(path: Path, files: list[Path], frame: int | None):
-    """Generator of Progress: a stack of files with one page each; return (voxels, _Facts)."""
+    """Generator of Progress: a stack of files with one page each; return (voxels, _TiffFacts)."""
     checked_frame(path, frame, 1)
     tifffile = library("tifffile", "tifffile", "TIFF")
     if len(files) > MOST_FILES:
@@ -216,7 +216,7 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
             raise RleSplatError(f"The pages of {files[0].name} are colors; export one number for each pixel.")
     shape = checked_grid(path, (*first.shape[::-1], len(files)))
     voxels = yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())
-    return voxels, _Facts(remarks=_missing_remark(files))
+    return voxels, _TiffFacts(remarks=_missing_remark(files))
 
 
 def _missing_remark(files: list[Path]) -> tuple:

@@ -25,7 +25,7 @@ WORLD_UNIT = "world"  # VDB files state no unit of length; Blender takes world u
 SIGNED_DISTANCE = "signed distance"  # value unit of a level set; negative inside
 DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats. A few distant voxels could span any amount
 FURTHEST = 1 << 30  # largest voxel index along an axis; OpenVDB uses 32-bit indices
-SLAB = 8  # slices copied at once, one leaf of the tree
+CHUNK = 8  # slices copied at once, one leaf of the tree
 PROBE_INDICES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 OPENVDB_PROBLEMS = (OSError, RuntimeError, LookupError, ValueError, TypeError)
 
@@ -203,10 +203,10 @@ def _dense_steps(grid, label: str):
     refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels of the grid {label!r} need", "crop or downsample it")
     doing = f"reading the grid {label} ({grid_text((nx, ny, nz), kind)})"
     voxels = np.empty((nz, ny, nx), dtype=kind)
-    for z in range(0, nz, SLAB):  # OpenVDB fills C-ordered (x, y, z) arrays; transpose one slab at a time
-        slab = np.zeros((nx, ny, min(SLAB, nz - z)), dtype=kind)
-        grid.copyToArray(slab, ijk=(int(low[0]), int(low[1]), int(low[2]) + z))
-        voxels[z : z + slab.shape[2]] = slab.transpose(2, 1, 0)
+    for z in range(0, nz, CHUNK):  # OpenVDB fills C-ordered (x, y, z) arrays; transpose one chunk at a time
+        chunk = np.zeros((nx, ny, min(CHUNK, nz - z)), dtype=kind)
+        grid.copyToArray(chunk, ijk=(int(low[0]), int(low[1]), int(low[2]) + z))
+        voxels[z : z + chunk.shape[2]] = chunk.transpose(2, 1, 0)
         yield Progress(z / nz, doing)
     return (yield from storable_steps(voxels, doing)), low
 
@@ -261,8 +261,8 @@ def write_vdb_steps(volume: Volume, path):
     kind = np.float64 if double else np.float32
     grid = (openvdb.DoubleGrid if double else openvdb.FloatGrid)(float(volume.physical(volume.background)))
     grid.name = PREFERRED_GRID
-    for z in range(0, volume.voxels.shape[0], SLAB):
-        values = volume.physical(volume.voxels[z : z + SLAB]).astype(kind)
+    for z in range(0, volume.voxels.shape[0], CHUNK):
+        values = volume.physical(volume.voxels[z : z + CHUNK]).astype(kind)
         # OpenVDB misreads an array that is not C-ordered, without an error.
         grid.copyFromArray(np.ascontiguousarray(values.transpose(2, 1, 0)), ijk=(0, 0, z), tolerance=0)
         yield Progress(z / volume.voxels.shape[0], "writing voxels")

@@ -132,7 +132,7 @@ def keep_in(folder) -> None:
     _Folder.path = str(folder)
 
 
-class _Kept(CompileResultCacheImpl):
+class _KernelFolder(CompileResultCacheImpl):
     """Kernels in that folder only: nothing may be written beside the sources."""
 
     _locator_classes = [_Folder]
@@ -159,7 +159,7 @@ class KernelCache(Cache):
         The kernel.
     """
 
-    _impl_class = _Kept
+    _impl_class = _KernelFolder
 
     def __init__(self, dispatcher):
         super().__init__(dispatcher.py_func)

@@ -17,7 +17,7 @@ import numpy as np
 from ..volume.axes import AXES
 from .depth_rules import Sheets, place_sheets
 from .eye import IndexView
-from .footprints import FOOTPRINTS, Footprint
+from .footprints import FOOTPRINTS, VoxelKernel
 
 # Sheet pixels beyond what is visible, so that the warp's filter never lacks a neighbor.
 MARGIN = 3
@@ -301,7 +301,7 @@ def _exactly_movable(offsets: np.ndarray, furthest: float) -> None:
 
 def base_plane(
     view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
-    footprint: Footprint = FOOTPRINTS["tent"], boxed: bool = False, reach: int | None = None,
+    footprint: VoxelKernel = FOOTPRINTS["tent"], boxed: bool = False, reach: int | None = None,
 ) -> BasePlane | None:
     """Make the base plane of one principal axis and direction.
 
@@ -315,7 +315,7 @@ def base_plane(
         Depth rule.
     sheet_density : float
         Sheet pixels per image pixel; 0 for one sheet pixel per voxel at the reference.
-    footprint : Footprint
+    footprint : VoxelKernel
     boxed : bool
         Whether the medium ends at the voxel centers; else the footprints of the outermost voxels extend beyond.
     reach : int or None

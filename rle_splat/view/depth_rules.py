@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ..scene import NAMED_DEPTH_RULES, midpoints_of, preintegrated_of
-from .footprints import FOOTPRINTS, Footprint, footprint_weights
+from .footprints import FOOTPRINTS, VoxelKernel, footprint_weights
 
 _INSET = 0.5 / np.sqrt(3.0)
 
@@ -151,7 +151,7 @@ def _cells(begin: float, ramp_end: float, ramp_begin: float, end: float, depth: 
 
 
 def place_sheets(
-    n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: Footprint = FOOTPRINTS["tent"],
+    n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: VoxelKernel = FOOTPRINTS["tent"],
     boxed: bool = False,
 ) -> Sheets:
     """Place the sheets of a depth rule.
@@ -166,7 +166,7 @@ def place_sheets(
     eye_position : float or None
         The eye's coordinate along the axis; None for parallel rays. Sheets behind the eye are left out, and the cell
         around the eye is integrated from the eye on (algorithm.md 1.4).
-    footprint : Footprint
+    footprint : VoxelKernel
     boxed : bool
         Whether the medium ends at the first and last slice, without the ramps of footprints.
 
@@ -181,7 +181,7 @@ def place_sheets(
     return _sheets_from(eye, n_slices, sign, rule, footprint, boxed)
 
 
-def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[int, float, float]:
+def _ends(n_slices: int, sign: int, footprint: VoxelKernel, boxed: bool) -> tuple[int, float, float]:
     """Voxels by which the medium extends beyond the slices; where it begins and ends along the viewing direction."""
     past = 0 if boxed else math.ceil(footprint.radius)
     front, back = -float(past), n_slices - 1.0 + past
@@ -189,7 +189,7 @@ def _ends(n_slices: int, sign: int, footprint: Footprint, boxed: bool) -> tuple[
 
 
 @lru_cache(maxsize=32)
-def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: Footprint, boxed: bool) -> Sheets:
+def _sheets_from(eye: float, n_slices: int, sign: int, rule: str, footprint: VoxelKernel, boxed: bool) -> Sheets:
     """``place_sheets`` for an eye along the viewing direction; cached, since most frames repeat the previous sheets."""
     past, first, last = _ends(n_slices, sign, footprint, boxed)
     position, thickness, kind = np.empty(0), np.empty(0), np.empty(0, np.int64)

@@ -23,7 +23,7 @@ GAUSSIAN_RADIUS = 3.0
 
 
 @dataclass(frozen=True)
-class Footprint:
+class VoxelKernel:
     """A reconstruction kernel.
 
     Attributes
@@ -42,11 +42,11 @@ class Footprint:
 
 
 FOOTPRINTS = {
-    "nearest": Footprint(NEAREST, 0.5, "box of one voxel: for label maps and for inspecting voxels"),
-    "tent": Footprint(TENT, 1.0, "trilinear, second order: the default"),
-    "bspline2": Footprint(BSPLINE2, 1.5, "quadratic B-spline: smooth, blurs a little"),
-    "bspline3": Footprint(BSPLINE3, 2.0, "cubic B-spline: smoothest, blurs most"),
-    "gaussian": Footprint(GAUSSIAN, GAUSSIAN_RADIUS, "normalized Gaussian of Westover's splatting, sigma 0.7 voxel"),
+    "nearest": VoxelKernel(NEAREST, 0.5, "box of one voxel: for label maps and for inspecting voxels"),
+    "tent": VoxelKernel(TENT, 1.0, "trilinear, second order: the default"),
+    "bspline2": VoxelKernel(BSPLINE2, 1.5, "quadratic B-spline: smooth, blurs a little"),
+    "bspline3": VoxelKernel(BSPLINE3, 2.0, "cubic B-spline: smoothest, blurs most"),
+    "gaussian": VoxelKernel(GAUSSIAN, GAUSSIAN_RADIUS, "normalized Gaussian of Westover's splatting, sigma 0.7 voxel"),
 }
 assert tuple(FOOTPRINTS) == NAMES, "scene/quality.py lists other footprints"
 
@@ -113,12 +113,12 @@ def footprint_values(kind: int, t: np.ndarray) -> np.ndarray:
     return np.where((t >= -0.5) & (t < 0.5), 1.0, 0.0)
 
 
-def footprint_weights(footprint: Footprint, positions: np.ndarray, stretch: float = 1.0):
+def footprint_weights(footprint: VoxelKernel, positions: np.ndarray, stretch: float = 1.0):
     """Weights of the voxels around positions.
 
     Parameters
     ----------
-    footprint : Footprint
+    footprint : VoxelKernel
     positions : (n,) array_like
         Voxels.
     stretch : float

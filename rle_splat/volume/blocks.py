@@ -57,7 +57,7 @@ class Blocks:
         return self.low.nbytes + self.high.nbytes
 
 
-def slabs(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, multiple: int = 1):
+def cut_chunks(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, multiple: int = 1):
     """Yield (first, end) of pieces of ``n_planes`` planes.
 
     Parameters
@@ -106,7 +106,7 @@ def block_steps(volume, *, threads: int = 0):
     most = voxels.dtype.type(np.inf if voxels.dtype.kind == "f" else limits.max)
     least = voxels.dtype.type(-np.inf if voxels.dtype.kind == "f" else limits.min)
     nan_voxels = np.zeros(shape[:2], np.int64)
-    for first, last in slabs(nz, ny * nx, multiple=BLOCK_Z):
+    for first, last in cut_chunks(nz, ny * nx, multiple=BLOCK_Z):
         yield first / nz
         part = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         arguments = (voxels[first:last], most, least, low[part], high[part], nan_voxels[part])

@@ -33,7 +33,7 @@ def row(small):
 
 def test_memory_differs_between_record_sizes_by_the_records_alone(row):
     memory = row["memory_bytes"]
-    assert list(memory) == [16, 8, 6, 4]
+    assert list(memory) == [16, 8]
     for record, sizes in memory.items():
         assert sizes["voxel_data"] == 3 * record * row["kept_voxels"]
         assert sizes["total"] == sum(count for name, count in sizes.items() if name != "total")

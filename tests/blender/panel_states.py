@@ -212,7 +212,7 @@ def preparing(folder):
     """Kernels are compiled by another process; until ``kernel_preparation.end`` is called."""
     add_volume(folder)
     ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    ahead._Now.text = ahead.describe(40.0)
+    ahead._Preparing.text = ahead.describe(40.0)
 
 
 STATES = {

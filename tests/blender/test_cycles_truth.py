@@ -35,7 +35,7 @@ def test_cycles_sees_the_interpolated_classified_medium(core, tmp_path, matrix, 
     bpy.context.view_layer.update()
     ours = core("scene").Camera(np.array(camera.matrix_world), kind, lens=58.0, ortho_scale=24.0)
     rays = core("accuracy.rays").camera_rays(ours, *SIZE)
-    medium = core("accuracy.medium").ClassifiedMedium(extinction, color)
+    medium = core("accuracy.medium").ClassifiedField(extinction, color)
     picture = march(tmp_path / "marched.exr").reshape(-1, 4)
     if not picture.any():
         needs_grids(tmp_path)

@@ -91,20 +91,20 @@ def test_an_axis_that_motion_needs_and_the_folder_does_not_hold(refused, call, e
 
 def test_ctrl_c_keeps_the_planes_that_are_done(encode, tmp_path, monkeypatch):
     assert encode(output="whole.rle").code == 0
-    append, slabs = folder_form.FolderWriter.append, []
+    append, chunks = folder_form.FolderWriter.append, []
 
     def stopped(writer, planes, *more):
-        if len(slabs) == 1:
+        if len(chunks) == 1:
             raise KeyboardInterrupt
-        slabs.append(planes)
+        chunks.append(planes)
         append(writer, planes, *more)
 
     with monkeypatch.context() as patch:
         patch.setattr(folder_form.FolderWriter, "append", stopped)
         result = encode()
         assert result.code == 130 and "the same command goes on" in result.err and result.err.count("\n") == 1
-        slabs[:] = [0]
-        result = encode(output="b.rle")  # before its first slab
+        chunks[:] = [0]
+        result = encode(output="b.rle")  # before its first chunk
         assert result.code == 130 and result.err == "Stopped; nothing was written.\n"
     assert sorted(path.name for path in tmp_path.iterdir()) == [".a.rle.unfinished", "data", "whole.rle"]
     result = encode()

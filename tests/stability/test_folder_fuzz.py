@@ -27,7 +27,7 @@ from tests.stability.test_reader_fuzz import ANY_JSON, GOOD_FUNCTION, altered, o
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
 
 SHAPE = (7, 6, 5)  # z, y, x
-PLANES = 3  # of a slab
+PLANES = 3  # of a chunk
 FILE = "file"  # name of what is not a folder
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
 LAMP = Light(type="POINT", energy=900.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)) + np.eye(4, k=3) * 20.0)
@@ -41,7 +41,7 @@ def view_of(volume, axis):
 
 @pytest.fixture
 def whole(tmp_path, monkeypatch, request):
-    """A folder of three slabs."""
+    """A folder of three chunks."""
     monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: PLANES)
     classification, lights = TABLES[request.param]
     voxels = np.random.default_rng(2).integers(0, 101, SHAPE, dtype=np.uint8)
@@ -52,14 +52,14 @@ def whole(tmp_path, monkeypatch, request):
     return tmp_path / "a.rle"
 
 
-def pieces_of(folder, slabs) -> dict:
-    """(Name of a table or of a part of one, slab) -> its bytes."""
+def pieces_of(folder, chunks) -> dict:
+    """(Name of a table or of a part of one, chunk) -> its bytes."""
     pieces, begun = {}, {}
-    for name in sorted(slabs[0][1]):
+    for name in sorted(chunks[0][1]):
         is_part = name[-1].isdigit()
         file = name[:-2] if is_part else name
         content, at = (folder / file).read_bytes(), begun.get(file, 0)
-        for number, (_, tables) in enumerate(slabs):
+        for number, (_, tables) in enumerate(chunks):
             pieces[name, number] = content[at : at + tables[name][0]]
             at += tables[name][0]
         begun[file] = at
@@ -116,13 +116,13 @@ def rendered(path, axis, planes=None):
 
 def with_sizes(header, pieces) -> dict:
     """The header with the sizes and checksums of ``pieces``."""
-    slabs = [[planes, {name: [len(pieces[name, number]), zlib.crc32(pieces[name, number])] for name in tables}]
+    chunks = [[planes, {name: [len(pieces[name, number]), zlib.crc32(pieces[name, number])] for name in tables}]
              for number, (planes, tables) in enumerate(header["slabs"])]  # fmt: skip
-    return {**header, "slabs": slabs}
+    return {**header, "slabs": chunks}
 
 
 @pytest.mark.parametrize(
-    "whole, table, slab, change, planes, said",
+    "whole, table, chunk, change, planes, said",
     [
         ("normals", "rows.normals", 0, lambda content: b"", (PLANES, 2 * PLANES), "an entry for each voxel"),
         ("normals", "rows.normals", 2, lambda content: content[:-2], None, "an entry for each voxel"),
@@ -132,12 +132,12 @@ def with_sizes(header, pieces) -> dict:
     ],
     indirect=["whole"],
 )  # fmt: skip
-def test_R3_one_table_that_does_not_fit(record, whole, tmp_path, table, slab, change, planes, said):
-    """What is beyond the slabs that a picture needs, too: all others begin behind it."""
+def test_R3_one_table_that_does_not_fit(record, whole, tmp_path, table, chunk, change, planes, said):
+    """What is beyond the chunks that a picture needs, too: all others begin behind it."""
     header = json.loads((whole / HEADER).read_text()[8:])
     pieces = pieces_of(whole, header["slabs"])
     for name, number in pieces:
-        if name.startswith(table) and number == slab:
+        if name.startswith(table) and number == chunk:
             pieces[name, number] = change(pieces[name, number])
     write(tmp_path / "b.rle", with_sizes(header, pieces), pieces)
     with pytest.raises(RleSplatError, match=said):

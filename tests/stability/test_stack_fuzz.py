@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rle_splat.read.dicom import stacking
 from rle_splat.read.dicom.grouping import groups_of
-from rle_splat.read.dicom.pictures import Picture, Series, Storage
+from rle_splat.read.dicom.pictures import ImageFrame, Series, Storage
 from tests.stability.fuzz import examples
 
 ROWS, COLUMNS = 512, 400
@@ -19,13 +19,13 @@ TURNS = {"axial": (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "oblique": OBLIQUE, "half": (0
 AT_BORDERS = st.sampled_from([0.48825, 0.70715, 0.00005, 0.001, 0.05, 0.15, 1.25, 0.7])
 
 
-def picture(i: int, position, orientation, spacing=(0.5, 0.5), **apart) -> Picture:
+def picture(i: int, position, orientation, spacing=(0.5, 0.5), **apart) -> ImageFrame:
     storage = Storage(
         Path(f"{i}.dcm"), "1.2.840.10008.1.2.1", True, "integer", 0, 0, False, 0, ROWS, COLUMNS, 1, 16, 16, 15, False
     )
     series = Series("key", f"{i}", 1, "CT", "", "", None, False, False, None, None)
     numbers = (tuple(map(float, values)) for values in (position, orientation, spacing))
-    return Picture(storage, series, 0, i, *numbers, 1.0, 0.0, None, False, "", apart)
+    return ImageFrame(storage, series, 0, i, *numbers, 1.0, 0.0, None, False, "", apart)
 
 
 def grouped(pictures, seed: int = 0):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rle_splat.accuracy.rays import Rays
+from rle_splat.accuracy.rays import WorldRays
 
 # The head phantom of Shepp and Logan in three dimensions, in a cube from -1 to 1: extinction, half axes along x, y,
 # z, center, and degrees by which it is turned about z.  The insides add up: the brain is 1.0 - 0.8.
@@ -36,13 +36,13 @@ def over(front, back) -> np.ndarray:
     return front + (1.0 - front[:, 3:]) * back
 
 
-def _lines(rays: Rays, matrix) -> tuple[np.ndarray, np.ndarray]:
+def _lines(rays: WorldRays, matrix) -> tuple[np.ndarray, np.ndarray]:
     """Rays in the space that ``matrix`` takes to the world: (N, 3) starts, and (N, 3) steps per planar depth."""
     inverse = np.linalg.inv(matrix)
     return rays.origin @ inverse[:3, :3].T + inverse[:3, 3], rays.step @ inverse[:3, :3].T
 
 
-def box_depths(rays: Rays, index_to_world, low, high) -> tuple[np.ndarray, np.ndarray]:
+def box_depths(rays: WorldRays, index_to_world, low, high) -> tuple[np.ndarray, np.ndarray]:
     """(N,) planar depths at which each ray's whole line enters and leaves an index-space box; it misses the box
     where the second is not above the first."""
     start, step = _lines(rays, index_to_world)
@@ -54,25 +54,25 @@ def box_depths(rays: Rays, index_to_world, low, high) -> tuple[np.ndarray, np.nd
     return enters, leaves
 
 
-def box_length(rays: Rays, index_to_world, low, high) -> np.ndarray:
+def box_length(rays: WorldRays, index_to_world, low, high) -> np.ndarray:
     """G1: (N,) world length inside an index-space box of each ray's whole line."""
     enters, leaves = box_depths(rays, index_to_world, low, high)
     return np.maximum(leaves - enters, 0.0) * rays.length_per_depth
 
 
-def distance_to_axis(rays: Rays, center) -> np.ndarray:
+def distance_to_axis(rays: WorldRays, center) -> np.ndarray:
     """b: (N,) world distance between a point and the line of each ray."""
     to_center = np.asarray(center, dtype=np.float64) - rays.origin
     along = (to_center * rays.direction).sum(axis=1)
     return np.sqrt(np.maximum((to_center**2).sum(axis=1) - along**2, 0.0))
 
 
-def sphere_length(rays: Rays, center, radius: float) -> np.ndarray:
+def sphere_length(rays: WorldRays, center, radius: float) -> np.ndarray:
     """G2: (N,) world length of each ray inside a sphere, 2 sqrt(R^2 - b^2)."""
     return 2.0 * np.sqrt(np.maximum(radius**2 - distance_to_axis(rays, center) ** 2, 0.0))
 
 
-def ellipsoid_length(rays: Rays, ball_to_world) -> np.ndarray:
+def ellipsoid_length(rays: WorldRays, ball_to_world) -> np.ndarray:
     """G2: (N,) world length of each ray inside the image of the unit ball under a 4x4 matrix."""
     start, step = _lines(rays, ball_to_world)
     square, middle = (step**2).sum(axis=1), (start * step).sum(axis=1)
@@ -80,7 +80,7 @@ def ellipsoid_length(rays: Rays, ball_to_world) -> np.ndarray:
     return 2.0 * np.sqrt(np.maximum(inside, 0.0)) / square * rays.length_per_depth
 
 
-def ellipsoids_tau(rays: Rays, ellipsoids=SHEPP_LOGAN) -> np.ndarray:
+def ellipsoids_tau(rays: WorldRays, ellipsoids=SHEPP_LOGAN) -> np.ndarray:
     """G12: (N,) optical depth of overlapping ellipsoids whose extinctions add, rows as in SHEPP_LOGAN."""
     tau = np.zeros(len(rays.origin))
     for sigma, half_axes, center, degrees in ellipsoids:
@@ -92,7 +92,7 @@ def ellipsoids_tau(rays: Rays, ellipsoids=SHEPP_LOGAN) -> np.ndarray:
     return tau
 
 
-def gaussian_tau(rays: Rays, center, peak: float, width: float) -> np.ndarray:
+def gaussian_tau(rays: WorldRays, center, peak: float, width: float) -> np.ndarray:
     """G3: (N,) optical depth of peak * exp(-r^2 / 2 width^2), in world lengths: peak width sqrt(2 pi) exp(-b^2/..)."""
     b = distance_to_axis(rays, center)
     return peak * width * np.sqrt(2.0 * np.pi) * np.exp(-0.5 * (b / width) ** 2)
@@ -123,7 +123,7 @@ def impulse_tau(u, v, sigma: float, slice_distance: float, degree: int = 1) -> n
     return sigma * slice_distance * bspline(u, degree) * bspline(v, degree)
 
 
-def voxel_tau(rays: Rays, index_to_world, voxel, sigma: float, degree: int = 1) -> np.ndarray:
+def voxel_tau(rays: WorldRays, index_to_world, voxel, sigma: float, degree: int = 1) -> np.ndarray:
     """G8, from anywhere: (N,) optical depth of one voxel at index (x, y, z), its B-spline the same along all axes.
 
     Between the spline's knots the product of the three is a polynomial of degree 3 * degree, which Gauss-Legendre
@@ -134,7 +134,7 @@ def voxel_tau(rays: Rays, index_to_world, voxel, sigma: float, degree: int = 1) 
     knots = np.arange(degree + 2.0) - 0.5 * (degree + 1)
     with np.errstate(divide="ignore", invalid="ignore"):
         at = (knots - start[..., None]) / step[..., None]
-    near, far = box_depths(Rays(start, step, np.ones(len(start))), np.eye(4), knots[[0] * 3], knots[[-1] * 3])
+    near, far = box_depths(WorldRays(start, step, np.ones(len(start))), np.eye(4), knots[[0] * 3], knots[[-1] * 3])
     far = np.maximum(near, far)  # no length where the voxel is missed
     missed = ~np.isfinite(near)
     near, far = np.where(missed, 0.0, near), np.where(missed, 0.0, far)
@@ -147,7 +147,7 @@ def voxel_tau(rays: Rays, index_to_world, voxel, sigma: float, degree: int = 1) 
     return sigma * (values * np.diff(at, axis=1)).sum(axis=1) * rays.length_per_depth
 
 
-def ramp_tau(rays: Rays, index_to_world, low, high, constant: float, slope) -> np.ndarray:
+def ramp_tau(rays: WorldRays, index_to_world, low, high, constant: float, slope) -> np.ndarray:
     """G9: (N,) optical depth inside an index-space box of the extinction constant + slope . (x, y, z), which is to
     be above zero there: the length times the value half way."""
     enters, leaves = box_depths(rays, index_to_world, low, high)
@@ -167,7 +167,7 @@ def radial_lambert(points, center, to_light) -> tuple[np.ndarray, np.ndarray]:
     return normal, np.abs(normal @ np.asarray(to_light, dtype=np.float64))
 
 
-def of_formula(fields, rays: Rays, near, far, tolerance: float = 1e-8) -> np.ndarray:
+def of_formula(fields, rays: WorldRays, near, far, tolerance: float = 1e-8) -> np.ndarray:
     """G11: premultiplied rgba (N, 4) of a medium given by a formula: ``fields`` takes (..., 3) world points to
     (..., 4) extinction * RGB and extinction, smooth between ``near`` and ``far``, planar depths, scalars or (N,).
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rle_splat.accuracy.rays import Rays, pixel_centers
+from rle_splat.accuracy.rays import WorldRays, pixel_centers
 
 
-def depth_to_plane(rays: Rays, point, normal) -> np.ndarray:
+def depth_to_plane(rays: WorldRays, point, normal) -> np.ndarray:
     """(N,) planar depth at which each ray meets a plane; inf where it is parallel or behind."""
     normal = np.asarray(normal, dtype=np.float64)
     ahead = rays.step @ normal
@@ -17,7 +17,7 @@ def depth_to_plane(rays: Rays, point, normal) -> np.ndarray:
 
 
 def turntable_rays(shape_xyz, spacing, azimuth, elevation, fit, perspective, fov, width, height):
-    """The turntable in its own words: (Rays, index_to_world) with voxel (i, j, k) at (i sx, j sy, k sz).
+    """The turntable in its own words: (WorldRays, index_to_world) with voxel (i, j, k) at (i sx, j sy, k sz).
 
     Angles in degrees.  An orthographic ray starts on the plane through the aim, so depth 0 lies inside the
     volume and ``near`` must be minus infinity; a perspective ray starts at the eye.
@@ -40,4 +40,4 @@ def turntable_rays(shape_xyz, spacing, azimuth, elevation, fit, perspective, fov
     else:
         start, step = on_plane, np.broadcast_to(forward, on_plane.shape)
     length = np.sqrt((step**2).sum(axis=1))
-    return Rays(start, step / length[:, None], length), np.diag((*spacing, 1.0))
+    return WorldRays(start, step / length[:, None], length), np.diag((*spacing, 1.0))

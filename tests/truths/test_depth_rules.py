@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.phantoms import FIELDS
-from rle_splat.accuracy.medium import ClassifiedMedium
+from rle_splat.accuracy.medium import ClassifiedField
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.transfer import extinction_and_color
@@ -21,7 +21,7 @@ from rle_splat.accuracy.truths import world_opacity_distance
 def sampled_at_sheets(scene, depth_rule):
     """(H, W, 4): slabs of a constant medium along each pixel's own ray, cut across its steepest index axis."""
     volume, distance = scene.volume, world_opacity_distance(scene)
-    medium = ClassifiedMedium(*extinction_and_color(scene.transfer_function, volume.physical(volume.voxels), distance))
+    medium = ClassifiedField(*extinction_and_color(scene.transfer_function, volume.physical(volume.voxels), distance))
     rays = camera_rays(scene.camera, scene.width, scene.height)
     inverse = np.linalg.inv(scene.index_to_world)
     start, step = rays.origin @ inverse[:3, :3].T + inverse[:3, 3], rays.step @ inverse[:3, :3].T

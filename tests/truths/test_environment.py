@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.lighting import VoxelLight, shading_of
+from rle_splat.accuracy.lighting import ReferenceLight, shading_of
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.pipeline.render import render
@@ -109,7 +109,7 @@ def test_a_ball_has_the_light_of_the_hemisphere_outside_it(ball, way):
     lit = replace(ball, world=mean, environment=environment)
     indices = scene_medium(lit, Quality(classification="pre")).indices
     colors = classify_and_shade(lit, Quality(), Clock())[1]
-    np.testing.assert_allclose(VoxelLight(lit).color(indices), colors, atol=2e-5)  # written apart, in float64
+    np.testing.assert_allclose(ReferenceLight(lit).color(indices), colors, atol=2e-5)  # written apart, in float64
     place = np.stack(indices[::-1], axis=1) - 9.0
     radius = np.linalg.norm(place, axis=1)
     even = np.flatnonzero((radius > 4.0) & (radius < 8.0))[::12]

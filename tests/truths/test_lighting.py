@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.phantoms import blobs
-from rle_splat.accuracy.lighting import VoxelLight, shading_of
+from rle_splat.accuracy.lighting import ReferenceLight, shading_of
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.pipeline.scan_source import classify_and_shade
@@ -47,7 +47,7 @@ def test_every_voxel_has_the_renderers_color(stage, scene, name, kind):
         lights=() if name == "headlight" else (lights(stage)[name],),
     )  # fmt: skip
     _, theirs = classify_and_shade(lit, Quality(), Clock())
-    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
+    ours = ReferenceLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
     plain = scene_medium(replace(lit, headlight=False, lights=()), Quality(classification="pre")).colors
     assert np.abs(theirs - plain).max() > 0.1 and len(ours) > 500
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
@@ -62,7 +62,7 @@ def test_highlights_by_phong_and_surfaces_of_one_side(stage, scene, highlight, t
     lit = replace(usual, transfer_function=replace(usual.transfer_function, shade=shade))
     quality = Quality()
     theirs = classify_and_shade(lit, quality, Clock())[1]
-    ours = VoxelLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
+    ours = ReferenceLight(lit).color(scene_medium(lit, Quality(classification="pre")).indices)
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
     before = classify_and_shade(usual, quality, Clock())[1]
     darker = (theirs < before - 0.02).any(axis=1).mean()
@@ -94,7 +94,7 @@ def test_both_truths_are_lit_alike(scene):
     lit = replace(scene, headlight=True)
     indices = tuple(np.array(n) for n in ((3, 4), (5, 6), (7, 8)))
     found = shading_of(lit, "T2")
-    own = VoxelLight(replace(lit, transfer_function=replace(lit.transfer_function, color=((0.0, 1.0, 1.0, 1.0),))))
+    own = ReferenceLight(replace(lit, transfer_function=replace(lit.transfer_function, color=((0.0, 1.0, 1.0, 1.0),))))
     np.testing.assert_allclose(found["light"][indices] + found["highlight"][indices], own.color(indices), atol=1e-12)
     assert shading_of(scene, "T1") == {} == shading_of(scene, "T2")
     matt = replace(lit.transfer_function, shade=replace(SHADE, specular=0.0))

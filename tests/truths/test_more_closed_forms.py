@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from benchmarks.phantoms import marschner_lobb
-from rle_splat.accuracy.rays import Rays, camera_rays
+from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import extinction_and_color
 from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.classify.transfer_function import TransferFunction
@@ -194,7 +194,7 @@ def test_shepp_logan(stage, perspective):
         to_cube[:3, 3] += 1.0 / n - 1.0
         step = rays.step @ to_cube[:3, :3].T
         length = np.linalg.norm(step, axis=1)
-        cube = Rays(rays.origin @ to_cube[:3, :3].T + to_cube[:3, 3], step / length[:, None], length)
+        cube = WorldRays(rays.origin @ to_cube[:3, :3].T + to_cube[:3, 3], step / length[:, None], length)
         tau = closed_forms.ellipsoids_tau(cube).reshape(48, 48)
         error = stage.render(scene, sheet_density=4.0, **FINE).rgba[..., 3] + np.expm1(-tau)
         rmse.append(float(np.sqrt((error**2).mean()) / LEVEL))

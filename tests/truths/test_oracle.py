@@ -6,10 +6,10 @@ import pytest
 
 from benchmarks.phantoms import FIELDS, radius_from_center
 from rle_splat.accuracy.integrate import integrate
-from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium
+from rle_splat.accuracy.medium import ClassifiedField, ScalarField
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.probes import steep_pixels, stratified_pixels
-from rle_splat.accuracy.rays import Rays, camera_rays
+from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color, piecewise_linear
 from rle_splat.scene import Camera
 from tests.truths import closed_forms
@@ -39,7 +39,7 @@ def test_homogeneous_box_where_rays_cross_the_two_z_faces(azimuth, elevation, pe
     """Between the ramps a ray that meets only the z faces crosses exactly nz slices' worth of the medium."""
     azimuth, elevation = azimuth, 90.0 - abs(elevation)
     nz, spacing, sigma = 6, (0.5, 0.7, 1.3), 0.31
-    medium = ClassifiedMedium(np.full((nz, 40, 40), sigma), np.full((nz, 40, 40, 3), (0.2, 0.5, 1.0)))
+    medium = ClassifiedField(np.full((nz, 40, 40), sigma), np.full((nz, 40, 40, 3), (0.2, 0.5, 1.0)))
     rays, index_to_world = view((40, 40, nz), azimuth, elevation, perspective, spacing)
     start, step = index_lines(rays, index_to_world)
     ends = [start + step * ((z - start[:, 2:]) / step[:, 2:]) for z in (-1.0, nz)]
@@ -54,7 +54,7 @@ def test_homogeneous_box_where_rays_cross_the_two_z_faces(azimuth, elevation, pe
 @pytest.mark.parametrize("azimuth, elevation, perspective", VIEWS)
 def test_color_never_depends_on_order_when_it_is_constant(azimuth, elevation, perspective):
     field = np.random.default_rng(1).random((9, 11, 13)) * 2.0
-    medium = ClassifiedMedium(field, np.full((9, 11, 13, 3), (0.2, 0.5, 1.0)))
+    medium = ClassifiedField(field, np.full((9, 11, 13, 3), (0.2, 0.5, 1.0)))
     rgba, _ = integrate(medium, *view((13, 11, 9), azimuth, elevation, perspective))
     assert np.abs(rgba[:, :3] - rgba[:, 3:] * (0.2, 0.5, 1.0)).max() < 1e-9
     assert rgba[:, 3].max() > 0.9
@@ -70,7 +70,7 @@ def test_gaussian_blob_converges_at_second_order(azimuth, elevation, perspective
         rays, _ = view((16,) * 3, azimuth, elevation, perspective, pixels=29)
         index_to_world = np.diag((h, h, h, 1.0))
         index_to_world[:3, 3] = -0.5
-        rgba, _ = integrate(ClassifiedMedium(field, np.ones((size,) * 3 + (3,))), rays, index_to_world)
+        rgba, _ = integrate(ClassifiedField(field, np.ones((size,) * 3 + (3,))), rays, index_to_world)
         tau = closed_forms.gaussian_tau(rays, (7.5, 7.5, 7.5), 0.4, 2.0)
         errors.append(np.sqrt(np.mean((-np.log1p(-rgba[:, 3]) - tau) ** 2)))
     assert 3.2 < errors[0] / errors[1] < 4.8
@@ -84,7 +84,7 @@ def test_sphere_of_constant_extinction():
         h = 16.0 / (size - 1)
         coverage = np.clip((6.0 - radius_from_center(size) * h) / h + 0.5, 0.0, 1.0)
         rays, index_to_world = view((size,) * 3, 35.0, 25.0, True, (h,) * 3)
-        rgba, _ = integrate(ClassifiedMedium(0.2 * coverage, np.ones((size,) * 3 + (3,))), rays, index_to_world)
+        rgba, _ = integrate(ClassifiedField(0.2 * coverage, np.ones((size,) * 3 + (3,))), rays, index_to_world)
         expected = -np.expm1(-0.2 * closed_forms.sphere_length(rays, (8.0, 8.0, 8.0), 6.0))
         central = closed_forms.distance_to_axis(rays, (8.0, 8.0, 8.0)) < 5.0
         errors.append(np.sqrt(np.mean((rgba[:, 3] - expected)[central] ** 2)))
@@ -99,7 +99,7 @@ def test_two_slabs_and_their_order(elevation):
     field[8:12], color[8:12] = 0.4, (0.0, 0.2, 1.0)
     low, high = closed_forms.composed([0.45], (1.0, 0.1, 0.0)), closed_forms.composed([1.6], (0.0, 0.2, 1.0))
     rays, index_to_world = view((20, 20, 14), 0.0, elevation, False, pixels=8)
-    rgba, depth = integrate(ClassifiedMedium(field, color), rays, index_to_world)
+    rgba, depth = integrate(ClassifiedField(field, color), rays, index_to_world)
     from_above = elevation > 0.0  # the camera stands above and looks down: high slices come first
     expected = closed_forms.over(high, low) if from_above else closed_forms.over(low, high)
     central = np.abs(index_lines(rays, index_to_world)[0][:, :2] - 9.5).max(axis=1) < 9.0
@@ -114,8 +114,8 @@ def test_linear_source_in_constant_extinction():
     """G5 inside the box, with near and far limits keeping the ramps out of it."""
     n = 12
     color = np.broadcast_to((0.1 + 0.05 * np.arange(n))[:, None, None, None], (n, 9, 9, 3))
-    rays = Rays(np.array([[4.3, 4.1, -3.0]]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    rgba, _ = integrate(ClassifiedMedium(np.full((n, 9, 9), 0.35), color), rays, np.eye(4), near=3.0, far=3.0 + n - 1.0)
+    rays = WorldRays(np.array([[4.3, 4.1, -3.0]]), np.array([[0.0, 0.0, 1.0]]), np.ones(1))
+    rgba, _ = integrate(ClassifiedField(np.full((n, 9, 9), 0.35), color), rays, np.eye(4), near=3.0, far=3.0 + n - 1.0)
     assert abs(rgba[0, 0] - closed_forms.linear_source(0.35, n - 1.0, 0.1, 0.05)) < 1e-12
     assert abs(rgba[0, 3] + np.expm1(-0.35 * (n - 1.0))) < 1e-12
 
@@ -127,8 +127,8 @@ def test_single_voxel_along_an_axis():
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(-1.2, 1.2, 13), np.linspace(-1.2, 1.2, 13)))
     for sign in (1.0, -1.0):
         direction = np.broadcast_to((0.0, sign, 0.0), (u.size, 3))
-        rays = Rays(np.stack((2 + u, np.full(u.size, 2.0 - 9.0 * sign), 2 + v), -1), direction, np.ones(u.size))
-        rgba, _ = integrate(ClassifiedMedium(field, np.ones((5, 5, 5, 3))), rays, np.eye(4))
+        rays = WorldRays(np.stack((2 + u, np.full(u.size, 2.0 - 9.0 * sign), 2 + v), -1), direction, np.ones(u.size))
+        rgba, _ = integrate(ClassifiedField(field, np.ones((5, 5, 5, 3))), rays, np.eye(4))
         assert np.abs(-np.log1p(-rgba[:, 3]) - closed_forms.impulse_tau(u, v, 1.7, 1.0)).max() < 1e-12
 
 
@@ -138,7 +138,7 @@ def test_against_brute_force(name):
     size, steps = 16, 20000
     field = -np.log1p(-FIELDS[name](size).astype(np.float64)) * 2.0
     color = np.random.default_rng(2).random((size,) * 3 + (3,))
-    medium = ClassifiedMedium(field, color)
+    medium = ClassifiedField(field, color)
     rays, index_to_world = view((size,) * 3, 35.0, 25.0, True, pixels=5)
     far = np.where(np.arange(25) % 2, np.inf, 22.3)
     rgba, depth = integrate(medium, rays, index_to_world, far=far)
@@ -165,8 +165,8 @@ def test_post_classified_truth_of_a_ramp():
     """T2: along a linear scalar the medium is the transfer function itself; a step has its exact width."""
     values = np.broadcast_to(np.arange(9.0), (3, 3, 9))
     points = Points(((2.25, 0.0), (2.25, 0.3), (4.5, 0.3), (4.5, 0.0)))
-    rays = Rays(np.array([[-5.0, 1.2, 1.3]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1))
-    rgba, _ = integrate(ScalarMedium(values, points, 1.0), rays, np.eye(4))
+    rays = WorldRays(np.array([[-5.0, 1.2, 1.3]]), np.array([[1.0, 0.0, 0.0]]), np.ones(1))
+    rgba, _ = integrate(ScalarField(values, points, 1.0), rays, np.eye(4))
     assert abs(rgba[0, 3] - (1.0 - 0.7**2.25)) < 1e-9
     assert np.abs(rgba[0, :3] - rgba[0, 3] * np.array((1.0, 0.5, 0.25))).max() < 1e-9
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.lighting import VoxelLight, shading_of
+from rle_splat.accuracy.lighting import ReferenceLight, shading_of
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import analyze
 from rle_splat.effects.shadows import NEAR_SKY
@@ -382,7 +382,7 @@ def test_the_world_lights_a_medium_alike_from_everywhere(way):
     gained = (colors[0] - colors[1])[with_normal]
     np.testing.assert_allclose(gained, np.broadcast_to((0.2, 0.5, 1.0), gained.shape), atol=1e-6)
     z, y, x = np.nonzero(scene.volume.voxels)
-    np.testing.assert_allclose(VoxelLight(scene).color((z, y, x)), colors[0], atol=1e-5)
+    np.testing.assert_allclose(ReferenceLight(scene).color((z, y, x)), colors[0], atol=1e-5)
 
 
 @NUMPY

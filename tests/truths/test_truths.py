@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.phantoms import blobs, marschner_lobb
 from rle_splat.accuracy.integrate import integrate
-from rle_splat.accuracy.medium import ClassifiedMedium, ScalarMedium, cubics, polynomial
-from rle_splat.accuracy.rays import Rays, camera_rays
+from rle_splat.accuracy.medium import ClassifiedField, ScalarField, cubics, polynomial
+from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import Segments, extinction_and_color
 from rle_splat.accuracy.truths import truth, world_opacity_distance
 from tests.truths import closed_forms
@@ -38,7 +38,7 @@ def random_rays(count, seed=3, center=(4.5, 4.5, 4.5), spread=3.0):
     direction[:3] = np.eye(3) * (1.0, -1.0, 1.0)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     speed = random.uniform(1.0, 1.6, count)
-    return Rays(through - direction * 30.0, direction, speed)
+    return WorldRays(through - direction * 30.0, direction, speed)
 
 
 def stepped(fields, rays, near, far, steps):
@@ -100,7 +100,7 @@ def test_gaussian_and_slabs():
     found = closed_forms.of_formula(blob, rays, 0.0, 60.0, 1e-11)
     expected = closed_forms.composed(closed_forms.gaussian_tau(rays, center, 0.7, width), (0.2, 0.5, 1.0))
     assert np.abs(found - expected).max() < 1e-10 and expected[:, 3].max() > 0.5
-    slab = Rays(np.zeros((1, 3)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
+    slab = WorldRays(np.zeros((1, 3)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
 
     def graded(world):
         depth, sigma = world[..., 2], 0.45
@@ -148,7 +148,7 @@ def test_integrator_meets_one_voxel_and_a_ramp():
     field = np.zeros((5, 5, 5))
     field[2, 3, 1] = 1.7
     rays = random_rays(60, center=(OBLIQUE @ (1.0, 3.0, 2.0, 1.0))[:3], spread=0.8)
-    rgba, _ = integrate(ClassifiedMedium(field, np.ones((5, 5, 5, 3))), rays, OBLIQUE)
+    rgba, _ = integrate(ClassifiedField(field, np.ones((5, 5, 5, 3))), rays, OBLIQUE)
     tau = closed_forms.voxel_tau(rays, OBLIQUE, (1.0, 3.0, 2.0), 1.7)
     assert (tau > 0.3).sum() > 20
     assert np.abs(-np.log1p(-rgba[:, 3]) - tau).max() < 1e-11
@@ -159,7 +159,7 @@ def test_integrator_meets_one_voxel_and_a_ramp():
     # The curve from scalar to extinction is bent; 1 - exp(-s) in many pieces is a line between them.
     values = np.linspace(0.0, 0.4, 4001)
     curve = Points(np.stack((values, -np.expm1(-values)), axis=1))
-    rgba, _ = integrate(ScalarMedium(scalar, curve, 1.0), rays, OBLIQUE)
+    rgba, _ = integrate(ScalarField(scalar, curve, 1.0), rays, OBLIQUE)
     tau = closed_forms.ramp_tau(rays, OBLIQUE, (0.0, 0.0, 0.0), (9.0, 8.0, 7.0), constant, slope)
     assert (tau > 0.3).sum() > 20
     assert np.abs(-np.log1p(-rgba[:, 3]) - tau).max() < 1e-7  # what the line between two points leaves, h^2 / 8
@@ -193,7 +193,7 @@ def test_marschner_lobb_converges_to_its_formula():
     """G11: T2 of finer and finer samples tends to the integral of the formula itself, at second order."""
     colors = Points(((0.0, 0.0), (1.0, 0.9)), ((0.0, 0.1, 0.9, 0.2), (1.0, 0.8, 0.1, 0.5)))
     rays, _ = turntable_rays((2, 2, 2), (1.0, 1.0, 1.0), 30.0, 20.0, 0.3, False, 40.0, 6, 6)
-    rays = Rays(rays.origin - 0.5, rays.direction, rays.length_per_depth)  # the middle of the cube is the origin
+    rays = WorldRays(rays.origin - 0.5, rays.direction, rays.length_per_depth)  # the middle of the cube is the origin
 
     def fields(world):
         sigma, color = extinction_and_color(colors, marschner_lobb(world), 0.7)
@@ -205,7 +205,7 @@ def test_marschner_lobb_converges_to_its_formula():
         h = 2.0 / (size - 1)
         index_to_world = np.diag((h, h, h, 1.0))
         index_to_world[:3, 3] = -1.0
-        medium = ScalarMedium(Samples(size), colors, 0.7, physical=np.asarray)
+        medium = ScalarField(Samples(size), colors, 0.7, physical=np.asarray)
         found, _ = integrate(medium, rays, index_to_world, -0.7, 0.8)
         errors.append(np.abs(found - expected).max())
     assert expected[:, 3].min() > 0.5 and np.ptp(expected[:, 0]) > 0.005
@@ -228,8 +228,8 @@ def test_projection_slice(azimuth, elevation):
     u, v = (11.5 * w.sum() + np.linspace(-8.0, 8.0, 9) for w in (right, up))
     picture = closed_forms.x_ray(field, right, up, u, v)
     through = (u[None, :, None] * right + v[:, None, None] * up).reshape(-1, 3)
-    rays = Rays(through, np.broadcast_to(forward, through.shape), np.ones(len(through)))
-    rgba, _ = integrate(ClassifiedMedium(field, np.ones((n, n, n, 3))), rays, np.eye(4))
+    rays = WorldRays(through, np.broadcast_to(forward, through.shape), np.ones(len(through)))
+    rgba, _ = integrate(ClassifiedField(field, np.ones((n, n, n, 3))), rays, np.eye(4))
     assert picture.max() > 0.8
     # Along an axis the kinks of all slices fall on the same line, and their spectrum is cut off.
     assert np.abs(picture.ravel() + np.log1p(-rgba[:, 3])).max() < (2e-4 if elevation else 6e-3)
@@ -290,7 +290,7 @@ def test_scalar_truth_against_tiny_steps(matrix):
     scalar = scalar / scalar.max() + 0.02 * np.random.default_rng(0).random((10, 10, 10))
     rays = random_rays(16, center=(matrix @ (4.5, 4.5, 4.5, 1.0))[:3], spread=2.0)
     far = np.where(np.arange(16) % 2, 60.0, 23.3)
-    rgba, depth = integrate(ScalarMedium(scalar, HARD, 1.3), rays, matrix, far=far)
+    rgba, depth = integrate(ScalarField(scalar, HARD, 1.3), rays, matrix, far=far)
     inverse = np.linalg.inv(matrix)
 
     def fields(world):
@@ -312,7 +312,7 @@ def test_truths_do_not_depend_on_the_tolerance():
     scalar = blobs((10, 10, 10), 4, count=5, width=(1.5, 3.0)).astype(np.float64) * 2.0
     rays = random_rays(200)
     sigma, color = extinction_and_color(HARD, scalar, 0.4)
-    for medium in (ScalarMedium(scalar, HARD, 0.4), ClassifiedMedium(sigma, color)):
+    for medium in (ScalarField(scalar, HARD, 0.4), ClassifiedField(sigma, color)):
         best, _ = integrate(medium, rays, np.eye(4), tolerance=1e-13)
         for tolerance in (1e-10, 1e-7, 1e-4):
             found, _ = integrate(medium, rays, np.eye(4), tolerance=tolerance)
@@ -327,7 +327,7 @@ def test_shaded_post_classified_truth():
     light, highlight = random.random((9, 9, 9)), random.random((9, 9, 9, 3))
     rising = Points(((0.05, 0.0), (0.3, 0.5), (0.5, 0.1)), ((0.0, 0.9, 0.1, 0.1), (0.4, 0.1, 0.8, 0.3)))
     rays = random_rays(10, center=(4.0, 4.0, 4.0), spread=2.0)
-    rgba, _ = integrate(ScalarMedium(scalar, rising, 1.0, light, highlight), rays, np.eye(4))
+    rgba, _ = integrate(ScalarField(scalar, rising, 1.0, light, highlight), rays, np.eye(4))
 
     def fields(index):
         inside = ((index >= 0.0) & (index <= 8.0)).all(axis=1)
@@ -341,8 +341,8 @@ def test_shaded_post_classified_truth():
     for n in np.flatnonzero(far > near):
         assert np.abs(rgba[n] - stepped(fields, rays[n : n + 1], near[n], far[n], 50_000)).max() < 1e-8
     assert (rgba[:, 3] > 0.2).sum() > 4
-    plain, _ = integrate(ScalarMedium(scalar, rising, 1.0, np.ones((9, 9, 9))), rays, np.eye(4))
-    unlit, _ = integrate(ScalarMedium(scalar, rising, 1.0), rays, np.eye(4))
+    plain, _ = integrate(ScalarField(scalar, rising, 1.0, np.ones((9, 9, 9))), rays, np.eye(4))
+    unlit, _ = integrate(ScalarField(scalar, rising, 1.0), rays, np.eye(4))
     np.testing.assert_allclose(plain, unlit, atol=1e-12)
 
 
@@ -350,11 +350,11 @@ def test_values_that_are_no_numbers():
     """A cell with a NaN corner is transparent in T2, an infinite value is the transfer function's end."""
     ramp = Points(((0.0, 0.0), (8.0, 0.8)))
     scalar = np.broadcast_to(np.arange(9.0), (9, 9, 9)).copy()
-    rays = Rays(np.array(((-5.0, 1.2, 1.3), (-5.0, 6.2, 6.3))), np.tile((1.0, 0.0, 0.0), (2, 1)), np.ones(2))
-    whole, _ = integrate(ScalarMedium(scalar, ramp, 1.0), rays, np.eye(4))
+    rays = WorldRays(np.array(((-5.0, 1.2, 1.3), (-5.0, 6.2, 6.3))), np.tile((1.0, 0.0, 0.0), (2, 1)), np.ones(2))
+    whole, _ = integrate(ScalarField(scalar, ramp, 1.0), rays, np.eye(4))
     scalar[1, 1, 3] = np.nan
     scalar[:, :, 8] = np.inf
-    found, _ = integrate(ScalarMedium(scalar, ramp, 1.0), rays, np.eye(4))
+    found, _ = integrate(ScalarField(scalar, ramp, 1.0), rays, np.eye(4))
     tau = [-np.log1p(-0.1 * x) for x in np.linspace(2.0, 4.0, 200_001)]
     missing = np.mean(tau) * 2.0
     assert found[1] == pytest.approx(whole[1], abs=1e-12)
@@ -364,15 +364,15 @@ def test_values_that_are_no_numbers():
 def test_extinctions_without_measure():
     """A medium so dense that all is seen within a billionth of a voxel, and so thin that nothing is."""
     color = np.full((4, 4, 4, 3), (0.2, 0.5, 1.0))
-    rays = Rays(np.array(((1.3, 1.4, -5.0),)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
+    rays = WorldRays(np.array(((1.3, 1.4, -5.0),)), np.array(((0.0, 0.0, 1.0),)), np.ones(1))
     for sigma in (1e9, 1e22):
-        rgba, depth = integrate(ClassifiedMedium(np.full((4, 4, 4), sigma), color), rays, np.eye(4))
+        rgba, depth = integrate(ClassifiedField(np.full((4, 4, 4), sigma), color), rays, np.eye(4))
         assert rgba[0] == pytest.approx((0.2, 0.5, 1.0, 1.0), abs=1e-9)
         assert depth[0] == pytest.approx(4.0 + np.sqrt(2.0 * np.log(2.0) / sigma), rel=1e-6)
-    rgba, _ = integrate(ClassifiedMedium(np.full((4, 4, 4), 1e-30), color), rays, np.eye(4))
+    rgba, _ = integrate(ClassifiedField(np.full((4, 4, 4), 1e-30), color), rays, np.eye(4))
     assert rgba[0, 3] == pytest.approx(4e-30)
     # What is seen through e^-15 of the light still counts.
-    rgba, _ = integrate(ClassifiedMedium(np.full((4, 4, 4), 5.0), color), rays, np.eye(4))
+    rgba, _ = integrate(ClassifiedField(np.full((4, 4, 4), 5.0), color), rays, np.eye(4))
     assert rgba[0, 3] == pytest.approx(1.0 - np.exp(-20.0), abs=1e-13)
 
 
@@ -385,9 +385,9 @@ def test_a_scene_is_looked_up_where_rays_go(stage, which):
     distance = world_opacity_distance(scene)
     values = scene.volume.physical(scene.volume.voxels)
     if which == "T1":
-        medium = ClassifiedMedium(*extinction_and_color(scene.transfer_function, values, distance))
+        medium = ClassifiedField(*extinction_and_color(scene.transfer_function, values, distance))
     else:
-        medium = ScalarMedium(values, scene.transfer_function, distance)
+        medium = ScalarField(values, scene.transfer_function, distance)
     rays = camera_rays(scene.camera, scene.width, scene.height)
     expected = integrate(medium, rays, scene.index_to_world, scene.camera.clip_start, scene.camera.clip_end)
     assert rgba.max() > 0.3

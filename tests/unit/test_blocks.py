@@ -6,7 +6,7 @@ import pytest
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import Visibility, count_steps, fill_steps
 from rle_splat.runtime.steps import drain
-from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps, slabs
+from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps, cut_chunks
 from rle_splat.volume.volume import Volume
 
 WHITE = ((0, 1, 1, 1),)
@@ -68,7 +68,7 @@ def test_what_is_hidden_is_not_looked_at(dtype):
     assert len(drain(fill_steps(shown, blocks, counted))) == 8 * 8 * 32
 
 
-def test_slabs_are_whole_and_cover_all_planes():
-    assert list(slabs(10, 100, 250)) == [(0, 2), (2, 4), (4, 6), (6, 8), (8, 10)]
-    assert list(slabs(10, 100, 50, multiple=4)) == [(0, 4), (4, 8), (8, 10)]
-    assert list(slabs(3, 0)) == [(0, 3)]
+def test_chunks_are_whole_and_cover_all_planes():
+    assert list(cut_chunks(10, 100, 250)) == [(0, 2), (2, 4), (4, 6), (6, 8), (8, 10)]
+    assert list(cut_chunks(10, 100, 50, multiple=4)) == [(0, 4), (4, 8), (8, 10)]
+    assert list(cut_chunks(3, 0)) == [(0, 3)]

@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.visible import row_offsets
-from rle_splat.encode.encode import encode, fetch_slabs, place_slabs, run_tables
+from rle_splat.encode.encode import encode, fetch_chunks, place_chunks, run_tables
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.axes import AXES
@@ -158,7 +158,7 @@ def test_records_of_any_size_go_to_their_scanlines_and_come_back(name, size):
                 room = np.zeros((len(x) + 64, size), np.uint8)
                 target = room[32 : 32 + len(x)]
                 with by(way):
-                    drain(place_slabs(tables, found, records, target))
+                    drain(place_chunks(tables, found, records, target))
                 np.testing.assert_array_equal(target, records[order])
                 assert not room[:32].any() and not room[32 + len(x) :].any()
                 if axis != 0:
@@ -166,7 +166,7 @@ def test_records_of_any_size_go_to_their_scanlines_and_come_back(name, size):
                 room = np.zeros_like(room)
                 back = room[32 : 32 + len(x)]
                 with by(way):
-                    drain(fetch_slabs(tables, found, back, target))
+                    drain(fetch_chunks(tables, found, back, target))
                 np.testing.assert_array_equal(back, records)
                 assert not room[:32].any() and not room[32 + len(x) :].any()
 
@@ -175,9 +175,9 @@ def test_records_that_kernels_cannot_move_are_refused():
     voxels = classified_from(CASES["random"]).voxels
     records = np.zeros((len(voxels), 17), np.uint8)
     with pytest.raises(ValueError, match="not 17"):
-        drain(place_slabs(run_tables(voxels, 0), voxels, records, records.copy()))
+        drain(place_chunks(run_tables(voxels, 0), voxels, records, records.copy()))
     with pytest.raises(ValueError, match="along y"):
-        drain(fetch_slabs(run_tables(voxels, 1), voxels, records, records.copy()))
+        drain(fetch_chunks(run_tables(voxels, 1), voxels, records, records.copy()))
 
 
 def test_shaded_colors_are_what_is_stored():

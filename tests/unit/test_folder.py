@@ -52,7 +52,7 @@ def scene_of(volume, axis=1, **changes):
 
 @pytest.fixture
 def few_planes(monkeypatch):
-    """Slabs of three planes."""
+    """Chunks of three planes."""
     monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
 
 
@@ -105,7 +105,7 @@ def test_unshaded_and_one_axis(tmp_path, few_planes):
             from_folder(path, replace(scene_of(volume_of(), 0), transfer_function=unshaded), quality)
 
 
-def test_slabs_follow_the_memory_that_is_left(tmp_path, monkeypatch):
+def test_chunks_follow_the_memory_that_is_left(tmp_path, monkeypatch):
     """As many planes as fit, one where the next one is denser than was thought, and a sentence where none fits."""
     scene, quality = scene_of(volume_of()), QUALITIES["pre"]
     plane = NX * NY * encode_folder.VOXEL_WORK
@@ -266,7 +266,7 @@ def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
 
 
 def test_a_folder_that_a_program_shows_is_replaced_when_it_is_closed(tmp_path, few_planes, monkeypatch):
-    """Windows refuses to rename a folder with a mapped file; the slabs wait for the same job."""
+    """Windows refuses to rename a folder with a mapped file; the chunks wait for the same job."""
     scene, quality = scene_of(volume_of()), QUALITIES["pre"]
     path, os_replace = tmp_path / "a.rle", os.replace
     encoded(path, scene, quality)

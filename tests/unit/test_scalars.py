@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.lighting import VoxelLight
+from rle_splat.accuracy.lighting import ReferenceLight
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
 from rle_splat.pipeline.scalar_source import ScalarSource
@@ -233,7 +233,7 @@ def test_light_on_voxels_is_that_of_the_truth(name, perspective):
     assert table.lights.dtype == np.uint16 and light.shape[1] == LIT[name][2]
     assert (table.lamps is not None) == (name in BY_NORMAL)
     assert table.record == 4 + (6 if name in BY_NORMAL else 2 * LIT[name][2])
-    true, highlight = VoxelLight(scene).light(indices)
+    true, highlight = ReferenceLight(scene).light(indices)
     each = 1 if light.shape[1] < 3 else 3
     parts = [(light[:, :each], true)] + ([(light[:, each:], highlight)] if light.shape[1] > each else [])
     if each == 1:  # the premise: it is white

@@ -38,7 +38,7 @@ FRAMES_END = 0.6  # the fraction of the work after which the frames end and the 
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class AccuracySweep:
     """The result of an accuracy sweep.
 
     Attributes
@@ -64,7 +64,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Window:
+class PictureWindow:
     """A part of a picture, as slices of its rows and columns."""
 
     rows: slice
@@ -120,7 +120,7 @@ def sweep_steps(
     tolerances=(), crop_side: int = CROP_SIDE, flip: Callable | None = None,
     cache: StageCache | None = None, seed: int = 0,
 ):  # fmt: skip
-    """Measure time and error of plans.  Generator of Progress; returns a Sweep.
+    """Measure time and error of plans.  Generator of Progress; returns a AccuracySweep.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def sweep_steps(
 
     Returns
     -------
-    Sweep
+    AccuracySweep
         Each of the report's ``plans`` holds its knobs, ``frame_ms``, its ``truth`` and ``error``.  ``rmse``, ``p999``,
         ``bias`` and ``psnr`` are those at the random probes; ``largest`` is that of all probes and the crop; ``crop``
         holds the errors of the crop, and ``ssim`` and ``flip`` of its display-encoded color.  ``as_ray_caster`` is the
@@ -200,7 +200,7 @@ def sweep_steps(
     }  # fmt: skip
     yield Progress(1.0, "Done")
     crops = {one.plan.name: one.crop for one in measured}
-    return Sweep(report, {name: crop for name, (_, crop) in true.items()}, crops, picture)
+    return AccuracySweep(report, {name: crop for name, (_, crop) in true.items()}, crops, picture)
 
 
 def front(plans, key: str = "rmse") -> list[str]:
@@ -226,7 +226,7 @@ def front(plans, key: str = "rmse") -> list[str]:
     return names
 
 
-def steepest_window(rgba, side: int) -> Window:
+def steepest_window(rgba, side: int) -> PictureWindow:
     """The square of at most ``side`` pixels in which neighbors of a picture (H, W, 4) differ most, on average."""
     height, width = np.shape(rgba)[:2]
     tall, wide = min(side, height), min(side, width)
@@ -237,7 +237,7 @@ def steepest_window(rgba, side: int) -> Window:
     total[1:, 1:] = steep.cumsum(axis=0).cumsum(axis=1)
     inside = total[tall:, wide:] - total[:-tall, wide:] - total[tall:, :-wide] + total[:-tall, :-wide]
     top, left = (int(n) for n in np.unravel_index(np.argmax(inside), inside.shape))
-    return Window(slice(top, top + tall), slice(left, left + wide))
+    return PictureWindow(slice(top, top + tall), slice(left, left + wide))
 
 
 # --- plans for tolerances -------------------------------------------------------------------------------------
@@ -306,7 +306,7 @@ def _frame_steps(scene: Scene, plan: Quality, wished: _Wished, cache: StageCache
 
 
 def _measured_steps(
-    scene: Scene, plan: Quality, wished: _Wished, cache: StageCache, where: Probes, window: Window, repeats: int,
+    scene: Scene, plan: Quality, wished: _Wished, cache: StageCache, where: Probes, window: PictureWindow, repeats: int,
     begin: float, end: float,
 ):  # fmt: skip
     """Generator of Progress: the first frame of a plan, which makes its tables, and ``repeats`` more.
@@ -325,7 +325,7 @@ def _measured_steps(
     return _Frames(plan, first.report, where.of(first.rgba), crop, stages), first
 
 
-def _truth_steps(scene: Scene, names, where: Probes, window: Window):
+def _truth_steps(scene: Scene, names, where: Probes, window: PictureWindow):
     """Generator of Progress: values (n, 4) of each truth at the probes and (h, w, 4) in the window, by name."""
     columns, rows = (np.concatenate(both) for both in zip(where.centers, window.centers))
     count, found = len(where.columns), {}

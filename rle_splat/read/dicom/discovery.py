@@ -23,12 +23,12 @@ _count = [0]  # of files and pictures that were kept since the last clearing
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundPictures:
     """What a path holds.
 
     Attributes
     ----------
-    pictures : tuple of pictures.Picture
+    pictures : tuple of pictures.ImageFrame
     refused : tuple of Refused
         Of DICOM files that hold no usable picture.
     broken : tuple of str
@@ -63,7 +63,7 @@ def find_pictures(path):
 
     Returns
     -------
-    Found
+    FoundPictures
 
     Raises
     ------
@@ -83,20 +83,20 @@ def find_pictures(path):
             files, absent = yield from _directory_files(parsed)
             return replace(_checked((yield from _scan(files)), path), absent=absent)
         if parsed is not None and read.quietly(is_segmentation, parsed):
-            return Found((), (), (), 0, segmentation=parsed)
+            return FoundPictures((), (), (), 0, segmentation=parsed)
         own = yield from _pictures(parsed)
         if own is None:
             raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")
         _keep(path, stamp, own)
     series = own[0].series.key
     if own[0].storage.frames > 1:
-        return Found(own, (), (), 0, series)
+        return FoundPictures(own, (), (), 0, series)
     files = (other for other in path.parent.iterdir() if not other.name.startswith("._"))  # of macOS's archives
     siblings = sorted(other for other in files if other.is_file())
     _refuse_more(path.parent, len(siblings), "copy those of the series into a folder of their own")
     found = yield from _scan(siblings)
     mine = tuple(picture for picture in found.pictures if picture.series.key == series)
-    return Found(mine, found.refused, found.broken, found.others, series)
+    return FoundPictures(mine, found.refused, found.broken, found.others, series)
 
 
 def _files_below(folder: Path):
@@ -117,7 +117,7 @@ def _refuse_more(folder: Path, files: int, remedy: str) -> None:
 
 
 def _scan(paths):
-    """Generator of Progress: read the headers of files; returns Found."""
+    """Generator of Progress: read the headers of files; returns FoundPictures."""
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
@@ -137,7 +137,7 @@ def _scan(paths):
             refused.append(problem)
         if i % YIELD_FILES == 0 or pictures:
             yield Progress(i / len(paths), f"Reading headers: {i} of {len(paths)} files")
-    return Found(tuple(pictures), tuple(refused), tuple(broken), others)
+    return FoundPictures(tuple(pictures), tuple(refused), tuple(broken), others)
 
 
 def _parsed(path: Path):
@@ -221,7 +221,7 @@ def _listed(folder: Path, names) -> Path | None:
     return folder if folder.is_file() else None
 
 
-def _checked(found: Found, path: Path) -> Found:
+def _checked(found: FoundPictures, path: Path) -> FoundPictures:
     """Refuse a path without pictures, by the reason that fits."""
     if found.pictures:
         return found

@@ -163,12 +163,12 @@ def opened(path, syntax: str):
 def _inflated(stream):
     """Generator, as the iterable of ``opened``."""
     _to_dataset(stream)
-    pieces = _Inflated(stream)
+    pieces = _InflatedPieces(stream)
     yield from pieces
     yield pieces.stream
 
 
-class _Inflated:
+class _InflatedPieces:
     """Iterable that inflates the rest of a stream piece by piece; the result is in ``stream``."""
 
     def __init__(self, packed):
@@ -233,7 +233,7 @@ def read_elements(path):
             size = stream.size
             syntax, *facts = quietly(_to_dataset, stream)
             if syntax in DEFLATED:
-                pieces = _Inflated(stream)
+                pieces = _InflatedPieces(stream)
                 yield from pieces
                 stream = pieces.stream
             return (yield from _parsed(path, stream, size, syntax, *facts))

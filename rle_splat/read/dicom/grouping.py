@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...scene import RleSplatError
-from .pictures import SEPARATORS, TIMES, Picture
+from .pictures import SEPARATORS, TIMES, ImageFrame
 from .refusals import Refused, no_positions, nothing_apart, single_picture
 from .stacking import (
     Stack,
@@ -59,7 +59,7 @@ class Group:
 
     Attributes
     ----------
-    frames : tuple of tuple of Picture
+    frames : tuple of tuple of ImageFrame
         Slices in the order of the stack, for each frame in time (or of another axis).
     axis : str
         What tells the frames apart: "time", "echo time", "b-value", "image type"; "" for one frame.
@@ -77,7 +77,7 @@ class Group:
     refusal: RleSplatError | None = field(default=None, compare=False)
 
     @property
-    def first(self) -> Picture:
+    def first(self) -> ImageFrame:
         """The first slice of the first frame."""
         return self.frames[0][0]
 
@@ -108,7 +108,7 @@ class Group:
         return stack_without_positions(len(slices), spacing)
 
 
-def has_geometry(picture: Picture) -> bool:
+def has_geometry(picture: ImageFrame) -> bool:
     """Whether a picture says where it lies."""
     return None not in (picture.position, picture.orientation, picture.spacing)
 
@@ -123,7 +123,7 @@ def groups_of(pictures, same_voxels) -> list[Group]:
 
     Parameters
     ----------
-    pictures : sequence of Picture
+    pictures : sequence of ImageFrame
     same_voxels : callable
         ``same_voxels(a, b) -> bool``: whether two pictures have the same stored voxels.
 
@@ -140,7 +140,7 @@ def groups_of(pictures, same_voxels) -> list[Group]:
     return sorted(found, key=lambda group: group.first.series.number)
 
 
-def _kind(picture: Picture) -> tuple:
+def _kind(picture: ImageFrame) -> tuple:
     """What is equal for all pictures of a group."""
     storage = picture.storage
     said = (picture.position is None, picture.orientation is None, picture.spacing is None)
@@ -149,7 +149,7 @@ def _kind(picture: Picture) -> tuple:
     )  # fmt: skip
 
 
-def parallel_parts(pictures) -> list[list[Picture]]:
+def parallel_parts(pictures) -> list[list[ImageFrame]]:
     """Pictures of one kind, by orientation and pixel spacing, in the order of each part's first one."""
     storage = pictures[0].storage
     gap = min(SAME_DIRECTION, PART_OF_PIXEL / max(storage.rows, storage.columns))
@@ -209,7 +209,7 @@ def _told_apart(pictures, positions, normal, same_voxels) -> list[Group]:
     return [Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))]
 
 
-def _same_object(a: Picture, b: Picture) -> bool:
+def _same_object(a: ImageFrame, b: ImageFrame) -> bool:
     """Whether two pictures may be copies of one: the same object, or objects that have no name."""
     return a.series.instance == b.series.instance and a.number == b.number
 

@@ -97,7 +97,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Picture:
+class ImageFrame:
     """One image frame.
 
     ``position`` (3), ``orientation`` (6) in LPS millimeters and ``spacing`` (between rows, between columns) are None if
@@ -135,7 +135,7 @@ def picture_steps(found: read.Elements):
 
     Returns
     -------
-    tuple of Picture
+    tuple of ImageFrame
 
     Raises
     ------
@@ -278,7 +278,7 @@ def _group(frame, shared, name: str):
     return own if own is not None else read.item(shared, name)
 
 
-def _picture(storage: Storage, series: Series, number: int, dataset, groups, offsets) -> Picture:
+def _picture(storage: Storage, series: Series, number: int, dataset, groups, offsets) -> ImageFrame:
     """One frame; ``groups``: its functional groups and those of all frames; ``offsets``: of a radiation dose."""
     frame, shared = groups
     plane, turn = _group(frame, shared, "PlanePositionSequence"), _group(frame, shared, "PlaneOrientationSequence")
@@ -290,7 +290,7 @@ def _picture(storage: Storage, series: Series, number: int, dataset, groups, off
     values = _group(frame, shared, "PixelValueTransformationSequence") or dataset
     types = _frame_type(dataset, frame, shared)
     content = read.item(frame, "FrameContentSequence")
-    return Picture(
+    return ImageFrame(
         storage, series, number, read.whole(dataset, "InstanceNumber", 0), position, orientation,
         spacing if spacing and min(spacing) > 0.0 else None, *_mapping(values, dataset), _padding(dataset),
         "LOCALIZER" in types, read.text(content, "StackID"), _apart(dataset, groups, content, types),

@@ -11,7 +11,7 @@ import numpy as np
 from . import elements as read
 from .codestream import code_header
 from .decoders import Order, decoded_frames
-from .pictures import JPEG, RLE, Picture, Storage
+from .pictures import JPEG, RLE, ImageFrame, Storage
 from .refusals import breaks_off, damaged, damaged_frame, wrong_frame
 from .values import stored_dtype, stored_values
 
@@ -25,7 +25,7 @@ def stored_planes(pictures):
 
     Parameters
     ----------
-    pictures : sequence of Picture
+    pictures : sequence of ImageFrame
 
     Yields
     ------
@@ -105,7 +105,7 @@ def _plane(words: np.ndarray, storage: Storage, bits: int, high: int) -> np.ndar
     return words.reshape(storage.rows, storage.columns)
 
 
-def _rle_plane(picture: Picture, places) -> np.ndarray:
+def _rle_plane(picture: ImageFrame, places) -> np.ndarray:
     """Stored voxels of one run-length-encoded frame, decoded by pydicom in Python."""
     from pydicom.encaps import encapsulate
     from pydicom.pixels import get_decoder
@@ -142,7 +142,7 @@ def _child_planes(pictures, chosen, places):
         yield order.index, _decoded_plane(pictures[order.index], data, places)
 
 
-def _decoded_plane(picture: Picture, data: bytes, places) -> np.ndarray:
+def _decoded_plane(picture: ImageFrame, data: bytes, places) -> np.ndarray:
     """Stored voxels from what a decoder returned: words of one, two or four bytes, low bits used."""
     storage = picture.storage
     size, rest = divmod(len(data), storage.rows * storage.columns)
@@ -156,7 +156,7 @@ def _decoded_plane(picture: Picture, data: bytes, places) -> np.ndarray:
     return stored.astype(dtype, copy=False).reshape(storage.rows, storage.columns)
 
 
-def _check_compressed(picture: Picture, places) -> None:
+def _check_compressed(picture: ImageFrame, places) -> None:
     """Compare what a compressed file states with what its frames say, before memory is taken for them."""
     storage = picture.storage
     if storage.syntax == RLE:
@@ -240,7 +240,7 @@ def _frames_of(items, begins, storage: Storage, stream) -> list[tuple]:
     return [tuple(item for item in items if begin <= item[0] < end) for begin, end in zip(begins, ends)]
 
 
-def voxel_hash(picture: Picture) -> str:
+def voxel_hash(picture: ImageFrame) -> str:
     """Hash of a picture's voxels as they are stored, and of what they mean; "" if they cannot be read."""
     storage = picture.storage
     digest = hashlib.blake2b(repr((picture.slope, picture.intercept, storage.syntax)).encode(), digest_size=16)

@@ -14,7 +14,7 @@ from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from ..header import checked_frame, frame_remark
 from . import elements
-from .discovery import Found, find_pictures
+from .discovery import FoundPictures, find_pictures
 from .grouping import ENOUGH_SLICES, Group, chosen, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
@@ -77,7 +77,7 @@ def series_steps(path):
     return groups_in(found)
 
 
-def groups_in(found: Found) -> list[Group]:
+def groups_in(found: FoundPictures) -> list[Group]:
     """The groups of the pictures that were found."""
     hashes = {}
 
@@ -217,7 +217,7 @@ def _say_how_many(count: int, noun: str, rest: str = "") -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}{rest} {'was' if count == 1 else 'were'}"
 
 
-def _files_left_out(found: Found, key: str) -> list[str]:
+def _files_left_out(found: FoundPictures, key: str) -> list[str]:
     """Remarks on files that were not read and may hold slices of the series ``key``."""
     remarks = []
     if found.broken:

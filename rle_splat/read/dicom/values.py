@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .pictures import Picture, Storage
+from .pictures import ImageFrame, Storage
 
 SIZES = (8, 16, 32)
 
@@ -65,7 +65,7 @@ def common_mapping(pictures) -> tuple[float, float] | None:
     return pairs.pop() if len(pairs) == 1 else None
 
 
-def padding_of(picture: Picture) -> tuple | None:
+def padding_of(picture: ImageFrame) -> tuple | None:
     """Smallest and largest stored value of padding, as numbers of the stored type."""
     if picture.padding is None or picture.storage.kind != "integer" or picture.series.table is not None:
         return None  # a table says what padding looks like
@@ -78,7 +78,7 @@ def padding_of(picture: Picture) -> tuple | None:
     return min(found), max(found)
 
 
-def physical(stored: np.ndarray, picture: Picture) -> np.ndarray:
+def physical(stored: np.ndarray, picture: ImageFrame) -> np.ndarray:
     """Physical values, float32: those of the table, or slope * stored + intercept, computed in float64."""
     if picture.series.table is not None:
         return picture.series.table.physical(stored)
