@@ -19,7 +19,7 @@ import numpy as np
 from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.classify.presets import preset
 from rle_splat.classify.transfer_function import GradientOpacity, Shade
-from rle_splat.effects.analyze import EFFECTS, analyzed
+from rle_splat.effects.analyze import EFFECTS, analyze_effects
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import (
@@ -366,7 +366,7 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
 
     def never_heard_of(azimuth):
         scene = forced_off(azimuth)
-        return replace(analyzed(scene, quality)[1], effects={})
+        return replace(analyze_effects(scene, quality)[1], effects={})
 
     together = [label for label in setting.priced if PRICES[label].effect != "mode"]
     rows = []

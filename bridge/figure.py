@@ -11,7 +11,7 @@ import numpy as np
 from ..rle_splat.classify.presets import fit_preset
 from ..rle_splat.cli.output import check_outputs
 from ..rle_splat.cli.report import write_report
-from ..rle_splat.figure.files import CONTENTS, PageCanvas, checked_suffix, sidecar_path
+from ..rle_splat.figure.files import CONTENTS, PageCanvas, check_suffix, sidecar_path
 from ..rle_splat.figure.make import MadeFigure
 from ..rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from ..rle_splat.figure.sidecar import sidecar_of
@@ -107,7 +107,7 @@ def check_files(path: str, was_typed: bool) -> None:
 
     ``was_typed``: whether a user chose the path in a dialog, which shows that a figure is there but not its sidecar.
     """
-    checked_suffix(path, (EXR,))
+    check_suffix(path, (EXR,))
     check_is_no_scan(path)
     check_outputs([path, sidecar_path(path)])
     if was_typed and not os.path.exists(path) and not is_free(path):
@@ -154,7 +154,7 @@ def write(path: str, made: MadeFigure, sources: Sources) -> dict:
     RleSplatError, OSError
         If a file cannot be written; both are whole then, or as they were.
     """
-    suffix, canvas = checked_suffix(path, (EXR,)), PageCanvas(made.page)
+    suffix, canvas = check_suffix(path, (EXR,)), PageCanvas(made.page)
     sidecar = sidecar_of(made, sources)
     with whole_files([path, sidecar_path(path)]) as parts:
         if suffix == EXR:

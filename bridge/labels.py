@@ -16,7 +16,7 @@ from ..rle_splat.read.labels import read_label_steps
 from ..rle_splat.runtime.steps import drain, part, portion
 from ..rle_splat.scene import Labels, RleSplatError
 from ..rle_splat.volume.counts import counts_values, stored_values
-from ..rle_splat.volume.measure import measured_steps
+from ..rle_splat.volume.measure import measure_steps
 from ..rle_splat.volume.volume import Volume
 from . import file_state, volumes
 from .decimals import typed
@@ -164,7 +164,7 @@ def _read_steps(file: LabelFile, volume):
         raise RleSplatError(
             f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
         ) from problem
-    yield from part(measured_steps(found), READING, COUNTING)
+    yield from part(measure_steps(found), READING, COUNTING)
     values = yield from portion(_value_steps(found), COUNTING, 1.0, "reading labels")
     return LabelMap(found, values)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import bpy
 
-from ..rle_splat.classify.presets import fitted_steps
+from ..rle_splat.classify.presets import fit_steps
 from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.runtime.steps import Progress, portion
 from ..rle_splat.runtime.whole_files import whole_files
@@ -217,4 +217,4 @@ def transfer_steps(name: str, volume):
     yield Progress(0.0, "reading a preset")
     if function.unit is None or function.unit == volume.value_unit:
         return function, ""
-    return (yield from portion(fitted_steps(function, volume, name), 0.0, 1.0, "fitting a preset"))
+    return (yield from portion(fit_steps(function, volume, name), 0.0, 1.0, "fitting a preset"))

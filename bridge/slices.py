@@ -178,7 +178,7 @@ def volume_of(one):
 
 def sampled_steps(volume, matrix: np.ndarray, size: tuple[int, int]):
     """Generator: the values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
-    return plain.resampled_steps(volume, matrix, *size)
+    return plain.resample_steps(volume, matrix, *size)
 
 
 def picture_steps(values: np.ndarray, inside: np.ndarray, window):

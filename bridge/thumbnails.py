@@ -19,7 +19,7 @@ from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.pipeline.thumbnail import SIDE, VOXELS, thumbnail_key, thumbnail_steps
 from ..rle_splat.runtime.steps import part, portion
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.volume.reduced import factors_of, reduced_steps
+from ..rle_splat.volume.reduced import factors_of, reduce_steps
 from . import jobs, kernel_preparation, live, preset_entries, thumbnail_files, viewports, volumes
 from .canvas import redraw_sidebars
 from .held import Held
@@ -226,7 +226,7 @@ def picture_steps(entry: Entry, volume):
     if function.gradient_opacity is not None and kernel_preparation.are_missing():  # the viewport compiled the others
         raise RleSplatError("A preset with gradient opacity has no thumbnail until kernels are prepared.")
     if not _coarse or _coarse[0].key != volume.key:
-        small = yield from portion(reduced_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
+        small = yield from portion(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]
     coarse = _coarse[0]
     spacing = float(volume.spacing.min())

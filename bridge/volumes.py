@@ -14,7 +14,7 @@ from ..rle_splat.read.formats import read_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.runtime.steps import drain, part
 from ..rle_splat.scene import RleSplatError
-from ..rle_splat.volume.measure import measured_steps
+from ..rle_splat.volume.measure import measure_steps
 from . import encoded, file_state
 from .loop import store
 from .playback import shown_frame
@@ -89,7 +89,7 @@ def file_steps(path: str, options: dict):
         return (yield from encoded.open_steps(path, options))
     expose_modules()
     volume = yield from part(read_steps(path, **options), 0.0, READING)
-    yield from part(measured_steps(volume), READING, 1.0)
+    yield from part(measure_steps(volume), READING, 1.0)
     return volume
 
 

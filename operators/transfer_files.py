@@ -6,7 +6,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..bridge import transfer, volumes
 from ..rle_splat.classify.presets import RELATIVE
-from ..rle_splat.classify.transfer_files import chosen, fitted, read_transfer_functions
+from ..rle_splat.classify.transfer_files import choose_function, fit_function, read_transfer_functions
 from ..rle_splat.scene import RleSplatError
 from .choose_transfer import FILES, choose
 from .refusal import has_editable_values, has_volume, refuse
@@ -34,10 +34,10 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
             found = read_transfer_functions(path)
             if len(found) > 1 and not self.name and context.window is not None and not bpy.app.background:
                 return choose(path, found)
-            one = chosen(found, self.name or None, path, "Name")
+            one = choose_function(found, self.name or None, path, "Name")
             function = one.function
             if function.unit == RELATIVE:
-                function = fitted(function, volumes.load_volume(owner))
+                function = fit_function(function, volumes.load_volume(owner))
         except RleSplatError as problem:
             return refuse(self, problem)
         for remark in filter(None, (*one.remarks, transfer.write_transfer(owner, function))):

@@ -74,18 +74,18 @@ def ssim_map(image, reference) -> np.ndarray:
     """Structural similarity (H - 10, W - 10, C) of two (H, W, C) pictures of values 0 to 1, where the window fits."""
     if min(np.shape(image)[:2]) < SSIM_WINDOW or np.shape(image) != np.shape(reference):
         raise ValueError(f"SSIM needs two pictures of one size, {SSIM_WINDOW} pixels a side or more")
-    mean_i, mean_r = _smoothed(image), _smoothed(reference)
+    mean_i, mean_r = _smooth(image), _smooth(reference)
     # Both are centered first: subtracting two means of like size would cancel the small variance of flat pictures.
     center = reference.mean(axis=(0, 1))
     i, r = image - center, reference - center
     off_i, off_r = mean_i - center, mean_r - center
-    variance_i, variance_r = _smoothed(i * i) - off_i**2, _smoothed(r * r) - off_r**2
-    covariance = _smoothed(i * r) - off_i * off_r
+    variance_i, variance_r = _smooth(i * i) - off_i**2, _smooth(r * r) - off_r**2
+    covariance = _smooth(i * r) - off_i * off_r
     similar = (2.0 * mean_i * mean_r + SSIM_C1) * (2.0 * covariance + SSIM_C2)
     return similar / ((mean_i**2 + mean_r**2 + SSIM_C1) * (variance_i + variance_r + SSIM_C2))
 
 
-def _smoothed(picture: np.ndarray) -> np.ndarray:
+def _smooth(picture: np.ndarray) -> np.ndarray:
     """Gaussian means over the window of SSIM, along both axes in turn."""
     at = np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2
     weights = np.exp(-0.5 * (at / SSIM_WIDTH) ** 2)

@@ -231,10 +231,10 @@ def classify(volume, tf, index_to_world, *, threads: int = 0) -> ClassifiedVolum
     shown = Visibility(volume, tf)
     blocks = drain(block_steps(volume, threads=threads))
     voxels = drain(fill_steps(shown, blocks, drain(count_steps(shown, blocks, threads=threads)), threads=threads))
-    return classified(shown, voxels, length, threads=threads)
+    return classify_voxels(shown, voxels, length, threads=threads)
 
 
-def classified(shown: Visibility, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
+def classify_voxels(shown: Visibility, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
     """Optical properties of visible voxels.
 
     Parameters

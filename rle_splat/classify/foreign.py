@@ -14,7 +14,7 @@ from reprlib import repr as short
 import numpy as np
 
 from ..scene import RleSplatError, as_float
-from ..scene.color import displayed, linear
+from ..scene.color import linear, to_display
 from .transfer_function import TransferFunction
 
 SEEN = 2.0 / 255.0  # difference of a display color that is worth a point
@@ -79,17 +79,17 @@ def scene_linear_points(points) -> list[tuple]:
     """
     converted = [(points[0][0], *linear(points[0][1:]))]
     for (low, *first), (high, *last) in pairwise(points):
-        converted += [(value, *linear(rgb)) for value, rgb in _inserted((low, first), (high, last), MOST_HALVINGS)]
+        converted += [(value, *linear(rgb)) for value, rgb in _insert((low, first), (high, last), MOST_HALVINGS)]
     return converted
 
 
-def _inserted(begin, end, halvings: int) -> list[tuple]:
+def _insert(begin, end, halvings: int) -> list[tuple]:
     """The points (value, display color) after ``begin`` up to ``end`` that keep between them close to a line."""
     first, last = np.array(begin[1]), np.array(end[1])
     wanted = first + (last - first) * BETWEEN[:, None]
     ends = np.array(linear(first)), np.array(linear(last))
-    shown = displayed(ends[0] + (ends[1] - ends[0]) * BETWEEN[:, None])
+    shown = to_display(ends[0] + (ends[1] - ends[0]) * BETWEEN[:, None])
     if halvings == 0 or begin[0] == end[0] or np.abs(shown - wanted).max() <= SEEN:
         return [end]
     middle = (0.5 * (begin[0] + end[0]), tuple((0.5 * (first + last)).tolist()))
-    return [*_inserted(begin, middle, halvings - 1), *_inserted(middle, end, halvings - 1)]
+    return [*_insert(begin, middle, halvings - 1), *_insert(middle, end, halvings - 1)]

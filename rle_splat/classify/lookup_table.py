@@ -155,15 +155,15 @@ def extinction_of(table: LookupTable, stored, kind, infinite=()) -> np.ndarray:
     kind = np.dtype(kind)
     if kind.kind in "iu" and kind.itemsize <= 2:
         patterns = np.arange(1 << (8 * kind.itemsize), dtype=f"u{kind.itemsize}")
-        return _looked_up(table, patterns.view(kind).astype(np.float64))[stored.view(patterns.dtype)]
+        return _look_up(table, patterns.view(kind).astype(np.float64))[stored.view(patterns.dtype)]
     found = np.empty(len(stored), np.float32)
     for first in range(0, len(stored), AT_ONCE):
         values = stored[first : first + AT_ONCE].astype(np.float64)
-        found[first : first + AT_ONCE] = _looked_up(table, np.clip(values, *infinite) if infinite else values)
+        found[first : first + AT_ONCE] = _look_up(table, np.clip(values, *infinite) if infinite else values)
     return found
 
 
-def _looked_up(table: LookupTable, values) -> np.ndarray:
+def _look_up(table: LookupTable, values) -> np.ndarray:
     """(n,) float32 extinction of stored values (n,) float64."""
     shown = (values >= table.low) & (values <= table.high)
     entry = (np.clip(values, table.nearest, table.furthest) - table.origin) * table.rate

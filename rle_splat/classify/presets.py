@@ -129,10 +129,10 @@ def fit_preset_steps(name: str, volume: Volume):
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
-    return (yield from fitted_steps(function, volume, name))
+    return (yield from fit_steps(function, volume, name))
 
 
-def fitted_steps(function: TransferFunction, volume: Volume, name: str | None = None):
+def fit_steps(function: TransferFunction, volume: Volume, name: str | None = None):
     """Generator of fractions done: move the points of a transfer function to the values of a volume.
 
     Parameters

@@ -174,7 +174,7 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
     return bits
 
 
-def kept_counts(bits: np.ndarray, *, threads: int = 0):
+def count_kept(bits: np.ndarray, *, threads: int = 0):
     """Count kept voxels.
 
     Parameters
@@ -200,7 +200,7 @@ def kept_counts(bits: np.ndarray, *, threads: int = 0):
     return counts, row_pieces
 
 
-def kept_voxels(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> VisibleVoxels:
+def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> VisibleVoxels:
     """List the kept voxels and their stored values.
 
     Parameters
@@ -209,7 +209,7 @@ def kept_voxels(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
     bits : (nz * ny, words) ndarray of uint64
         As of ``relevant_steps``.
     counted : tuple
-        What ``kept_counts`` returned for ``bits``.
+        What ``count_kept`` returned for ``bits``.
     blocks : Blocks
     threads : int
         0 for one per core.

@@ -63,7 +63,7 @@ def roughness(volume, transfer_function) -> float | None:
     beside = np.array((-1.0, 0.0, 1.0))[:, None, None]
     positions = (middle + beside * aside)[:, None] + along * ahead
     lengths = STEP * np.linalg.norm(ahead * spacing, axis=1)
-    left, here, right = medium.seen(_interpolated(volume, transfer_function, positions), lengths)
+    left, here, right = medium.seen(_interpolate(volume, transfer_function, positions), lengths)
     off = np.abs(0.5 * (left + right) - here).max(axis=1)
     return LEVELS * float(np.mean(off**4)) ** 0.25
 
@@ -148,7 +148,7 @@ def _finite(values, function) -> np.ndarray:
     return np.clip(values, -LARGEST, LARGEST)
 
 
-def _interpolated(volume, function, positions) -> np.ndarray:
+def _interpolate(volume, function, positions) -> np.ndarray:
     """The physical scalar (...) at positions (..., 3) in voxels, z, y, x; that of the nearest face outside."""
     positions = np.clip(positions, 0.0, np.array(volume.voxels.shape) - 1.0)
     cells = np.minimum(positions.astype(np.int64), np.array(volume.voxels.shape) - 2)

@@ -174,7 +174,7 @@ def color_steps(solid: Solid, points: np.ndarray, normals: np.ndarray):
     seen, left = np.zeros((len(points), 3)), np.ones(len(points))
     for sample in range(SAMPLES):
         places = points - (0.5 + sample) * STEP * normals
-        table = _classified(solid, places)
+        table = _classify(solid, places)
         length = STEP * float(solid.volume.spacing.min())
         alpha = 1.0 - np.power(1.0 - np.minimum(table[:, 3], 0.9999), length / table[:, 4])
         weight = left * np.maximum(alpha, 1e-6)  # where all is transparent, its color still counts
@@ -184,19 +184,19 @@ def color_steps(solid: Solid, points: np.ndarray, normals: np.ndarray):
     return (seen / (1.0 - left)[:, None]).astype(np.float32)
 
 
-def _classified(solid: Solid, places: np.ndarray) -> np.ndarray:
+def _classify(solid: Solid, places: np.ndarray) -> np.ndarray:
     """(n, 5) float64: color, opacity and opacity unit distance at voxel indices."""
     values = values_at(solid.volume, places)
-    found = _evaluated(solid.function, values, solid.volume)
+    found = _evaluate(solid.function, values, solid.volume)
     if solid.labels is not None:
         labels = labels_at(solid.labels.volume, places)
         for label, function in solid.labels.functions.items():
             chosen = labels == label
             if function is not None and chosen.any():
-                found[chosen] = _evaluated(function, values[chosen], solid.volume)
+                found[chosen] = _evaluate(function, values[chosen], solid.volume)
     return found
 
 
-def _evaluated(function: TransferFunction, values: np.ndarray, volume: Volume) -> np.ndarray:
+def _evaluate(function: TransferFunction, values: np.ndarray, volume: Volume) -> np.ndarray:
     unit = function.opacity_unit_distance or float(volume.spacing.min())
     return np.concatenate((function.table(values), np.full((len(values), 1), unit)), axis=1)

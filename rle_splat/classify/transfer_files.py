@@ -13,7 +13,7 @@ from ..scene import RleSplatError, read_json
 from ..volume.volume import Volume
 from .color_maps import read_niivue, read_rows
 from .foreign import FileFunction
-from .presets import RELATIVE, fitted_steps
+from .presets import RELATIVE, fit_steps
 from .slicer_files import read_mrml, read_vp, read_vp_json
 from .transfer_function import TransferFunction
 
@@ -32,7 +32,7 @@ def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     Returns
     -------
     tuple of FileFunction
-        At least one, their names all different.  A unit RELATIVE asks for ``fitted``.
+        At least one, their names all different.  A unit RELATIVE asks for ``fit_function``.
 
     Raises
     ------
@@ -43,9 +43,9 @@ def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     what, name = f"{WHAT[0].upper()}{WHAT[1:]} {path}", path.name.partition(".")[0]
     content = _content(path)
     if content.startswith(b"<"):
-        return _named_apart(read_mrml(content, what))
+        return _name_apart(read_mrml(content, what))
     if content.startswith(b"{") or path.suffix.lower() == ".json":
-        return _named_apart(_read_mapping(read_json(path, WHAT), name, what))
+        return _name_apart(_read_mapping(read_json(path, WHAT), name, what))
     try:
         lines = content.decode("utf-8").splitlines()
     except UnicodeDecodeError:
@@ -72,7 +72,7 @@ def _read_mapping(mapping, name: str, what: str) -> list[FileFunction]:
     return [FileFunction(TransferFunction.from_json(mapping))]
 
 
-def _named_apart(found: list[FileFunction]) -> tuple[FileFunction, ...]:
+def _name_apart(found: list[FileFunction]) -> tuple[FileFunction, ...]:
     """The same, with numbers behind names that occur before or are empty; a single one keeps its own."""
     if len(found) == 1:
         return tuple(found)
@@ -85,7 +85,7 @@ def _named_apart(found: list[FileFunction]) -> tuple[FileFunction, ...]:
     return tuple(replace(one, function=replace(one.function, name=name)) for one, name in zip(found, names))
 
 
-def chosen(found: tuple[FileFunction, ...], name: str | None, path, option: str) -> FileFunction:
+def choose_function(found: tuple[FileFunction, ...], name: str | None, path, option: str) -> FileFunction:
     """One of the transfer functions of a file.
 
     Parameters
@@ -115,6 +115,6 @@ def chosen(found: tuple[FileFunction, ...], name: str | None, path, option: str)
     return found[names.index(name)]
 
 
-def fitted(function: TransferFunction, volume: Volume) -> TransferFunction:
+def fit_function(function: TransferFunction, volume: Volume) -> TransferFunction:
     """``function``, moved to the values of a volume if its unit is RELATIVE."""
-    return drain(fitted_steps(function, volume))[0] if function.unit == RELATIVE else function
+    return drain(fit_steps(function, volume))[0] if function.unit == RELATIVE else function

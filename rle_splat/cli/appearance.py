@@ -8,7 +8,7 @@ import numpy as np
 
 from ..classify.default import default_transfer_function
 from ..classify.presets import fit_preset, preset
-from ..classify.transfer_files import chosen, fitted, read_transfer_functions
+from ..classify.transfer_files import choose_function, fit_function, read_transfer_functions
 from ..scene import RleSplatError
 
 NAMING = "--transfer-name"
@@ -34,7 +34,7 @@ def read_transfer_function(args):
     """
     if args.transfer_function is not None:
         found = read_transfer_functions(args.transfer_function)
-        return chosen(found, args.transfer_name, args.transfer_function, NAMING)
+        return choose_function(found, args.transfer_name, args.transfer_function, NAMING)
     if args.transfer_name is not None:
         raise RleSplatError(f"{NAMING} needs --transfer-function; give both.")
     if args.preset is not None:
@@ -61,17 +61,17 @@ def choose_transfer_function(args, volume, given):
     reason : str
         Why it was chosen, for the report.
     """
-    function, reason = _chosen(args, volume, given)
+    function, reason = _choose(args, volume, given)
     if volume.levels and function.opacity_unit_distance is None:  # or a coarser level would be less dense
         finer = np.array(volume.shape_xyz) / volume.levels[0]
         function = replace(function, opacity_unit_distance=float((volume.spacing * finer).min()))
     return function, reason
 
 
-def _chosen(args, volume, given):
+def _choose(args, volume, given):
     """``choose_transfer_function`` for the level that the volume is."""
     if given is not None:
-        return fitted(given.function, volume), " ".join((f"read from {args.transfer_function}", *given.remarks))
+        return fit_function(given.function, volume), " ".join((f"read from {args.transfer_function}", *given.remarks))
     if args.preset is not None:
         function, remark = fit_preset(args.preset, volume)
         return function, remark or f"the preset {args.preset}"

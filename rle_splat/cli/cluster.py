@@ -36,7 +36,7 @@ PATHS = ("volume", "transfer_function", "lights", "camera", "volume_matrix", "cl
 
 
 class Cluster:
-    """A Dask cluster whose workers can render the job of a command; made by ``connected``.
+    """A Dask cluster whose workers can render the job of a command; made by ``connect``.
 
     Attributes
     ----------
@@ -170,7 +170,7 @@ def _watch_connection():
 
 
 @contextmanager
-def connected(args, job_inputs, line):
+def connect(args, job_inputs, line):
     """Context manager: a Cluster whose workers have this version of the package and see the input files.
 
     Parameters
@@ -238,7 +238,7 @@ def _local_cluster(args):
     """Context manager: a cluster of processes of this machine."""
     from distributed import LocalCluster
 
-    with _uninterrupted():
+    with _ignore_interrupts():
         local = LocalCluster(
             n_workers=worker_count(args), threads_per_worker=1, processes=True, silence_logs=logging.CRITICAL,
             memory_limit=0, dashboard_address=":0",
@@ -246,12 +246,12 @@ def _local_cluster(args):
     try:
         yield local
     finally:
-        with _uninterrupted():
+        with _ignore_interrupts():
             local.close()
 
 
 @contextmanager
-def _uninterrupted():
+def _ignore_interrupts():
     """Context manager: Ctrl+C waits for the end of the block, and processes that begin there never hear of it.
 
     A terminal sends it to all of them, and a worker would tell of it by a traceback.
@@ -336,7 +336,7 @@ def picture_on_cluster(args, checked, line, start: float, report_of) -> dict:
         Makes the command's report: ``report_of(args, prepared, rendered, write_ms, start)``.
     """
     delete_abandoned(args.output)
-    with connected(args, _paths_of(args), line) as cluster:
+    with connect(args, _paths_of(args), line) as cluster:
         job = _job_of(args, checked, cluster)
         region = checked.crop or (0, 0, *args.size)
         side = args.tile or _side(region, -(-cluster.threads // (args.slabs or 1)))
@@ -430,18 +430,18 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
     if args.like is None and args.turn is None and args.camera_path is None:
         args = Namespace(**{**vars(args), "like": frames[0].number})  # tasks come in any order
     tasks, reports = (_frame_task(args, own) for own in frames), {}
-    with connected(args, _paths_of(args), line) as cluster:
+    with connect(args, _paths_of(args), line) as cluster:
         job = _job_of(args, checked, cluster)
         try:
             for number, made in cluster.results(job, tasks, len(frames), line, "frame"):
                 own = frames[number]
-                reports[number] = kept_report(own) if made.rendering is None else _written(own, made, write)
+                reports[number] = kept_report(own) if made.rendering is None else _write(own, made, write)
         finally:
             cluster.forget(job)
     return [reports[number] for number in sorted(reports)]
 
 
-def _written(own, made, write) -> dict:
+def _write(own, made, write) -> dict:
     """Write a frame and its hidden files; return its report."""
     outputs, start = outputs_of(own), perf_counter()
     delete_abandoned(outputs)

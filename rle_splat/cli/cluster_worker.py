@@ -63,7 +63,7 @@ def make_tile(job: Command, tile) -> Made:
     """Render a tile, (left, top, right, bottom), of the picture of a job."""
     from ..pipeline.render import render_steps
 
-    prepared, cache = _kept(job.key, lambda: _picture_of(job))
+    prepared, cache = _keep(job.key, lambda: _picture_of(job))
     scene = replace(prepared.scene, crop=tile)
     steps = render_steps(scene, prepared.quality, cache, refuse_empty_view=False)
     return Made(replace(prepared, scene=None), drain(steps))
@@ -73,7 +73,7 @@ def make_section(job: Command, tile, number: int, count: int):
     """Draw one of ``count`` sections of a tile of the picture of a job; return its SectionImages."""
     from ..pipeline.sections import section_steps
 
-    prepared, _ = _kept(job.key, lambda: _picture_of(job))
+    prepared, _ = _keep(job.key, lambda: _picture_of(job))
     return drain(section_steps(replace(prepared.scene, crop=tile), prepared.quality, number, count))
 
 
@@ -88,7 +88,7 @@ def finish_tile(job: Command, tile, sections) -> Made:
     """Warp a tile of the picture of a job from the SectionImages of all sections."""
     from ..pipeline.sections import composite_steps
 
-    prepared, _ = _kept(job.key, lambda: _picture_of(job))
+    prepared, _ = _keep(job.key, lambda: _picture_of(job))
     steps = composite_steps(replace(prepared.scene, crop=tile), prepared.quality, sections)
     return Made(replace(prepared, scene=None), drain(steps))
 
@@ -96,7 +96,7 @@ def finish_tile(job: Command, tile, sections) -> Made:
 def make_frame(job: Command, own: Namespace, made: str | None) -> Made:
     """Render a frame of a job; ``own``: its options, ``made``: the scene of the picture that is there, or None."""
     began = perf_counter()
-    series = _kept(job.key, lambda: FrameSeries(job.args, job.checked, ProgressLine(False)))
+    series = _keep(job.key, lambda: FrameSeries(job.args, job.checked, ProgressLine(False)))
     _TOKEN.get()  # a FrameSeries makes one frame after the other
     try:
         prepared, scene_hash = series.ready(own)
@@ -129,7 +129,7 @@ def _picture_of(job: Command) -> tuple:
     return prepared, StageCache()
 
 
-def _kept(key: str, make):
+def _keep(key: str, make):
     """What a job has in common, made by the first of its tasks."""
     _TOKEN.get()
     try:

@@ -15,9 +15,9 @@ from ..scene import RleSplatError
 from ..volume.checks import check_values
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_figure
-from .figure_options import add_figure_options, panels_of, style_from, wanted_panels
+from .figure_options import add_figure_options, list_panels, panels_of, style_from
 from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
-from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
+from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
     add_mist_option,
@@ -73,7 +73,7 @@ def run(args) -> None:
         check_figure_file(path)
     again = Path(args.volume).suffix.lower() == ".json" and format_named(args.volume) is None  # a zarr.json is data
     with ProgressLine(args.progress) as line:
-        made, remarks, sidecar = _made_again(args, line) if again else _made(args, line)
+        made, remarks, sidecar = _make_again(args, line) if again else _make(args, line)
         line.show(1.0, "writing")
         written = _write(args, made, remarks, sidecar)
     print("\n".join(remarks), end="\n" if remarks else "")
@@ -121,14 +121,14 @@ def _report(args, made, remarks, written) -> dict:
 # --- a new figure -----------------------------------------------------------------------------------------------------
 
 
-def _made(args, line):
+def _make(args, line):
     """Make a figure of a volume; return (MadeFigure, remarks, sidecar)."""
     from ..figure.sidecar import sidecar_of
     from ..figure.sources import DataSource, Sources
 
     if args.data is not None:
         raise RleSplatError("--data tells where the data of a sidecar is; give the volume itself in place of VOLUME.")
-    wanted = wanted_panels(args, read_transfer_function)
+    wanted = list_panels(args, read_transfer_function)
     compared = [one.transfer_function for one in wanted.functions]
     _check_outputs(args, (*scene_inputs(args), *mixing_inputs(args), *compared), [sidecar_path(args.output[0])])
     style = style_from(args)
@@ -148,10 +148,10 @@ def _made(args, line):
 
     def scene_of(view, function):
         scene = make_scene(view, volume, function, *place(view, volume, camera, matrix), *lights)
-        return mixed(args, with_light_effects(args, scene, sky), mixing, further)
+        return mix(args, with_light_effects(args, scene, sky), mixing, further)
 
     panels, reasons = panels_of(args, volume, wanted, scene_of)
-    made = _rendered(Figure(tuple(panels), style), [quality] * wanted.count, line)
+    made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line)
     remarks = (*reasons, *further.remarks, *made.remarks, *quality_remarks(args, quality))
     sources = Sources(
         DataSource(_use_slashes(args.volume), {**level_options(volume), **volume_options(args)}),
@@ -166,7 +166,7 @@ def _use_slashes(path) -> str:
     return Path(path).as_posix()
 
 
-def _rendered(figure: Figure, qualities, line):
+def _render(figure: Figure, qualities, line):
     from ..figure.make import figure_steps
 
     with line.compiling():
@@ -176,7 +176,7 @@ def _rendered(figure: Figure, qualities, line):
 # --- the same figure again --------------------------------------------------------------------------------------------
 
 
-def _made_again(args, line):
+def _make_again(args, line):
     """Make the figure of a sidecar again; return (MadeFigure, remarks, None)."""
     from ..figure.sidecar import figure_of, read_sidecar, same_bits, version_remarks
 
@@ -189,7 +189,7 @@ def _made_again(args, line):
     sidecar = read_sidecar(args.volume)
     places = _places(args, sidecar.sources)
     _check_outputs(args, (args.volume, *(place for _, place in places)))
-    made = _rendered(*figure_of(sidecar, _read_again(places, sidecar.sources, line), args.threads), line)
+    made = _render(*figure_of(sidecar, _read_again(places, sidecar.sources, line), args.threads), line)
     remarks = [*version_remarks(sidecar), *made.remarks]
     if same_bits(sidecar, made.renderings):
         remarks.append("Its pictures have the bits that the sidecar tells.")

@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from ..figure.files import CONTENTS, checked_suffix
+from ..figure.files import CONTENTS, check_suffix
 from ..figure.page import MM_PER_POINT, Fill, Page, Stroke, Text, Tile
 from ..figure.raster import HALO
 from ..scene import RleSplatError
@@ -20,7 +20,7 @@ PDF_NEEDS = "Writing .pdf needs matplotlib; install it with pip install rle-spla
 
 def check_figure_file(path) -> None:
     """Refuse a figure's file whose format is unknown, or needs a package that is not installed."""
-    suffix = checked_suffix(path, tuple(FURTHER))
+    suffix = check_suffix(path, tuple(FURTHER))
     if suffix == ".pdf" and find_spec("matplotlib") is None:
         raise RleSplatError(PDF_NEEDS)
     if suffix == ".exr":

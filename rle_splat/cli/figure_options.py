@@ -98,7 +98,7 @@ class WantedPanels:
         return len(self.functions) * len(self.views)
 
 
-def wanted_panels(args, read) -> WantedPanels:
+def list_panels(args, read) -> WantedPanels:
     """What the panels of a figure differ in; ``read``: ``read_transfer_function``.
 
     Raises

@@ -72,7 +72,7 @@ class Frames(Sequence):
                     names += os.listdir(path.parent)
             numbers = {int(match[1]) for match in map(pattern.fullmatch, names) if match}
             among = (number for number in sorted(numbers) if self.first <= number <= self.last)
-            found |= dict.fromkeys(numbered(path, number) for number in among)
+            found |= dict.fromkeys(number_name(path, number) for number in among)
         return [*first, *(path for path in found if path not in first)]
 
 
@@ -147,8 +147,8 @@ def _cameras(args) -> list[Camera]:
 
 def _frame(args, number: int, path: list[Camera] | None) -> argparse.Namespace:
     own = {
-        "number": number, "json": None, "output": [numbered(name, number) for name in args.output],
-        "shadow_pass": None if args.shadow_pass is None else numbered(args.shadow_pass, number),
+        "number": number, "json": None, "output": [number_name(name, number) for name in args.output],
+        "shadow_pass": None if args.shadow_pass is None else number_name(args.shadow_pass, number),
     }  # fmt: skip
     if args.turn is not None:
         own["azimuth"] = (args.azimuth or 0.0) + args.turn * (number - 1)
@@ -159,7 +159,7 @@ def _frame(args, number: int, path: list[Camera] | None) -> argparse.Namespace:
     return argparse.Namespace(**{**vars(args), **own})
 
 
-def numbered(path, frame: int) -> str:
+def number_name(path, frame: int) -> str:
     """A file's name with the number of a frame before its suffix: out_0012.png."""
     path = Path(path)
     return str(path.with_name(f"{path.stem}_{frame:0{DIGITS}}{path.suffix}"))

@@ -121,7 +121,7 @@ def read_further(args, volume, line) -> Further:
     return Further(labels, tuple(channel for channel, _ in found), tuple(options for _, options in found))
 
 
-def mixed(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
+def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
     """Add labels and channels to a scene.
 
     Parameters

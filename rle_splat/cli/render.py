@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from ..runtime.whole_files import whole_files, writing
-from ..scene import Cancelled, Quality, RleSplatError, Scene, checked_crop
+from ..scene import Cancelled, Quality, RleSplatError, Scene, check_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
@@ -24,7 +24,7 @@ from .light_options import (
 )
 from .lighting import check_lighting
 from .made import kept_lines, mark_of, outputs_of, write_mark
-from .mixing import add_mixing_options, mixed, mixing_inputs, read_further, read_mixing
+from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
     add_image_options,
@@ -162,7 +162,7 @@ class Like:
 def run(args) -> None:
     start = perf_counter()
     frames = each_frame(args)
-    checked = _checked(args, frames)
+    checked = _check(args, frames)
     with ProgressLine(args.progress) as line:
         if frames[0] is args and args.dask is not None:
             from .cluster import picture_on_cluster
@@ -170,9 +170,9 @@ def run(args) -> None:
             reports = [picture_on_cluster(args, checked, line, start, _report)]
         elif frames[0] is args:
             prepared, _ = prepare(args, checked, line)
-            reports = [rendered(args, prepared, line, RenderJob(start))]
+            reports = [render_prepared(args, prepared, line, RenderJob(start))]
         else:
-            reports = _rendered_frames(args, frames, checked, line)
+            reports = _render_frames(args, frames, checked, line)
     made = [report for report in reports if not report.get("kept")]
     for say, report in zip((_say, *[_say_outputs] * len(made)), made):
         say(report)
@@ -180,13 +180,13 @@ def run(args) -> None:
         print(line)
 
 
-def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
+def _render_frames(args, frames, checked: Checked, line) -> list[dict]:
     """Render several frames; return their reports."""
     try:
         if args.dask is not None:
             from .cluster import frames_on_cluster
 
-            reports = frames_on_cluster(args, frames, checked, line, _written_frame)
+            reports = frames_on_cluster(args, frames, checked, line, _write_frame)
         else:
             from .series import FrameSeries
 
@@ -200,7 +200,7 @@ def _rendered_frames(args, frames, checked: Checked, line) -> list[dict]:
     return reports
 
 
-def _checked(args, frames) -> Checked:
+def _check(args, frames) -> Checked:
     """Check the options of all frames before any volume is read."""
     for path in outputs_of(args):
         writer_for(path)
@@ -213,7 +213,7 @@ def _checked(args, frames) -> Checked:
     check_light_effects(args)
     check_tiles(args)
     check_dask(args)
-    crop = None if args.crop is None else checked_crop(args.crop, *args.size)
+    crop = None if args.crop is None else check_crop(args.crop, *args.size)
     poses, mixing, sky = read_motion(args.motion), read_mixing(args), read_sky(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
@@ -235,12 +235,12 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     else:
         prepared, like = _prepare_voxels(args, checked, line, like)
     further = read_further(args, prepared.scene.volume, line)
-    scene = mixed(args, moving(prepared.scene, checked.poses), checked.mixing, further)
+    scene = mix(args, moving(prepared.scene, checked.poses), checked.mixing, further)
     remarks = (*prepared.remarks, *further.remarks)
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
 
 
-def rendered(args, prepared: PreparedScene, line, job: RenderJob) -> dict:
+def render_prepared(args, prepared: PreparedScene, line, job: RenderJob) -> dict:
     """Render a picture or a frame and write its outputs; return the report."""
     line.show(0.1, "loading the renderer")
     side = side_of_tiles(args, prepared.scene, prepared.quality)
@@ -254,7 +254,7 @@ def rendered(args, prepared: PreparedScene, line, job: RenderJob) -> dict:
                 rendering, taken = line.follow(picture_steps(args, prepared, job), start=0.1)
         if side is None:
             line.show(1.0, "writing")
-            report, write_ms = rendering.report, _written(args, rendering, taken, parts)
+            report, write_ms = rendering.report, _write(args, rendering, taken, parts)
         report = _report(args, prepared, report, write_ms, job.start)
         if args.json:
             write_report(parts[len(outputs)], report)
@@ -263,13 +263,13 @@ def rendered(args, prepared: PreparedScene, line, job: RenderJob) -> dict:
     return report
 
 
-def _written_frame(own, made, parts, start: float) -> dict:
+def _write_frame(own, made, parts, start: float) -> dict:
     """Write a frame that a worker of a cluster has made; return its report."""
-    write_ms = _written(own, made.rendering, None, parts)
+    write_ms = _write(own, made.rendering, None, parts)
     return _report(own, made.prepared, made.rendering.report, write_ms, start)
 
 
-def _written(args, rendering, taken, parts) -> float:
+def _write(args, rendering, taken, parts) -> float:
     """Write the pictures of a Rendering to ``parts``, and its shadow pass ``taken``; return the milliseconds."""
     began = perf_counter()
     for path, part in zip(args.output, parts):
@@ -308,7 +308,7 @@ def _check_background(background) -> None:
         raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
-def seen_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
+def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     """The scene of the first frame, seen by the camera of another; nothing is read."""
     volume = first.scene.volume
     camera, matrix = place(args, volume, *read_placement(args))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .frames import is_in_time
 from .made import SceneHashes, delete_abandoned, is_made, kept_report, outputs_of
-from .render import Checked, Like, PreparedScene, RenderJob, prepare, rendered, seen_anew
+from .render import Checked, Like, PreparedScene, RenderJob, prepare, render_prepared, see_anew
 
 
 @dataclass
@@ -50,7 +50,7 @@ class FrameSeries:
         if not self.args.again and is_made(outputs_of(own), scene_hash):
             return kept_report(own)
         delete_abandoned(outputs_of(own))
-        report = rendered(own, prepared, self.line, self.job(start, scene_hash))
+        report = render_prepared(own, prepared, self.line, self.job(start, scene_hash))
         self._plan = report["plan"]
         return report
 
@@ -78,7 +78,7 @@ class FrameSeries:
 
     def _prepared(self, own) -> PreparedScene:
         if self._first is not None:
-            return seen_anew(own, self.checked, self._first)
+            return see_anew(own, self.checked, self._first)
         prepared, like = prepare(own, self.checked, self.line, self._like)
         if self._in_time:
             self._like = like

@@ -58,7 +58,7 @@ def render_tiles(args, prepared, side: int, parts, job):
     dict
         The renderer's report.
     """
-    from ..pipeline.tiles import tiled_steps
+    from ..pipeline.tiles import render_tiles_steps
 
     left, top, right, bottom = prepared.scene.region
     with ExitStack() as stack:
@@ -71,6 +71,6 @@ def render_tiles(args, prepared, side: int, parts, job):
             for file in files:
                 file.write(rgba, depth)
 
-        return (yield from tiled_steps(
+        return (yield from render_tiles_steps(
             prepared.scene, prepared.quality, side, write, job.cache, refuse_empty_view=job.refuse_empty_view,
         ))  # fmt: skip

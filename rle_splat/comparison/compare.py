@@ -60,7 +60,7 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
     entries = []
     for number, system in enumerate(systems):
         yield Progress(0.15 + 0.85 * number / len(systems), system.title)
-        entries.append(_measured(system, medium, quality, truth, repeats))
+        entries.append(_measure(system, medium, quality, truth, repeats))
     reference = next((entry for entry in entries if "refused" not in entry), None)
     for entry in entries:
         if "refused" not in entry:
@@ -80,7 +80,7 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
     }
 
 
-def _measured(system: System, medium: ShadedScene, quality: Quality, truth, repeats: int) -> dict:
+def _measure(system: System, medium: ShadedScene, quality: Quality, truth, repeats: int) -> dict:
     """One system's entry of the report."""
     entry = {
         "name": system.name, "title": system.title, "reference": system.reference, "differs": system.differs,

@@ -138,5 +138,5 @@ def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
         "classify_ms": medium.stages_ms["classify"], "index_bytes": index.nbytes,
         "three_axes_of_records_bytes": 3 * RECORD * shown.visible_voxels,
     }
-    prepared = ours.prepared_tables(medium, quality, axes, **notes)
+    prepared = ours.prepare_tables(medium, quality, axes, **notes)
     return replace(prepared, memory_bytes={"index": index.nbytes, **prepared.memory_bytes})

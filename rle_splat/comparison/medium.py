@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import ClassifiedVolume
-from ..effects.analyze import analyzed
+from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..pipeline.scan_source import classify_and_shade
 from ..runtime.steps import Clock
@@ -104,7 +104,7 @@ def scene_medium(scene: Scene, quality: Quality) -> ShadedScene:
         )
     if not scene.volume.holds_values:
         raise RleSplatError("The systems are compared on voxels; give the volume itself instead of a .rle file.")
-    scene = analyzed(scene, quality)[1]
+    scene = analyze_effects(scene, quality)[1]
     if scene.hides_volume:
         raise RleSplatError("The systems are compared without meshes; take the meshes out of the scene.")
     clock = Clock()

@@ -13,7 +13,7 @@ from .medium import ShadedScene
 from .system import ReadySystem
 
 
-def encoded_axes(medium: ShadedScene, quality: Quality) -> dict[int, RunLengthVolume]:
+def encode_axes(medium: ShadedScene, quality: Quality) -> dict[int, RunLengthVolume]:
     """Encode the run-length tables of the principal axes that the view needs."""
     return {
         axis: encode(medium.classified, medium.colors, axis, quality.model, threads=quality.threads)
@@ -23,10 +23,10 @@ def encoded_axes(medium: ShadedScene, quality: Quality) -> dict[int, RunLengthVo
 
 def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The renderer at ``quality``, from tables made in advance."""
-    return prepared_tables(medium, quality, encoded_axes(medium, quality))
+    return prepare_tables(medium, quality, encode_axes(medium, quality))
 
 
-def prepared_tables(medium: ShadedScene, quality: Quality, axes: dict[int, RunLengthVolume], **notes) -> ReadySystem:
+def prepare_tables(medium: ShadedScene, quality: Quality, axes: dict[int, RunLengthVolume], **notes) -> ReadySystem:
     """The renderer at ``quality`` from given tables, ``axes``: principal axis -> RunLengthVolume."""
     scene = medium.stored(axes)
     memory: dict = {}

@@ -70,8 +70,8 @@ def optical_depth(medium: ShadedScene, quality: Quality, spectrum: Spectrum, ban
     first = np.round(middle).astype(int) - (columns // 2, rows // 2)
     shift = first + 0.5 - middle
     found *= np.exp(2j * np.pi * across * shift[0]) * np.exp(2j * np.pi * down * shift[1])[:, None]
-    folded = _folded(_folded(found, rows, 0, bands * rows // 2), columns, 1, 0)
-    return _placed(np.fft.ifft2(folded).real, first, (view.height, view.width))
+    folded = _fold(_fold(found, rows, 0, bands * rows // 2), columns, 1, 0)
+    return _place(np.fft.ifft2(folded).real, first, (view.height, view.width))
 
 
 def _tents(frame, across, down) -> np.ndarray:
@@ -82,7 +82,7 @@ def _tents(frame, across, down) -> np.ndarray:
     return product
 
 
-def _folded(values, period: int, axis: int, zero_at: int) -> np.ndarray:
+def _fold(values, period: int, axis: int, zero_at: int) -> np.ndarray:
     """Add the frequencies beyond ``period`` to their aliases; ``zero_at``: the index of frequency 0 along ``axis``."""
     shape = list(values.shape)
     shape[axis] = period
@@ -92,7 +92,7 @@ def _folded(values, period: int, axis: int, zero_at: int) -> np.ndarray:
     return folded
 
 
-def _placed(values: np.ndarray, first, shape) -> np.ndarray:
+def _place(values: np.ndarray, first, shape) -> np.ndarray:
     """The part of an array (h, w) inside a picture of ``shape``, for a corner at column and row ``first``."""
     picture = np.zeros(shape)
     column, row = first

@@ -29,9 +29,9 @@ DIFFERS = (
 
 def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The renderer at ``quality``, visiting every voxel."""
-    encoded = ours.encoded_axes(medium, quality)
+    encoded = ours.encode_axes(medium, quality)
     axes = {axis: every_voxel(tables, quality.threads) for axis, tables in encoded.items()}
-    return ours.prepared_tables(medium, quality, axes)
+    return ours.prepare_tables(medium, quality, axes)
 
 
 def every_voxel(encoded: RunLengthVolume, threads: int = 0) -> RunLengthVolume:

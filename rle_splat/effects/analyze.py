@@ -200,10 +200,10 @@ def analyze(scene: Scene, quality: Quality) -> EffectSet:
     RleSplatError
         If an override names no effect, or forces one on that the scene lacks something for.
     """
-    return analyzed(scene, quality)[0]
+    return analyze_effects(scene, quality)[0]
 
 
-def analyzed(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
+def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
     """Find which effects a scene calls for, and remove the others.
 
     Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
@@ -86,17 +86,17 @@ class CameraClip(RayEffect):
         return plane, found
 
 
-def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     cut = is_cut(scene, view, quality)
     return cut, f"a clip plane of the camera {'cuts' if cut else 'does not cut'} the volume"
 
 
 def _without(scene: Scene) -> Scene:
-    return changed(scene, camera=changed(scene.camera, clip_start=LEAST_LENGTH, clip_end=LARGEST_LENGTH))
+    return change(scene, camera=change(scene.camera, clip_start=LEAST_LENGTH, clip_end=LARGEST_LENGTH))
 
 
 CLIPPING = Kind(
-    "ends rays at the clip distances of the camera", _called_for, _without, stage="clipping",
+    "ends rays at the clip distances of the camera", _judge, _without, stage="clipping",
     may_be_idle=True,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..view.base_plane import BasePlane
 from ..view.clip_intervals import Cuts, clip_intervals, what_is_left
 from ..view.footprints import FOOTPRINTS
@@ -114,23 +114,23 @@ def half_spaces(clip: Clip, index_to_world) -> np.ndarray:
     return sides / np.linalg.norm(sides[:, :3], axis=1)[:, None]
 
 
-def _counted(number: int, kind: str) -> str:
+def _count_in_words(number: int, kind: str) -> str:
     if number == 1:
         return f"1 {kind}"
     return f"{number} {'boxes' if kind == 'box' else f'{kind}s'}"
 
 
-def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     if not scene.clips:
         return False, "the scene has no clip object"
     kinds = [clip.kind for clip, sides in _cutting(scene, quality) if len(sides)]
-    found = [_counted(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
+    found = [_count_in_words(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
     if not found:
-        return False, f"the scene has {_counted(len(scene.clips), 'clip object')}, and none cuts the volume"
+        return False, f"the scene has {_count_in_words(len(scene.clips), 'clip object')}, and none cuts the volume"
     return True, f"{' and '.join(found)} {'cuts' if len(kinds) == 1 else 'cut'} the volume"
 
 
 CLIP_OBJECTS = Kind(
-    "cuts the volume by the planes and boxes of the scene", _called_for, lambda scene: changed(scene, clips=()),
+    "cuts the volume by the planes and boxes of the scene", _judge, lambda scene: change(scene, clips=()),
     stage="clip objects",
 )

@@ -45,7 +45,7 @@ BLURS = (
 )  # fmt: skip
 
 
-def exposures(scene: Scene) -> list[Scene]:
+def list_exposures(scene: Scene) -> list[Scene]:
     """The sharp, still scenes whose mean is the scene's picture.
 
     Parameters
@@ -87,7 +87,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
     scene : Scene
         With its lens and its shutter.
     scenes : list of Scene
-        Its ``exposures``.
+        Its ``list_exposures``.
     sharp_steps : callable
         ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..scene import Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 from .lighting_kinds import BAKED
 from .mixing import is_mixed
@@ -27,7 +27,7 @@ def _without(scene: Scene) -> Scene:
     tf = scene.transfer_function
     if tf is None or tf.gradient_opacity is None:  # a .rle file's may be left out
         return scene
-    return changed(scene, transfer_function=changed(tf, gradient_opacity=None))
+    return change(scene, transfer_function=change(tf, gradient_opacity=None))
 
 
 GRADIENT_OPACITY = Kind(

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import Camera, Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..view.eye import index_view
 from ..view.projection import fitted_pixels
 from ..view.ray_intervals import box_depths
@@ -92,7 +92,7 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
     """
     offset = camera.aperture_radius * np.asarray(point, dtype=np.float64)
     if camera.type == "ORTHO":
-        return changed(camera, slant=tuple(-offset / camera.focus_distance), aperture_radius=0.0)
+        return change(camera, slant=tuple(-offset / camera.focus_distance), aperture_radius=0.0)
     placed = np.array(camera.matrix_world)
     sides = placed[:3, :2] / np.linalg.norm(placed[:3, :2], axis=0)
     placed[:3, 3] += sides @ offset
@@ -106,7 +106,7 @@ def through_lens(camera: Camera, point: np.ndarray) -> Camera:
 
 def see_through_lens(scene: Scene, point: np.ndarray) -> Scene:
     """The sharp scene that a point of its camera's lens sees; ``point``: see ``through_lens``."""
-    return changed(scene, camera=through_lens(scene.camera, point))
+    return change(scene, camera=through_lens(scene.camera, point))
 
 
 def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
@@ -171,7 +171,7 @@ def lens_pictures(scene: Scene) -> int:
     return int(np.clip(math.ceil(0.25 * math.pi * (blur / SPACING) ** 2), FEWEST_POINTS, MOST_POINTS))
 
 
-def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
+def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
     if scene.camera.aperture_radius == 0.0:
         return False, "the camera has no depth of field"
     blur = widest_blur(scene)
@@ -183,7 +183,7 @@ def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
 def _sharp(scene: Scene) -> Scene:
     if scene.camera.aperture_radius == 0.0:
         return scene
-    return changed(scene, camera=changed(scene.camera, aperture_radius=0.0))
+    return change(scene, camera=change(scene.camera, aperture_radius=0.0))
 
 
-DEPTH_OF_FIELD = Kind("blurs what is out of focus, as the camera's lens does", _called_for, _sharp)
+DEPTH_OF_FIELD = Kind("blurs what is out of focus, as the camera's lens does", _judge, _sharp)

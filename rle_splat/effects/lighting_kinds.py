@@ -6,7 +6,7 @@ from collections import Counter
 
 from ..classify.transfer_function import Shade
 from ..scene import MODES, Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 from .ray_mode import MODE_NAMES
 
@@ -46,8 +46,8 @@ def _shade_of(scene: Scene) -> Shade | None:
 
 
 def _with_shade(scene: Scene, **coefficients) -> Scene:
-    shade = changed(scene.transfer_function.shade, **coefficients)
-    return changed(scene, transfer_function=changed(scene.transfer_function, shade=shade))
+    shade = change(scene.transfer_function.shade, **coefficients)
+    return change(scene, transfer_function=change(scene.transfer_function, shade=shade))
 
 
 # --- shading: c * (ambient + diffuse |n.l|) in place of c -----------------------------------------------------------
@@ -63,16 +63,16 @@ def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
     return True, f"diffuse {shade.diffuse:g} and ambient {shade.ambient:g} under {' and '.join(lit_by)}"
 
 
-def _unshaded(scene: Scene) -> Scene:
+def _remove_shade(scene: Scene) -> Scene:
     if _shade_of(scene) is None:
         return scene
-    return changed(scene, transfer_function=changed(scene.transfer_function, shade=None))
+    return change(scene, transfer_function=change(scene.transfer_function, shade=None))
 
 
-def _shaded(scene: Scene) -> Scene:
+def _force_shade(scene: Scene) -> Scene:
     tf = scene.transfer_function
-    shaded = changed(tf, shade=Shade()) if tf.shade is None else tf
-    return changed(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
+    shaded = change(tf, shade=Shade()) if tf.shade is None else tf
+    return change(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
 
 
 # --- light sources ----------------------------------------------------------------------------------------------------
@@ -119,16 +119,16 @@ def _with_specular(scene: Scene) -> Scene:
 
 SHADING = Kind(
     "shades by the angle between the light and the surface; its normal is the gradient", _shading,
-    _unshaded, stage="shade", with_default=_shaded,
+    _remove_shade, stage="shade", with_default=_force_shade,
 )
 LIGHTS = Kind(
     "lights the volume by the light objects of the scene instead of a headlight", _lights,
-    lambda scene: changed(scene, lights=()), within="shading",
+    lambda scene: change(scene, lights=()), within="shading",
 )
 HEADLIGHT = Kind(
     "lights the volume by one white parallel light along the camera's axis", _headlight,
-    lambda scene: changed(scene, headlight=False), within="shading",
-    with_default=lambda scene: changed(scene, headlight=True),
+    lambda scene: change(scene, headlight=False), within="shading",
+    with_default=lambda scene: change(scene, headlight=True),
 )
 SPECULAR = Kind(
     "adds highlights, which change with the view", _specular, _without_specular, within="shading",

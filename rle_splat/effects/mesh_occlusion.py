@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..scene import Quality, RleSplatError, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
@@ -124,7 +124,7 @@ def _pixels_with_layers(scene: Scene, planes: list[BasePlane]) -> tuple[int, int
     return left, top, right, bottom
 
 
-def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
+def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     """By the depth of the nearest corner; what the rays really meet is known when they have been looked at."""
     if not scene.hides_volume:
         return False, "the scene has no meshes"
@@ -144,6 +144,6 @@ def _called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 MESH_OCCLUSION = Kind(
-    "ends each ray at the first mesh it meets", _called_for,
-    lambda scene: changed(scene, triangles=None, ray_ends=None), stage="occlusion",
+    "ends each ray at the first mesh it meets", _judge,
+    lambda scene: change(scene, triangles=None, ray_ends=None), stage="occlusion",
 )

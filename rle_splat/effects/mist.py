@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..scene import MODES, Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 from .ray_mode import MODE_NAMES
 
@@ -20,5 +20,5 @@ def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 MIST = Kind(
     "fades colors into the mist's color with their distance from the camera", _mist,
-    lambda scene: changed(scene, mist=None),
+    lambda scene: change(scene, mist=None),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 
 BY_PRE = "Labels and channels are classified voxel by voxel, so the classification is pre."
@@ -31,14 +31,14 @@ def only_hides(scene: Scene) -> bool:
     return labels is not None and labels.smooth and not scene.channels and set(labels.functions.values()) == {None}
 
 
-def _fitted_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels: any post-classified one where they only hide, else as ``_classified_by_pre``."""
+def _fit_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
+    """The quality for labels: any post-classified one where they only hide, else as ``_classify_by_pre``."""
     if quality.classification == "post" and only_hides(scene):
         return quality, ""
-    return _classified_by_pre(scene, quality)
+    return _classify_by_pre(scene, quality)
 
 
-def _classified_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
+def _classify_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """The quality for labels and channels: what lies between two labels, or two functions, has no value to classify."""
     try:
         return quality.classified("pre"), BY_PRE
@@ -78,11 +78,11 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 LABELS = Kind(
     "gives each label its own transfer function, or hides it", _labels_called_for,
-    lambda scene: changed(scene, labels=None), stage="mixing",
-    fitted=_fitted_to_labels,
+    lambda scene: change(scene, labels=None), stage="mixing",
+    fitted=_fit_to_labels,
 )  # fmt: skip
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
-    lambda scene: changed(scene, channels=()), stage="mixing",
-    fitted=_classified_by_pre,
+    lambda scene: change(scene, channels=()), stage="mixing",
+    fitted=_classify_by_pre,
 )  # fmt: skip

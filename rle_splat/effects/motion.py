@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..scene import Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..view.eye import index_view
 from .kind import Kind
 
@@ -36,9 +36,9 @@ def at_time(scene: Scene, time: float) -> Scene:
     first = min(int(position), len(scene.motion) - 2)
     part = position - first
     before, after = scene.motion[first], scene.motion[first + 1]
-    camera = changed(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
+    camera = change(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
     placed = _between(before.volume_matrix, after.volume_matrix, part)
-    return changed(scene, camera=camera, volume_matrix=placed, motion=())
+    return change(scene, camera=camera, volume_matrix=placed, motion=())
 
 
 def _between(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarray:
@@ -90,7 +90,7 @@ def motion_pictures(scene: Scene) -> int:
     return int(np.clip(math.ceil(moved / SPACING), FEWEST_PICTURES, MOST_PICTURES))
 
 
-def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
+def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
     if not scene.motion:
         return False, "nothing moves while the shutter is open"
     moved = distance_moved(scene)
@@ -100,7 +100,7 @@ def _called_for(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _still(scene: Scene) -> Scene:
-    return changed(scene, motion=()) if scene.motion else scene
+    return change(scene, motion=()) if scene.motion else scene
 
 
-MOTION_BLUR = Kind("blurs what moves while the shutter is open", _called_for, _still)
+MOTION_BLUR = Kind("blurs what moves while the shutter is open", _judge, _still)

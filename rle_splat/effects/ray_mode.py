@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..scene import MODES, POST_ONLY, Quality, RleSplatError, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 
 MODE_NAMES = dict(zip(MODES, ("composite", "X-ray", "MIP", "MinIP", "average"), strict=True))
@@ -50,6 +50,6 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
 
 MODE = Kind(
     "shows absorption alone, or the largest, smallest or mean value of each ray", _mode,
-    lambda scene: changed(scene, mode=MODES[0]), stage="splat",
+    lambda scene: change(scene, mode=MODES[0]), stage="splat",
     fitted=mode_quality,
 )

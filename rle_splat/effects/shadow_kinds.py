@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from ..scene import Quality, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from .kind import Kind
 from .lighting_kinds import idle_because
 
@@ -41,21 +41,21 @@ def _ambient_occlusion(scene: Scene, _: Quality) -> tuple[bool, str]:
     return reason is None, reason or f"strength {scene.ambient_occlusion:g}"
 
 
-def _occluded(scene: Scene) -> Scene:
-    return scene if scene.ambient_occlusion > 0.0 else changed(scene, ambient_occlusion=1.0)
+def _force_occlusion(scene: Scene) -> Scene:
+    return scene if scene.ambient_occlusion > 0.0 else change(scene, ambient_occlusion=1.0)
 
 
 SHADOWS = Kind(
     "darkens what the volume and the meshes shade from lights that cast shadows", _shadows,
-    lambda scene: changed(scene, volume_shadows=False), stage="shadows",
-    with_default=lambda scene: changed(scene, volume_shadows=True),
+    lambda scene: change(scene, volume_shadows=False), stage="shadows",
+    with_default=lambda scene: change(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
     "adds the world's light from all directions", _world,
-    lambda scene: changed(scene, world=None, environment=None),
+    lambda scene: change(scene, world=None, environment=None),
     within="shading",
 )
 AMBIENT_OCCLUSION = Kind(
     "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
-    lambda scene: changed(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_occluded,
+    lambda scene: change(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_force_occlusion,
 )  # fmt: skip

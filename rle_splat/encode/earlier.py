@@ -26,7 +26,7 @@ from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words
 from .records import decoding_of, empty_records, float_of, words_of
 from .reference import pack
 from .tables import TABLES, RunLengthVolume
-from .validate import check_records, checked_color, checked_header, scanline_starts
+from .validate import check_color, check_header, check_records, scanline_starts
 
 FORMAT, VERSION, HEADER = "rle-splat", 2, "header.npy"
 
@@ -163,7 +163,7 @@ def _read(members) -> dict:
     if header.get("version") != VERSION:
         raise RleSplatError(f"its format version is {header.get('version')}, which is unknown; encode it again.")
     record = header["record"]
-    facts = checked_header({**header, "record": 8 if record in TYPES else record})
+    facts = check_header({**header, "record": 8 if record in TYPES else record})
     shape, model, stored_as = (facts.pop(name) for name in ("shape_xyz", "model", "record"))
     needed = sum(members.size(name) for name in members.checksums)
     refuse_beyond(needed, "its tables need", "encode fewer principal axes, or use smaller voxel records")
@@ -179,7 +179,7 @@ def _read(members) -> dict:
         axes[axis] = RunLengthVolume(axis, shape, model, *pointers, runs, voxel_data, starts, decoding)
         if axes[axis].record != stored_as:
             raise ValueError("its voxel data do not have the stated record size")
-        checked_color(axes[axis].most_color)
+        check_color(axes[axis].most_color)
     stored = [(name, members.size(name), checksum) for name, checksum in members.checksums.items()]
     return {**facts, "axes": axes, "key": hashlib.blake2b(repr(stored).encode(), digest_size=16).hexdigest()}
 

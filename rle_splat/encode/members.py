@@ -163,7 +163,7 @@ def describe_tables(
     volume, *, classification: str, model: str, record: int, axes, unit_length: float, transfer_function, lighting,
     source: str,
 ) -> dict:
-    """What the header says of all tables; ``validate.checked_header`` reads it.
+    """What the header says of all tables; ``validate.check_header`` reads it.
 
     ``volume``: with the shape, the place and the remarks; ``axes``: principal axes. The others: see StoredVolume.
     """

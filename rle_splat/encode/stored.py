@@ -43,12 +43,12 @@ from .tables import (
 from .validate import (
     OF_VOXELS,
     Values,
+    check_color,
+    check_header,
+    check_layout,
     check_records,
     check_scalars,
-    checked_color,
-    checked_header,
-    checked_layout,
-    checked_values,
+    check_values,
     scanline_starts,
 )
 
@@ -432,14 +432,14 @@ def _open(members) -> tuple[StoredVolume, bool]:
     path, header = members.path, read_header(members)
     try:
         members, header = earlier.lengthen_records(members, header)
-        facts = checked_header(header)
-        dtypes = checked_layout(header, facts)
+        facts = check_header(header)
+        dtypes = check_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")
         volume = StoredVolume(
             path, header["classification"], principal_axes=facts.pop("axes"), **facts,
             visible_voxels=header["visible"], nan_voxels=int(header["nan_voxels"]),
-            values=None if is_pre else checked_values(header, dtypes),
-            most_color=checked_color(header["most_color"] if is_pre else 0.0),
+            values=None if is_pre else check_values(header, dtypes),
+            most_color=check_color(header["most_color"] if is_pre else 0.0),
             decoding=None if decoding is None else np.array(decoding, np.float32),
             mapped=MappedTables(members, {**header, "dtypes": dtypes}),
             key=hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),

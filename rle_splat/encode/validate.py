@@ -65,7 +65,7 @@ def _is_count(value, least: int = 0) -> bool:
     return type(value) is int and value >= least
 
 
-def checked_header(header: dict) -> dict:
+def check_header(header: dict) -> dict:
     """Check what the header says of the volume; raises one of DAMAGE, or RleSplatError.
 
     Returns
@@ -101,13 +101,13 @@ def checked_header(header: dict) -> dict:
     }  # fmt: skip
 
 
-def checked_color(brightest) -> float:
+def check_color(brightest) -> float:
     """The largest channel of any color, checked."""
     _require(0.0 <= brightest <= MOST_COLOR, f"its colors are brighter than {BRIGHTEST:g}, where white is 1")
     return float(brightest)
 
 
-def checked_layout(header: dict, facts: dict) -> dict:
+def check_layout(header: dict, facts: dict) -> dict:
     """Check that the tables have the types that kernels take, and that all chunks have entries for all
     scanlines and voxels; raises one of DAMAGE.
 
@@ -115,7 +115,7 @@ def checked_layout(header: dict, facts: dict) -> dict:
     ----------
     header : dict
     facts : dict
-        See ``checked_header``.
+        See ``check_header``.
 
     Returns
     -------
@@ -160,7 +160,7 @@ def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
     return count // size
 
 
-def checked_values(header: dict, dtypes: dict) -> Values:
+def check_values(header: dict, dtypes: dict) -> Values:
     """What the header of post-classified tables says of the volume's values, checked; raises one of DAMAGE."""
     kind, light, ends = header["stored_type"], header["light"], header["ends"]
     _require(kind in STORED_TYPES, "there is no such type of voxels")

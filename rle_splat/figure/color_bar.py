@@ -121,8 +121,8 @@ def color_bar(
         Tile, Stroke and Text.
     """
     x, y, width = box
-    left = _snapped(x + AXIS * size, pixels_per_mm)
-    top = _snapped(y + Lines(size).above, pixels_per_mm)
+    left = _snap(x + AXIS * size, pixels_per_mm)
+    top = _snap(y + Lines(size).above, pixels_per_mm)
     right_room = 1.2 * size  # half a tick's label may reach beyond the bar
     columns = max(round((x + width - right_room - left) * pixels_per_mm), 2)
     curve_rows, strip_rows = (max(round(part * pixels_per_mm), 2) for part in (CURVE, STRIP))
@@ -144,7 +144,7 @@ def color_bar(
     return items + _value_ticks(function, left, base + strip, wide, size, ink)
 
 
-def _snapped(place: float, pixels_per_mm: float) -> float:
+def _snap(place: float, pixels_per_mm: float) -> float:
     """The nearest whole pixel, in mm."""
     return round(place * pixels_per_mm) / pixels_per_mm
 

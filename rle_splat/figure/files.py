@@ -46,7 +46,7 @@ class PageCanvas:
         return self._drawn
 
 
-def checked_suffix(path, further: tuple = ()) -> str:
+def check_suffix(path, further: tuple = ()) -> str:
     """The suffix of a figure's file, lower case; RleSplatError for a format that is not written.
 
     ``further``: suffixes that the caller writes beside CONTENTS.

@@ -10,7 +10,7 @@ import numpy as np
 from ..scene import RleSplatError, Scene
 from .color_bar import Lines, color_bar
 from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
-from .lettering import check_text, text_width, wrapped
+from .lettering import check_text, text_width, wrap
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
 from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
 from .scale import (
@@ -172,7 +172,7 @@ def _row(draft: PageDraft, row: range, pictures: list, bars: list, y: float) -> 
 def _title_lines(draft: PageDraft, n: int) -> list[str]:
     """The lines of a panel's title, at least one where panels have letters."""
     indent = _indent(draft)
-    lines = wrapped(draft.figure.panels[n].title, draft.size, draft.tile[0] - indent)
+    lines = wrap(draft.figure.panels[n].title, draft.size, draft.tile[0] - indent)
     return lines or ([""] if indent else [])
 
 
@@ -266,7 +266,7 @@ def _caption(draft: PageDraft, y: float) -> float:
     caption = draft.figure.style.caption
     text = automatic_caption(draft) if caption is None else caption
     width = draft.figure.style.width / draft.per_mm - 2.0 * MARGIN
-    lines = wrapped(text, draft.size, width)
+    lines = wrap(text, draft.size, width)
     y += 0.7 * draft.size if lines else 0.0
     for number, line in enumerate(lines):
         draft.items.append(Text(MARGIN, y + draft.size * (1.0 + LEADING * number), line, draft.size, draft.ink))

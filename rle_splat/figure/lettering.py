@@ -35,7 +35,7 @@ def _arc(x, y, across, up, begin, end) -> list:
     return np.stack((x + across * np.cos(angles), y + up * np.sin(angles)), axis=1).tolist()
 
 
-def _drawn(text: str) -> str:
+def _draw(text: str) -> str:
     """The characters that are drawn for a text: letters and, after each, its combining marks."""
     alike = "".join(ALIKE.get(character, character) for character in text)
     kept = (one if one in GLYPHS else unicodedata.normalize("NFKD", one).replace("\u03bc", "µ") for one in alike)
@@ -44,7 +44,7 @@ def _drawn(text: str) -> str:
 
 def check_text(text: str, what: str) -> str:
     """Check that a text can be drawn; ``what`` names it in the message of the RleSplatError otherwise."""
-    missing = next((one for one in _drawn(text) if one not in GLYPHS and one not in MARKS), None)
+    missing = next((one for one in _draw(text) if one not in GLYPHS and one not in MARKS), None)
     if missing is not None:
         raise RleSplatError(
             f"{what} has the character {missing!r}, which the lettering of figures does not have; use Latin letters, "
@@ -71,7 +71,7 @@ def strokes_of(text: str, size: float) -> tuple[list, float]:
         From the left edge of the first stroke to the right edge of the last one.
     """
     found, x, before = [], 0.5 * STROKE, None
-    for character in _drawn(text):
+    for character in _draw(text):
         if character in GLYPHS:
             width, strokes = GLYPHS[character]
             found += [stroke + (x, 0.0) for stroke in _strokes(strokes)]
@@ -94,7 +94,7 @@ def text_width(text: str, size: float) -> float:
     return strokes_of(text, size)[1]
 
 
-def wrapped(text: str, size: float, width: float) -> list[str]:
+def wrap(text: str, size: float, width: float) -> list[str]:
     """Break a text into lines at most ``width`` wide, at spaces; a longer word has a line of its own.
 
     Lines are not broken at no-break spaces.

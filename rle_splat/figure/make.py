@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
-from ..runtime.steps import Progress, mapped
+from ..runtime.steps import Progress, map_steps
 from ..scene import Quality, Rendering
 from .layout import PageDraft, automatic_caption, check_labels, lay_out, scale_bar
 from .lettering import check_text
@@ -82,4 +82,4 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
     def told(step: Progress) -> Progress:
         return Progress(LAYOUT * (n + step.fraction) / count, which + step.message)
 
-    return (yield from mapped(render_steps(scene, quality, cache), told))
+    return (yield from map_steps(render_steps(scene, quality, cache), told))

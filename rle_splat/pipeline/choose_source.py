@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..effects.analyze import analyzed
+from ..effects.analyze import analyze_effects
 from ..scene import Quality, Scene
 from .file_source import FileSource
 from .scalar_file_source import ScalarFileSource
@@ -28,11 +28,11 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
     """
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified(scene.volume.classification)
-    effects, left = analyzed(scene, quality)
+    effects, left = analyze_effects(scene, quality)
     fitted, notes = effects.fitted(left, quality)
     if fitted != quality:
         quality = fitted
-        effects, left = analyzed(scene, quality)
+        effects, left = analyze_effects(scene, quality)
     if left.volume.holds_values:
         return SOURCES[quality.classification](left, quality, effects, notes)
     make = ScalarFileSource.of if left.volume.classification == "post" else FileSource

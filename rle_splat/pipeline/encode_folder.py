@@ -15,9 +15,9 @@ import numpy as np
 
 from ..classify.classification import unit_length
 from ..classify.placing import RecordPositions
-from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
-from ..effects.analyze import analyzed
+from ..effects.analyze import analyze_effects
 from ..effects.mixing import is_mixed
 from ..effects.ray_values import shown_values
 from ..encode.encode import record_steps, reorder_steps, run_tables
@@ -28,14 +28,14 @@ from ..encode.scalars import center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.steps import Clock, Progress, drain, part, portion, timed
+from ..runtime.steps import Clock, Progress, drain, part, portion, time_steps
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.normal_light import coded_normals, normal_light
 from ..shade.shading import DENSITY, normals
 from ..shade.voxel_light import voxel_light
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
-from ..volume.reduced import reduced_steps
+from ..volume.reduced import reduce_steps
 from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
 from .lighting import follows_view, scene_lighting
@@ -118,15 +118,16 @@ def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), 
 def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axes=tuple(AXES), source: str = ""):
     """As ``encode_folder_steps``, into the folder of a FolderWriter."""
     _check(scene, quality)
-    scene, clock, volume = analyzed(scene, quality)[1], Clock(), scene.volume
+    scene, clock, volume = analyze_effects(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
-    volume.measured["voxel_key"] = yield from portion(timed(key_steps(volume), clock, "classify"), 0.0, 0.02, looking)
+    steps = time_steps(key_steps(volume), clock, "classify")
+    volume.measured["voxel_key"] = yield from portion(steps, 0.0, 0.02, looking)
     kind = _ClassifiedChunks if quality.classification == "pre" else _ScalarChunks
     chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
     resumed = writer.planes
     has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
-    yield from portion(timed(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+    yield from portion(time_steps(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
     nx, ny, nz = volume.shape_xyz
     density = 1.0  # visible voxels among all; of the first chunk nothing is known
     while (first := writer.planes) < nz:
@@ -164,7 +165,7 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
         side *= 2
     if side > 1 and not is_folder_form(path):
         factors = tuple(min(side, count) for count in volume.shape_xyz)
-        larger = yield from portion(reduced_steps(volume, factors), 0.0, 0.5, "Averaging voxels")
+        larger = yield from portion(reduce_steps(volume, factors), 0.0, 0.5, "Averaging voxels")
         # Voxels further apart would be less dense by themselves.
         distance = float(function.opacity_unit_distance or volume.spacing.min())
         scene = replace(scene, volume=larger, transfer_function=replace(function, opacity_unit_distance=distance))
@@ -373,9 +374,9 @@ class _ScalarChunks(_Chunks):
         blocks = drain(block_steps(around, threads=self.threads))
         bits = drain(relevant_steps(around, self.reach, blocks, threads=self.threads))
         bits = bits[(first - begin) * ny : (last - begin) * ny]
-        counted = kept_counts(bits, threads=self.threads)
+        counted = count_kept(bits, threads=self.threads)
         _claim(counted[0])
-        return kept_voxels(self.part(first, last), bits, counted, blocks, threads=self.threads)
+        return gather_kept(self.part(first, last), bits, counted, blocks, threads=self.threads)
 
     def encoded(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""

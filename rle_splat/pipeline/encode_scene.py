@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from ..effects.analyze import analyzed
+from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..runtime.steps import Clock, drain, portion
 from ..scene import Quality, Scene
@@ -40,7 +40,7 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
     """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
     quality = quality.classified("pre")
-    scene = analyzed(scene, quality)[1]
+    scene = analyze_effects(scene, quality)[1]
     clock = Clock()
     scan, work = scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
     lit = (yield from scan.medium_steps(work)).voxels

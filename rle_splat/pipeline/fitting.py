@@ -9,7 +9,7 @@ from ..effects.mixing import is_mixed
 from ..runtime.steps import portion
 from ..scene import Quality, Scene, TooLargeError
 from ..volume.few_planes import LARGE
-from ..volume.reduced import reduced_steps, sampled_steps
+from ..volume.reduced import reduce_steps, sample_steps
 from .render import render_steps
 from .stage_cache import StageCache
 
@@ -81,10 +81,10 @@ def _coarser_steps(scene: Scene, cache: StageCache, halvings: int, is_sampled: b
         return scene
     volume, function, job = scene.volume, scene.transfer_function, cache.job()
     if is_sampled:
-        make = partial(sampled_steps, volume, halvings)
+        make = partial(sample_steps, volume, halvings)
         volume = yield from job.steps("some voxels", (volume.key, halvings), make, lambda made: made.voxels.nbytes)
     for _ in range(0 if is_sampled else halvings):
-        make = partial(reduced_steps, volume, HALVED)
+        make = partial(reduce_steps, volume, HALVED)
         steps = job.steps("larger voxels", volume.key, make, lambda made: made.voxels.nbytes)
         volume = yield from portion(steps, 0.0, 0.0, AVERAGING)
     job.keep()

@@ -51,7 +51,7 @@ def follows_view(scene: Scene, falling: Lighting) -> bool:
     return scene.headlight or falling.has_highlights
 
 
-def shadowed_steps(scene: Scene, falling: Lighting | None, work: Work, occluders: Occluders):
+def shadow_lighting_steps(scene: Scene, falling: Lighting | None, work: Work, occluders: Occluders):
     """Generator of Progress: the lighting with what shadows leave of each light, and a key of that.
 
     The lighting itself and an empty key where the scene has no shadows.

@@ -175,12 +175,12 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
         shares = np.minimum(np.float32(1.0), thickest / np.maximum(records[:, 3], np.finfo(np.float32).tiny))
         if kept is not None:
             shares *= kept[first:last]
-        add(plane, _summed(positions, records * shares[:, None], factors))
+        add(plane, _sum_records(positions, records * shares[:, None], factors))
     work.job.keep()
     return len(voxels)
 
 
-def _summed(positions: RecordPositions, records: np.ndarray, factors) -> np.ndarray:
+def _sum_records(positions: RecordPositions, records: np.ndarray, factors) -> np.ndarray:
     """(ny, nx, 4) float32: the means of the records (n, 4) of the voxels of some planes."""
     voxels, (fx, fy, fz) = positions.voxels, factors
     first, last = positions.span

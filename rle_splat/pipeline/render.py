@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..effects.exposure import exposure_steps, exposures
-from ..runtime.steps import Clock, Progress, drain, portion, timed, within
+from ..effects.exposure import exposure_steps, list_exposures
+from ..runtime.steps import Clock, Progress, drain, portion, time_steps, within
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
@@ -90,7 +90,7 @@ def _expose_steps(scene: Scene, quality: Quality, cache: StageCache | None, refu
         # A preset of quality takes the cheapest plan that is expected to keep its error.
         with clock.stage("plan"):
             source = choose_plan(source, kept)
-        pictures = exposures(source.scene)
+        pictures = list_exposures(source.scene)
         if cache is None and len(pictures) > 1:  # the pictures of a blur have most stages in common
             kept = StageCache()
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
@@ -169,7 +169,7 @@ def _fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, span
             done += 1
         steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, most_color)
         at = span[0] + span[1] * done / parts
-        found = yield from portion(timed(steps, clock, "warp"), at, at, "Warping")
+        found = yield from portion(time_steps(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):
             mixed = rays.mixed(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
@@ -181,4 +181,4 @@ def ray_steps(picture: Picture, medium: Medium, rgba, depth):
     if not traces_steep_pixels(picture.source):
         return rgba, depth, NO_PIXELS
     steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
-    return (yield from portion(timed(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))
+    return (yield from portion(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

@@ -30,7 +30,7 @@ from ..classify.limits import LEAST_DISTANCE
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.mixture import Mixture
 from ..classify.points import LARGEST
-from ..classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, shown_values, value_map
@@ -40,7 +40,7 @@ from ..raycast.scalar_rays import RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Progress, portion, timed
+from ..runtime.steps import Progress, portion, time_steps
 from ..scene import preintegrated_of
 from ..shade.lighting import Lighting
 from ..shade.normal_light import NormalLight, coded_normals, normal_light
@@ -49,7 +49,7 @@ from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
 from ..view.depth_rules import sheets_per_cell, value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
-from .lighting import follows_view, lighting_key, scene_lighting, shadowed_steps
+from .lighting import follows_view, lighting_key, scene_lighting, shadow_lighting_steps
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 from .shadows import shadow_count
@@ -195,16 +195,16 @@ class LitScalars:
             return placed_steps(scalars_of(voxels, kind, self.infinite, self.center))
 
         steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
-        placed = yield from timed(steps, clock, "encode")
+        placed = yield from time_steps(steps, clock, "encode")
         if self.light is None:
             return ScalarVolume(tables, placed, self.center)
         if isinstance(self.light, NormalLight):
             steps = job.steps("normal codes", (self.light_key, order), lambda: self._normal_steps(placed_steps))
-            codes = yield from timed(steps, clock, "shade")
+            codes = yield from time_steps(steps, clock, "shade")
             none = self.light.no_codes
             return ScalarVolume(tables, placed, self.center, none, lamps=self.light.lamps(codes, axis))
         steps = job.steps("lights", (self.light_key, order), lambda: placed_steps(self.light.codes))
-        codes = yield from timed(steps, clock, "shade")  # as with classified voxels, whose records are lit already
+        codes = yield from time_steps(steps, clock, "shade")  # as with classified voxels, whose records are lit already
         return ScalarVolume(tables, placed, self.center, codes, self.light.unit, self.thinned)
 
     def _normal_steps(self, placed_steps):
@@ -269,9 +269,9 @@ class ScalarSource(Source):
             voxels_key = (voxels_key, self._mixture.key)
             revealed_steps = partial(self._mixture.revealed_steps, threads=self.threads)
             steps = job.steps("revealed", voxels_key, revealed_steps, _bytes_of)
-            volume = yield from portion(timed(steps, clock, "mixing"), 0.0, 0.0, HIDING)
+            volume = yield from portion(time_steps(steps, clock, "mixing"), 0.0, 0.0, HIDING)
         steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
-        steps = timed(steps, clock, "classify")
+        steps = time_steps(steps, clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
         by_normal = self._normal_light(falling)
@@ -310,7 +310,7 @@ class ScalarSource(Source):
             unlit.voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True,
             threads=self.threads,
         )  # fmt: skip
-        falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
+        falling, shadows_key = yield from shadow_lighting_steps(scene, unlit.falling, work, occluders)
         if falling is not None:
             yield Progress(0.1, "Shading")
         lit = replace(unlit, falling=falling, shadows_key=shadows_key)
@@ -353,18 +353,18 @@ class ScalarSource(Source):
         if job.has("relevant", key):
             relevant = job.get("relevant", key, None)
             return relevant, needed_by(relevant.found)
-        steps = timed(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
+        steps = time_steps(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
         bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
-            counted = kept_counts(bits, threads=self.threads)
+            counted = count_kept(bits, threads=self.threads)
         counts = VoxelCount.in_rows(volume, counted)
         needed = needed_by(counts)
         work.claim(needed)
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
         with clock.stage("classify"):
-            voxels = kept_voxels(volume, bits, counted, blocks, threads=self.threads)
+            voxels = gather_kept(volume, bits, counted, blocks, threads=self.threads)
             relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts))
         return relevant, needed
 
@@ -379,7 +379,7 @@ class ScalarSource(Source):
     def _hidden_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
         steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), threads=self.threads))
-        return (yield from portion(timed(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
+        return (yield from portion(time_steps(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
 
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""

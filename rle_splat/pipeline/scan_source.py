@@ -18,20 +18,20 @@ from functools import partial
 
 import numpy as np
 
-from ..classify.classification import ClassifiedVolume, classified, unit_length
+from ..classify.classification import ClassifiedVolume, classify_voxels, unit_length
 from ..classify.mixture import Mixture
 from ..classify.visible import Visibility, count_steps, fill_steps
 from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from ..encode.records import decoding_of
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Clock, Progress, drain, mapped, portion, timed
+from ..runtime.steps import Clock, Progress, drain, map_steps, portion, time_steps
 from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
 from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
-from .lighting import lighting_key, scene_lighting, shadowed_steps
+from .lighting import lighting_key, scene_lighting, shadow_lighting_steps
 from .medium import ClassifiedVoxels
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 from .shadows import shadow_count
@@ -99,7 +99,7 @@ class LitVolume:
         """
         axes = tuple(dict.fromkeys((IN_ORDER, axis))) if self.work.axes == len(AXES) else (axis,)
         for n, one in enumerate(axes):
-            tables = yield from mapped(self._axis_steps(one), lambda done, n=n: (n + done) / len(axes))
+            tables = yield from map_steps(self._axis_steps(one), lambda done, n=n: (n + done) / len(axes))
         return tables
 
     def _axis_steps(self, axis: int):
@@ -132,7 +132,7 @@ class LitVolume:
             return (yield from steps)
 
         steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
-        return (yield from timed(steps, clock, "encode"))
+        return (yield from time_steps(steps, clock, "encode"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ class ScanSource(Source):
         return fill_steps(shown, blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return classified(shown, voxels, length, threads=self.threads)
+        return classify_voxels(shown, voxels, length, threads=self.threads)
 
     @property
     def record_type(self):
@@ -210,7 +210,7 @@ class ScanSource(Source):
             voxels, lambda: unlit.classified.extinction, tables_of, *around, unlit.key, boxed=False,
             threads=self.threads,
         )  # fmt: skip
-        falling, shadows_key = yield from shadowed_steps(scene, unlit.falling, work, occluders)
+        falling, shadows_key = yield from shadow_lighting_steps(scene, unlit.falling, work, occluders)
         key = (unlit.key, *lighting_key(scene, matrix, unlit.falling), shadows_key)
         return replace(unlit, falling=falling, key=key, normals=directions)
 
@@ -229,16 +229,16 @@ class ScanSource(Source):
             voxels = job.get("visible", visible_key, None)
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
         blocks_of = partial(block_steps, self.scene.volume, threads=self.threads)
-        steps = timed(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
+        steps = time_steps(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
-        steps = timed(self.count_steps(shown, blocks), clock, self.stage)
+        steps = time_steps(self.count_steps(shown, blocks), clock, self.stage)
         counted = yield from portion(steps, 0.02, 0.06, "Counting")
         needed = needed_by(counted)
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
         steps = job.steps("visible", visible_key, lambda: self.fill_steps(shown, blocks, counted))
-        return (yield from portion(timed(steps, clock, self.stage), 0.06, 0.1, message)), needed
+        return (yield from portion(time_steps(steps, clock, self.stage), 0.06, 0.1, message)), needed
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..effects.exposure import exposures
+from ..effects.exposure import list_exposures
 from ..runtime.steps import Clock, Progress, within
 from ..scene import Quality, Rendering, RleSplatError, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..splat.intermediate_image import IntermediateImage
 from ..view.base_plane import BasePlane
 from .choose_source import choose_source
@@ -107,7 +107,7 @@ def _check(scene: Scene) -> None:
         raise RleSplatError(
             "Slabs are parts of a folder of tables; encode the volume with rle-splat encode --folder, and render that."
         )
-    if len(exposures(scene)) > 1:
+    if len(list_exposures(scene)) > 1:
         raise RleSplatError(
             "Depth of field and motion blur mix many pictures, and slabs make one; leave them out, or remove --slabs."
         )
@@ -150,7 +150,7 @@ def _read_only(picture: Picture, planes: list[BasePlane]) -> Picture:
     reads = [_slices_read(plane) for plane in planes if plane.axis == ALONG_Z]
     first, last = (min(first for first, _ in reads), max(last for _, last in reads)) if reads else (0, 0)
     volume = source.scene.volume.of_planes(first, last)
-    return replace(picture, source=replace(source, scene=changed(source.scene, volume=volume)))
+    return replace(picture, source=replace(source, scene=change(source.scene, volume=volume)))
 
 
 def _slices_read(plane: BasePlane) -> tuple[int, int]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..runtime.steps import part
 from ..scene import MODES, NO_DEPTH, Rendering, Scene
-from ..scene.changed import changed
+from ..scene.changed import change
 from ..view.box_order import box_of, near_to_far
 from ..view.projection import depth_row, world_to_pixel
 
@@ -50,7 +50,7 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
     """
     camera = scenes[0].camera
     groups = near_to_far([_box(scene) for scene in scenes], camera)
-    reason = _unmixed_because(scenes) if most_spans > 1 else "a maximum error is set"
+    reason = _find_obstacle(scenes) if most_spans > 1 else "a maximum error is set"
     overlap = any(len(group) > 1 for group in groups)
     layers = [_Layer(scenes, group, 0 if reason else most_spans) for group in groups]
     total, picture, reports = sum(layer.pictures for layer in layers), None, []
@@ -63,9 +63,9 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
 
     for layer in layers:
         found = yield from layer.steps(make_next)
-        picture = found if picture is None else _laid_over(picture, found, None)
+        picture = found if picture is None else _lay_over(picture, found, None)
     about = {"count": len(scenes), "pictures": total, "mixed": overlap and not reason}
-    return Rendering(*picture, _report_of(reports, about, f"{LAID} {reason}." if overlap and reason else ""))
+    return Rendering(*picture, _sum_reports(reports, about, f"{LAID} {reason}." if overlap and reason else ""))
 
 
 class _Layer:
@@ -92,16 +92,16 @@ class _Layer:
         whole = mixed = None
         for n in self._order:
             found = yield from make(self._scenes[n], n)
-            whole = found if whole is None else _laid_over(whole, found, None)
+            whole = found if whole is None else _lay_over(whole, found, None)
         for inside, span in self._spans:
             made = []
             for n in inside:
                 of_span = replace(self._scenes[n], crop=self._shared)
                 if span is not None:
-                    of_span = replace(of_span, camera=_between(of_span.camera, span))
+                    of_span = replace(of_span, camera=_clip_between(of_span.camera, span))
                 made.append((yield from make(of_span, n)))
-            found = made[0] if len(made) == 1 else _mixed(made, span)
-            mixed = found if mixed is None else _laid_over(mixed, found, span if len(made) > 1 else None)
+            found = made[0] if len(made) == 1 else _mix(made, span)
+            mixed = found if mixed is None else _lay_over(mixed, found, span if len(made) > 1 else None)
         if whole is None or mixed is None:
             return whole or mixed
         left, top, right, bottom = self._shared
@@ -150,7 +150,7 @@ def _pixels_of(scene: Scene) -> np.ndarray:
     return np.concatenate((np.maximum(held[:2], region[:2]), np.minimum(held[2:], region[2:])))
 
 
-def _report_of(reports: list[tuple], about: dict, remark: str) -> dict:
+def _sum_reports(reports: list[tuple], about: dict, remark: str) -> dict:
     """The first volume's report with the times and remarks of all; ``reports``: (number, report) of each picture."""
     # Spans leave out a volume that lies outside of the clip distances.
     first = next((report for n, report in reports if n == 0), reports[0][1])
@@ -204,7 +204,7 @@ def cut_spans(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]
     return parts
 
 
-def _unmixed_because(scenes: list[Scene]) -> str:
+def _find_obstacle(scenes: list[Scene]) -> str:
     """Why overlapping volumes cannot be mixed; "" where they can."""
     first = scenes[0]
     if any(scene.motion for scene in scenes):
@@ -226,12 +226,12 @@ def _depths(scene: Scene) -> np.ndarray:
     return np.sort(_box(scene) @ row[:3] + row[3])
 
 
-def _between(camera, span):
+def _clip_between(camera, span):
     """The camera with other clip distances."""
-    return changed(camera, clip_start=float(span[0]), clip_end=float(span[1]))
+    return change(camera, clip_start=float(span[0]), clip_end=float(span[1]))
 
 
-def _mixed(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
+def _mix(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
     """The picture and the depth of a span from those of its volumes."""
     pictures = np.stack([rgba for rgba, _ in made]).astype(np.float64)
     opacity = pictures[..., 3:]
@@ -244,7 +244,7 @@ def _mixed(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
     return rgba, _half_depth(np.zeros(whole.shape[:2]), whole[..., 0], span)
 
 
-def _laid_over(front: tuple, back: tuple, span) -> tuple[np.ndarray, np.ndarray]:
+def _lay_over(front: tuple, back: tuple, span) -> tuple[np.ndarray, np.ndarray]:
     """A picture over another one, and the depth of both; ``span``: depths of the back one if it is of a mixture."""
     (near, near_depth), (far, far_depth) = front, back
     rgba = near + (1.0 - near[..., 3:]) * far

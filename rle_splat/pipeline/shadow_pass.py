@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..effects.analyze import analyzed
+from ..effects.analyze import analyze_effects
 from ..runtime.steps import part
 from ..scene import NO_RAYS, Quality, RleSplatError, Scene
 from .preset_plan import hold_plan
@@ -36,7 +36,7 @@ def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None =
     RleSplatError
         For a scene without shadows.
     """
-    if not shadow_count(analyzed(scene, quality)[1]):
+    if not shadow_count(analyze_effects(scene, quality)[1]):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
     cache = StageCache() if cache is None else cache
     unshaded = without_shadows(scene)

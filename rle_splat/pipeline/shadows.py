@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from ..effects.shadows import Occluders, light_steps, sky_steps
-from ..runtime.steps import Clock, timed
+from ..runtime.steps import Clock, time_steps
 from ..scene import Light, Scene
 from ..shade.light_sweep import FULL
 from ..shade.lighting import Shadows
@@ -45,11 +45,11 @@ def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
         key = (occluders.key, _light_key(light))
         steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders))
         row_of[number] = len(found)
-        found.append((yield from timed(steps, clock, "shadows")))
+        found.append((yield from time_steps(steps, clock, "shadows")))
         keys.append((number, key))
     if sky:
         steps = job.steps("ambient occlusion", occluders.key, lambda: sky_steps(occluders))
-        left = yield from timed(steps, clock, "ambient occlusion")
+        left = yield from time_steps(steps, clock, "ambient occlusion")
         row_of[-1] = len(found)
         found.append(np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16))
         keys.append((scene.ambient_occlusion, occluders.key))

@@ -38,10 +38,10 @@ def can_trace(source: Source) -> bool:
         return False
     if scene.transfer_function.gradient_opacity is not None:
         return False
-    return all(field.name in KNOWN or not _given(scene, field) for field in fields(Scene))
+    return all(field.name in KNOWN or not _is_given(scene, field) for field in fields(Scene))
 
 
-def _given(scene: Scene, field) -> bool:
+def _is_given(scene: Scene, field) -> bool:
     """Whether a field of the scene differs from its default; an empty array counts as the default."""
     value, usual = getattr(scene, field.name), field.default
     usual = field.default_factory() if usual is MISSING else usual
@@ -79,11 +79,11 @@ def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, sl
     for first in range(0, len(columns), RAYS_AT_ONCE):
         yield first / len(columns)
         part = slice(first, first + RAYS_AT_ONCE)
-        rgba[part], _ = _traced(scene, view, medium, planes, columns[part], rows[part], slabs, work[part])
+        rgba[part], _ = _trace(scene, view, medium, planes, columns[part], rows[part], slabs, work[part])
     return rgba, work
 
 
-def _traced(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int, work=None):
+def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int, work=None):
     """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
 
     ``planes``: base planes by axis and sign, filled as they are needed.  ``work``: (n, 2) int32, filled, or None.
@@ -139,7 +139,7 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
         yield first / len(where)
         rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
         pixels = columns + inner[1].start, rows + inner[0].start
-        rgba[rows, columns], depth[rows, columns] = _traced(scene, view, medium, planes, *pixels, slabs)
+        rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..classify.transfer_function import Shade, TransferFunction
 from ..scene import Quality, Scene
-from ..scene.color import displayed
+from ..scene.color import to_display
 from ..scene.further_volumes import CORNERS
 from ..view.turntable import turntable
 from ..volume.volume import Volume
@@ -79,19 +79,19 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
     quality = Quality.preset("draft", name="thumbnail", threads=1)
     rendering = yield from render_steps(scene, quality, cache, refuse_empty_view=False)
     rgb = rendering.rgba[..., :3] + BEHIND * (1.0 - rendering.rgba[..., 3:])
-    return np.rint(255.0 * displayed(rgb)).astype(np.uint8)
+    return np.rint(255.0 * to_display(rgb)).astype(np.uint8)
 
 
 def _front(volume: Volume):
     """The camera that sees a volume from the front, filling the picture, and the volume's matrix."""
-    width, height = _seen(volume, *turntable(volume))
+    width, height = _measure_box(volume, *turntable(volume))
     angles = dict(azimuth=ASIDE * (width < FLAT * height), elevation=ASIDE * (height < FLAT * width))
-    seen = max(_seen(volume, *turntable(volume, **angles)))
+    seen = max(_measure_box(volume, *turntable(volume, **angles)))
     longest = float((np.array(volume.shape_xyz) * volume.spacing).max())
     return turntable(volume, fit=ROOM * seen / longest, width=SIDE, height=SIDE, **angles)
 
 
-def _seen(volume: Volume, camera, matrix) -> np.ndarray:
+def _measure_box(volume: Volume, camera, matrix) -> np.ndarray:
     """(2,) float64: width and height of the box of voxels as a camera sees it."""
     corners = CORNERS * np.array(volume.shape_xyz) - 0.5
     world = corners @ (matrix @ volume.affine)[:3, :3].T

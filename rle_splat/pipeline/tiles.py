@@ -114,7 +114,7 @@ class Strip:
         self.rgba[:, columns], self.depth[:, columns] = rgba, depth
 
 
-def tiled_steps(
+def render_tiles_steps(
     scene: Scene, quality: Quality, side: int, write, cache: StageCache | None = None, *, refuse_empty_view: bool = True
 ):  # fmt: skip
     """Generator of Progress: render a picture in tiles; returns its report.

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from ..scene import RleSplatError
-from .header import damaged
+from .header import damage_error
 from .streaming import Part
 
 MOST_FILES = 20_000
@@ -70,7 +70,7 @@ def _pattern_names(path, given: str) -> list[str]:
     first, last, step = (int(word) for word in words[1:4])
     numbers = range(first, last + (1 if step > 0 else -1), step) if step else ()
     if not 0 < len(numbers) <= MOST_FILES:
-        raise damaged(path, "the pattern of its data files names none, or too many")
+        raise damage_error(path, "the pattern of its data files names none, or too many")
     return [re.sub(r"%(0?\d*)d", lambda found, n=n: format(n, f"{found[1]}d"), words[0]) for n in numbers]
 
 

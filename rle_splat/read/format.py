@@ -56,10 +56,10 @@ def head_of(path) -> Head:
             stored = stream.read(HEAD_BYTES)
     except OSError:
         stored = b""
-    return Head(path, stored, _unpacked(stored) if stored.startswith(GZIP_MAGIC) else stored)
+    return Head(path, stored, _unpack(stored) if stored.startswith(GZIP_MAGIC) else stored)
 
 
-def _unpacked(stored: bytes) -> bytes:
+def _unpack(stored: bytes) -> bytes:
     """What the beginning of a gzip file unpacks to, up to damage: small pieces, since an error loses a whole piece."""
     decoder, content = zlib.decompressobj(GZIP_WINDOW), b""
     try:

@@ -14,13 +14,13 @@ from ..runtime.steps import drain
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
 from ..volume.hounsfield import looks_like_hounsfield
-from ..volume.placement import placed
-from ..volume.reduced import sampled_steps
+from ..volume.placement import place_volume
+from ..volume.reduced import sample_steps
 from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
 from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of, refuse_pipe
-from .layout import checked_scale, unreadable
+from .layout import check_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
 from .mgh import read_mgh_steps, recognizes_mgh
@@ -116,7 +116,7 @@ def format_of(path) -> Format | None:
     return told or format_named(path)
 
 
-def _chosen(path: Path, given: dict) -> Format:
+def _choose(path: Path, given: dict) -> Format:
     """The format to read a path with, whose options apply; RleSplatError if there is none."""
     for name in given:
         if name not in OPTIONS:
@@ -139,7 +139,7 @@ def _chosen(path: Path, given: dict) -> Format:
             "to read it as raw voxels, give its shape and dtype."
         )
     for name in given:
-        if name not in chosen.all_options and name != "frame":  # of numbered files, see ``_numbered``
+        if name not in chosen.all_options and name != "frame":  # of numbered files, see ``_number``
             raise RleSplatError(f"The option {name} does not apply to {chosen.name} files; leave it out.")
     return chosen
 
@@ -152,30 +152,30 @@ def read_steps(path, **options):
     path = Path(path)
     given = {name: value for name, value in options.items() if value is not None}
     key = given.pop("series_key", None)  # of what was read before; another format has no use for it
-    chosen = _chosen(path, given)
+    chosen = _choose(path, given)
     if key is not None and "series_key" in chosen.options:
         given["series_key"] = key
     numbered = None
     if "frame" in given and "frame" not in chosen.options:
-        numbered = _numbered(path)
+        numbered = _number(path)
         path = numbered.file(given.pop("frame"))
     meaning = {name: given.pop(name) for name in MEANING_OPTIONS if name in given and name not in chosen.options}
     place = {name: given.pop(name) for name in PLACE_OPTIONS if name in given and name not in chosen.options}
     scale = {name: meaning.get(name, default) for name, default in (("slope", 1.0), ("intercept", 0.0))}
-    checked = dict(zip(scale, checked_scale(*scale.values())))
+    checked = dict(zip(scale, check_scale(*scale.values())))
     level = 0 if LEVEL in chosen.options else int(given.pop(LEVEL, 0))
     volume = yield from chosen.read_steps(path, **given)
     changed = {name: checked.get(name, value) for name, value in meaning.items()}
     if numbered is not None:
         changed["frames"] = numbered.count
     if place:
-        volume = placed(volume, **place)
+        volume = place_volume(volume, **place)
     if level:
-        volume = yield from sampled_steps(volume, level)
+        volume = yield from sample_steps(volume, level)
     return _with_guessed_unit(replace(volume, **changed) if changed else volume)
 
 
-def _numbered(path: Path) -> Sequence:
+def _number(path: Path) -> Sequence:
     """The numbered files that a file of one volume belongs to, for its frames; RleSplatError if it is alone."""
     found = sequence_of(path)
     if found is None:
@@ -218,7 +218,7 @@ def read_volume(path, **options) -> Volume:
         from 1.
         All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
         ``value_unit`` ("HU"), ``modality``; and ``spacing``, ``orientation`` ("LPS") and ``flip`` ("xz"), which
-        ``volume.placement.placed`` describes.
+        ``volume.placement.place_volume`` describes.
 
     Returns
     -------

@@ -40,20 +40,20 @@ def lacking(package: str, formats: str) -> RleSplatError:
     )
 
 
-def damaged(path, what: str) -> RleSplatError:
+def damage_error(path, what: str) -> RleSplatError:
     """The error for a header that says something impossible; ``what``: a clause, such as "it says 0 x 3 voxels"."""
     return RleSplatError(f"The header of {Path(path).name} is damaged: {what}; copy or export it again.")
 
 
-def checked_grid(path, shape) -> tuple:
+def check_grid(path, shape) -> tuple:
     """Check a shape (nx, ny, nz) in a header; return it as ints. A single picture is refused."""
     try:
         shape = tuple(operator.index(n) for n in shape)
     except TypeError:
-        raise damaged(path, "its numbers of voxels are not whole") from None
+        raise damage_error(path, "its numbers of voxels are not whole") from None
     text = " x ".join(map(str, shape))
     if len(shape) != 3 or not all(1 <= n <= EDGE_LIMIT for n in shape):
-        raise damaged(path, f"it says {text} voxels")
+        raise damage_error(path, f"it says {text} voxels")
     if sum(n > 1 for n in shape) < 3:
         raise RleSplatError(
             f"{Path(path).name} is a single picture ({text} voxels); a volume needs at least two slices."
@@ -61,7 +61,7 @@ def checked_grid(path, shape) -> tuple:
     return shape
 
 
-def checked_frame(path, frame: int | None, frames: int) -> int:
+def check_frame(path, frame: int | None, frames: int) -> int:
     """Check the number of a frame, from 1; None is the first."""
     if frame is None:
         return 1
@@ -99,11 +99,11 @@ def frame_remark(frame: int, frames: int, axis: str = "time") -> tuple:
     return (f"There are {frames} volumes that differ in {axis}; number {frame} was read.",)
 
 
-def checked_affine(path, affine) -> np.ndarray:
+def check_affine(path, affine) -> np.ndarray:
     """Check an affine in a header: finite, of sensible size, and invertible; return it as (4, 4) float64."""
     affine = np.asarray(affine, dtype=np.float64)
     if not np.isfinite(affine).all() or np.abs(affine).max() > LARGEST_LENGTH:
-        raise damaged(path, "its directions or spacings are not sensible numbers")
+        raise damage_error(path, "its directions or spacings are not sensible numbers")
     lengths = np.linalg.norm(affine[:3, :3], axis=0)
     if not (lengths > 0.0).all() or abs(np.linalg.det(affine[:3, :3] / lengths)) < LEAST_DETERMINANT:
         raise RleSplatError(
@@ -113,7 +113,7 @@ def checked_affine(path, affine) -> np.ndarray:
     return affine
 
 
-def checked_kind(path, dtype: np.dtype) -> np.dtype:
+def check_kind(path, dtype: np.dtype) -> np.dtype:
     """Check the number type of a voxel; complex numbers, colors and types of 128 bits are refused."""
     if dtype.newbyteorder("=").name in (*STORED_TYPES, *CONVERTED_TYPES):
         return dtype

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..runtime.steps import Progress
 from ..volume.volume import NamedLabel
-from .streaming import allocated, fill_steps, grid_text, opened, skip_steps, storable_steps, voxel_steps
+from .streaming import allocate, fill_steps, grid_text, open_stream, skip_steps, storable_steps, voxel_steps
 
 
 def _plane_steps(path, shape, dtype, part, count: int, doing: str, use):
@@ -20,7 +20,7 @@ def _plane_steps(path, shape, dtype, part, count: int, doing: str, use):
     nx, ny, nz = shape
     scratch = np.empty((ny, nx, count), dtype=dtype)
     before = part.skip if part.packing else 0
-    with opened(part.path, part.offset + (part.skip - before), part.packing) as source:
+    with open_stream(part.path, part.offset + (part.skip - before), part.packing) as source:
         yield from skip_steps(path, source, before, doing)
         for z in range(nz):
             for _ in fill_steps(path, source, scratch, doing):
@@ -39,7 +39,7 @@ def layer_steps(path, shape, dtype, parts, count: int, layer: int):
         In native byte order; one of STORED_TYPES.
     """
     doing = f"reading {Path(path).name} ({grid_text(shape, dtype)})"
-    voxels = allocated(path, shape, dtype, parts[0].held // count)
+    voxels = allocate(path, shape, dtype, parts[0].held // count)
 
     def take(z, values):
         voxels[z] = values[..., layer]
@@ -48,7 +48,7 @@ def layer_steps(path, shape, dtype, parts, count: int, layer: int):
     return (yield from storable_steps(voxels, doing))
 
 
-def merged_layer_steps(path, shape, dtype, parts, axes, segments):
+def merge_layer_steps(path, shape, dtype, parts, axes, segments):
     """Generator of Progress: the layers of a segmentation as one label map.
 
     Parameters
@@ -69,7 +69,7 @@ def merged_layer_steps(path, shape, dtype, parts, axes, segments):
     """
     doing = f"reading {Path(path).name} ({axes.frames} layers of {grid_text(shape, dtype)})"
     kind = np.dtype(np.uint8 if len(segments) < 256 else np.uint16)
-    merged = allocated(path, shape, kind, sum(part.held for part in parts) * kind.itemsize)
+    merged = allocate(path, shape, kind, sum(part.held for part in parts) * kind.itemsize)
     merged[...] = 0
     overlaps = 0
 

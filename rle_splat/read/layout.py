@@ -58,8 +58,8 @@ class RawLayout:
     header_bytes: int = 0
 
     def __post_init__(self):
-        object.__setattr__(self, "shape", checked_shape(self.shape))
-        object.__setattr__(self, "dtype", checked_type(self.dtype))
+        object.__setattr__(self, "shape", check_shape(self.shape))
+        object.__setattr__(self, "dtype", check_type(self.dtype))
         if self.byte_order not in BYTE_ORDERS:
             raise RleSplatError(f"The byte order must be little or big, not {self.byte_order!r}.")
         header = self.header_bytes
@@ -86,7 +86,7 @@ class RawLayout:
         return f"{' x '.join(map(str, self.shape))} voxels of {self.dtype}{header}"
 
 
-def checked_shape(shape) -> tuple:
+def check_shape(shape) -> tuple:
     """Check a shape; return (nx, ny, nz) as ints."""
     try:
         entries = tuple(shape)
@@ -101,7 +101,7 @@ def checked_shape(shape) -> tuple:
     return whole
 
 
-def checked_type(dtype) -> str:
+def check_type(dtype) -> str:
     """Check a voxel type; return its name, one of STORED_TYPES."""
     name = dtype if isinstance(dtype, str) else getattr(dtype, "name", getattr(dtype, "__name__", repr(dtype)))
     if name not in STORED_TYPES:
@@ -109,7 +109,7 @@ def checked_type(dtype) -> str:
     return name
 
 
-def checked_spacing(spacing) -> tuple:
+def check_spacing(spacing) -> tuple:
     """Check a voxel spacing; return (sx, sy, sz) as positive floats."""
     try:
         lengths = tuple(as_float(s) for s in spacing)
@@ -122,7 +122,7 @@ def checked_spacing(spacing) -> tuple:
     return lengths
 
 
-def checked_scale(slope, intercept) -> tuple:
+def check_scale(slope, intercept) -> tuple:
     """Check a value mapping; return (slope, intercept) as finite floats with slope != 0."""
     slope, intercept = as_float(slope), as_float(intercept)
     if not (math.isfinite(slope) and slope != 0.0 and math.isfinite(intercept)):

@@ -48,7 +48,7 @@ def library_steps(name: str, package: str, formats: str):
         doing = Progress(0.0, f"Loading {package}")
         yield doing
         for piece in PIECES[name]:
-            for _ in _compiled_steps(piece.partition(".")[0]):
+            for _ in _compile_steps(piece.partition(".")[0]):
                 yield doing
             with suppress(ImportError):  # of a part that may be missing; that of the library itself is told below
                 import_module(piece)
@@ -56,7 +56,7 @@ def library_steps(name: str, package: str, formats: str):
     return library(name, package, formats)
 
 
-def _compiled_steps(package: str):
+def _compile_steps(package: str):
     """Generator: compile the sources of a package that was never imported, if compiled ones can be written."""
     if package in sys.modules or package in sys.stdlib_module_names or sys.dont_write_bytecode:
         return

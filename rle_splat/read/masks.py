@@ -11,7 +11,7 @@ from ..scene import RleSplatError
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume
 from .nifti import read_nifti_steps
-from .streaming import allocated, plain_name
+from .streaming import allocate, plain_name
 
 SUFFIXES = (".nii", ".nii.gz")
 MOST_MASKS = 1000
@@ -56,7 +56,7 @@ def read_masks_steps(path):
         mask = yield from part(read_nifti_steps(file), *span, f"reading {path.name} ({number} of {len(files)} masks)")
         if first is None:
             kind = np.uint8 if len(files) < 256 else np.uint16
-            first, merged = mask, allocated(path, mask.shape_xyz, kind)
+            first, merged = mask, allocate(path, mask.shape_xyz, kind)
             merged[...] = 0
         mask = yield from on_grid_steps(mask, first)
         if mask.voxels.shape != merged.shape:

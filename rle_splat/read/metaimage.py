@@ -19,11 +19,11 @@ from .datafiles import named_files, part_of
 from .format import GZIP_MAGIC, Head
 from .header import (
     MILLIMETERS,
-    checked_affine,
-    checked_frame,
-    checked_grid,
-    checked_kind,
-    damaged,
+    check_affine,
+    check_frame,
+    check_grid,
+    check_kind,
+    damage_error,
     frame_remark,
     sensible_spacing,
 )
@@ -56,7 +56,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
                 name, equals, value = _decode(line).partition("=")
                 end = stream.tell()
                 if not equals or end > MOST_HEADER:
-                    raise damaged(path, "it does not end with ElementDataFile")
+                    raise damage_error(path, "it does not end with ElementDataFile")
                 fields[name.strip().lower()] = value.strip()
                 if name.strip().lower() == "elementdatafile":
                     break
@@ -88,7 +88,7 @@ def _numbers(path, fields: dict, names, count: int, default):
     except ValueError:
         numbers = []
     if len(numbers) < count:
-        raise damaged(path, f"its {names[0]} should be {count} numbers")
+        raise damage_error(path, f"its {names[0]} should be {count} numbers")
     return numbers[:count]
 
 
@@ -105,7 +105,7 @@ def _geometry(path, fields: dict, count: int):
     affine[:3, 3] = offset[:3]
     unit = fields.get("distanceunits", "mm").lower()
     scale = MILLIMETERS.get(unit, 1.0)
-    affine = checked_affine(path, np.diag((scale, scale, scale, 1.0)) @ affine)
+    affine = check_affine(path, np.diag((scale, scale, scale, 1.0)) @ affine)
     return affine, "mm", None if matrix is None else PATIENT, remarks
 
 
@@ -152,22 +152,22 @@ def read_metaimage_steps(path, frame=None):
     fields, listed, end = _read_header(path)
     words = fields.get("dimsize", "").split()
     if not 2 <= len(words) <= 4 or not all(re.fullmatch(r"\d{1,9}", word) for word in words):
-        raise damaged(path, "its DimSize should be three numbers, or four")
+        raise damage_error(path, "its DimSize should be three numbers, or four")
     sizes = [int(word) for word in words]
-    shape = checked_grid(path, (sizes + [1])[:3])
+    shape = check_grid(path, (sizes + [1])[:3])
     kind = TYPES.get(re.sub("_ARRAY$", "", fields.get("elementtype", "")))
     if kind is None:
         raise RleSplatError(f"The voxels of {path.name} are {fields.get('elementtype')}, which cannot be read.")
     if fields.get("binarydata", "true").lower() == "false":
         raise RleSplatError(f"The voxels of {path.name} are text; save it with binary data.")
     msb = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "false")).lower() == "true"
-    dtype = checked_kind(path, np.dtype((">" if msb else "<") + kind))
+    dtype = check_kind(path, np.dtype((">" if msb else "<") + kind))
     channels = int(_numbers(path, fields, ("elementnumberofchannels",), 1, (1,))[0])
     if channels in COLOR_CHANNELS and dtype.itemsize == 1:
         raise RleSplatError(f"The voxels of {path.name} are colors; export one number for each voxel.")
     affine, unit, space, remarks = _geometry(path, fields, len(sizes))
     frames = channels if channels > 1 else (sizes[3] if len(sizes) == 4 else 1)
-    frame = checked_frame(path, frame, frames)
+    frame = check_frame(path, frame, frames)
     each = math.prod(shape) * dtype.itemsize
     parts = _parts(path, fields, listed, end, each * frames)
     if channels > 1:

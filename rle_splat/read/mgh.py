@@ -13,7 +13,7 @@ from ..scene import RleSplatError
 from ..volume.orientation import lps_from_ras
 from ..volume.volume import PATIENT, Volume
 from .format import Head, head_of
-from .header import checked_affine, checked_frame, checked_grid, damaged, frame_remark, sensible_spacing
+from .header import check_affine, check_frame, check_grid, damage_error, frame_remark, sensible_spacing
 from .streaming import Part, plain_name, voxel_steps
 
 # Version, three sizes, frames, type, degrees of freedom, whether directions are given; spacing, directions, center.
@@ -61,16 +61,16 @@ def read_mgh_steps(path, frame=None):
         raise RleSplatError(f"{path.name} is not an MGH file, or its header is cut short; copy it again.")
     version, nx, ny, nz, frames, kind, _, given, *numbers = FIELDS.unpack_from(head.content)
     if version != VERSION or kind not in TYPES or not 1 <= frames <= 1 << 20:
-        raise damaged(path, f"it says version {version}, type {kind} and {frames} frames")
-    shape = checked_grid(path, (nx, ny, nz))
-    frame = checked_frame(path, frame, frames)
+        raise damage_error(path, f"it says version {version}, type {kind} and {frames} frames")
+    shape = check_grid(path, (nx, ny, nz))
+    frame = check_frame(path, frame, frames)
     dtype = np.dtype(TYPES[kind])
     if given == 1:
         axes = np.array(numbers[3:12]).reshape(3, 3).T * numbers[:3]
         affine = np.eye(4)
         affine[:3, :3] = axes
         affine[:3, 3] = np.array(numbers[12:15]) - axes @ (0.5 * np.array(shape))
-        affine, space, remarks = lps_from_ras(checked_affine(path, affine)), PATIENT, ()
+        affine, space, remarks = lps_from_ras(check_affine(path, affine)), PATIENT, ()
     else:
         spacing, remarks = sensible_spacing(numbers[:3])
         affine, space = np.diag((*spacing, 1.0)), None

@@ -23,17 +23,17 @@ from ..volume.volume import PATIENT, NamedLabel, Volume
 from .format import Head, head_of
 from .header import (
     MILLIMETERS,
-    checked_affine,
-    checked_frame,
-    checked_grid,
-    checked_kind,
-    damaged,
+    check_affine,
+    check_frame,
+    check_grid,
+    check_kind,
+    damage_error,
     frame_remark,
     library,
     sensible_spacing,
 )
 from .library_import import library_steps
-from .streaming import EndsEarly, Part, bytes_steps, plain_name, voxel_steps, write_voxel_steps, written
+from .streaming import EndsEarly, Part, bytes_steps, open_to_write, plain_name, voxel_steps, write_voxel_steps
 
 MAGICS = {b"n+1\0": 1, b"ni1\0": 1, b"n+2\0": 2, b"ni2\0": 2}  # at byte 344 of version 1, at byte 4 of version 2
 SINGLE = (b"n+1\0", b"n+2\0")  # voxels in the same file
@@ -106,20 +106,20 @@ def _facts(path: Path) -> _NiftiFacts:
     is_single = content[344:348] in SINGLE or content[4:8] in SINGLE
     count = int(header["dim"][0])
     if not 1 <= count <= 7 or (header["dim"][1 : count + 1] < 0).any():
-        raise damaged(source, f"it says {count} dimensions of {' x '.join(map(str, header['dim'][1:]))}")
+        raise damage_error(source, f"it says {count} dimensions of {' x '.join(map(str, header['dim'][1:]))}")
     lengths = [max(1, int(n)) for n in header["dim"][1 : count + 1]] + [1] * (7 - count)
-    shape = checked_grid(source, lengths[:3])
+    shape = check_grid(source, lengths[:3])
     try:
         dtype = header.get_data_dtype()
     except (KeyError, nibabel.spatialimages.HeaderDataError):
-        raise damaged(source, f"its number type {int(header['datatype'])} does not exist") from None
+        raise damage_error(source, f"its number type {int(header['datatype'])} does not exist") from None
     offset = float(header["vox_offset"])
     if not (math.isfinite(offset) and 0.0 <= offset < 2.0**40):
-        raise damaged(source, f"its voxels begin at byte {offset:g}")
+        raise damage_error(source, f"its voxels begin at byte {offset:g}")
     slope, intercept = _scale(header, version)
     affine, unit, space, remarks = _geometry(source, header, version)
     return _NiftiFacts(
-        shape, checked_kind(source, dtype), math.prod(lengths[3:]), "time" if max(lengths[4:]) == 1 else "kind",
+        shape, check_kind(source, dtype), math.prod(lengths[3:]), "time" if max(lengths[4:]) == 1 else "kind",
         affine, unit, space, slope, intercept, max(int(offset), SIZES[version] + 4) if is_single else int(offset),
         source if is_single else _partner(source, ".img"), SIZES[version or 1], remarks,
     )  # fmt: skip
@@ -151,12 +151,12 @@ def _geometry(path, header, version: int):
             if affine is None:
                 affine = header.get_qform(coded=True)[0]
     except (ValueError, nibabel.spatialimages.HeaderDataError):
-        raise damaged(path, "its rotation is not one") from None
+        raise damage_error(path, "its rotation is not one") from None
     if affine is None:
         remarks += ("The file does not say how it lies in the patient, so left and right are not known.",)
         return np.diag((*spacing, 1.0)), unit, None, remarks
     scale = np.diag((*[MILLIMETERS[unit]] * 3, 1.0))
-    return lps_from_ras(scale @ checked_affine(path, affine)), "mm", PATIENT, remarks
+    return lps_from_ras(scale @ check_affine(path, affine)), "mm", PATIENT, remarks
 
 
 def read_nifti_steps(path, frame=None):
@@ -184,7 +184,7 @@ def read_nifti_steps(path, frame=None):
     yield Progress(0.0, f"reading {path.name}")
     yield from library_steps("nibabel", "nibabel", "NIfTI")
     facts = _facts(path)
-    frame = checked_frame(path, frame, facts.frames)
+    frame = check_frame(path, frame, facts.frames)
     packing = "gzip" if head_of(facts.data).is_gzip else None
     labels = ()
     if facts.data == path and facts.header_bytes + 4 < facts.offset <= MOST_EXTENSION:
@@ -235,7 +235,7 @@ def write_nifti_steps(volume: Volume, path):
     too if it has no shear, since some programs read that alone.
     """
     header = _header_of(volume)
-    with written(path) as stream:
+    with open_to_write(path) as stream:
         stream.write(header.binaryblock + bytes(4))
         yield from write_voxel_steps(volume.voxels, stream)
     options = {"value_unit": volume.value_unit, "modality": volume.modality}

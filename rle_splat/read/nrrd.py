@@ -18,16 +18,16 @@ from .datafiles import named_files, part_of
 from .format import Head
 from .header import (
     MILLIMETERS,
-    checked_affine,
-    checked_frame,
-    checked_grid,
-    checked_kind,
-    damaged,
+    check_affine,
+    check_frame,
+    check_grid,
+    check_kind,
+    damage_error,
     frame_remark,
     library,
     sensible_spacing,
 )
-from .layers import layer_steps, merged_layer_steps
+from .layers import layer_steps, merge_layer_steps
 from .layout import UNREADABLE, unreadable
 from .streaming import Part, plain_name, voxel_steps, write_voxel_steps
 
@@ -93,11 +93,11 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
     if end >= MOST_HEADER:
-        raise damaged(path, "it has no end")
+        raise damage_error(path, "it has no end")
     try:
         return dict(nrrd.read_header(lines)), names, end
     except (nrrd.NRRDError, ValueError, TypeError, IndexError, OverflowError):
-        raise damaged(path, "a field of it cannot be read") from None
+        raise damage_error(path, "a field of it cannot be read") from None
 
 
 def _axes(path, header: dict) -> _Axes:
@@ -111,7 +111,7 @@ def _axes(path, header: dict) -> _Axes:
     if any("color" in kind for kind in kinds):
         raise RleSplatError(f"The voxels of {Path(path).name} are colors; export one number for each voxel.")
     if len(sizes) == 3:
-        return _Axes(checked_grid(path, sizes), (0, 1, 2), 1, False, "time")
+        return _Axes(check_grid(path, sizes), (0, 1, 2), 1, False, "time")
     rows = _directions(path, header)
     apart = [i for i in range(4) if rows is not None and not np.isfinite(rows[i]).any()]
     apart = apart or [i for i in range(len(kinds)) if kinds[i] not in SPATIAL_KINDS and kinds[i] not in ("", "???")]
@@ -123,7 +123,7 @@ def _axes(path, header: dict) -> _Axes:
     names = header.get("labels", ())
     label = names[axis].lower() if axis < len(names) else ""
     in_time = kind in TIME_KINDS or label in ("t", "time", "frame") or (axis == 3 and kind in ("", "???", "domain"))
-    shape = checked_grid(path, [sizes[i] for i in spatial])
+    shape = check_grid(path, [sizes[i] for i in spatial])
     return _Axes(shape, spatial, sizes[axis], axis == 0, "time" if in_time else kind or "kind")
 
 
@@ -135,7 +135,7 @@ def _directions(path, header: dict):
     width = max((np.size(row) for row in rows if row is not None), default=3)
     sizes = {np.size(row) for row in rows if row is not None}
     if len(rows) != len(header["sizes"]) or sizes - {width} or width < 3:
-        raise damaged(path, "its space directions do not fit its axes")
+        raise damage_error(path, "its space directions do not fit its axes")
     return np.array([[np.nan] * width if row is None else row for row in rows], dtype=np.float64)
 
 
@@ -149,7 +149,7 @@ def _geometry(path, header: dict, axes: _Axes):
     if rows is None:
         spacings = np.atleast_1d(header.get("spacings", (np.nan,) * len(header["sizes"])))
         if len(spacings) != len(header["sizes"]):
-            raise damaged(path, "its spacings do not fit its axes")
+            raise damage_error(path, "its spacings do not fit its axes")
         spacing, remarks = sensible_spacing([spacings[i] for i in axes.spatial])
         affine = np.diag((*spacing, 1.0))
     else:
@@ -157,9 +157,9 @@ def _geometry(path, header: dict, axes: _Axes):
         affine[:3, :3] = rows[list(axes.spatial), :3].T
         origin = np.atleast_1d(header.get("space origin", np.zeros(3)))[:3]
         if len(origin) != 3:
-            raise damaged(path, "its space origin is not a point")
+            raise damage_error(path, "its space origin is not a point")
         affine[:3, 3] = np.where(np.isfinite(origin), origin, 0.0)
-        affine = checked_affine(path, affine)
+        affine = check_affine(path, affine)
     if rows is not None and space in SIGNS:
         scale = MILLIMETERS[unit or "mm"]
         return np.diag((*(scale * s for s in SIGNS[space]), 1.0)) @ affine, "mm", PATIENT, remarks
@@ -179,7 +179,7 @@ def _data_parts(path: Path, header: dict, names: list, end: int, size: int) -> l
     lines = int(header.get("line skip", header.get("lineskip", 0)))
     skip = int(header.get("byte skip", header.get("byteskip", 0)))
     if skip < -1 or not 0 <= lines <= MOST_HEADER:
-        raise damaged(path, "it says to skip an impossible number of bytes")
+        raise damage_error(path, "it says to skip an impossible number of bytes")
     each = size // len(files)
     return [part_of(file, _after_lines(file, end if file == path else 0, lines), skip, packing, each) for file in files]
 
@@ -223,7 +223,7 @@ def read_nrrd_steps(path, frame=None):
     if kind is None:
         raise RleSplatError(f"The voxels of {path.name} are of type {header.get('type')}, which cannot be read.")
     order = {"big": ">", "little": "<"}.get(header.get("endian", "little").lower(), "<")
-    dtype = checked_kind(path, np.dtype(order + kind))
+    dtype = check_kind(path, np.dtype(order + kind))
     axes = _axes(path, header)
     affine, unit, space, remarks = _geometry(path, header, axes)
     labels = segments(header)
@@ -232,11 +232,11 @@ def read_nrrd_steps(path, frame=None):
     if axes.frames_first and len(parts) > 1:
         raise RleSplatError(f"{path.name} has several values for each voxel in several files; save it as one file.")
     if labels and axes.frames > 1 and frame is None:
-        voxels, labels, overlaps = yield from merged_layer_steps(path, axes.shape, dtype, parts, axes, labels)
+        voxels, labels, overlaps = yield from merge_layer_steps(path, axes.shape, dtype, parts, axes, labels)
         remarks += overlaps
         frames = 1
     else:
-        frames, frame = axes.frames, checked_frame(path, frame, axes.frames)
+        frames, frame = axes.frames, check_frame(path, frame, axes.frames)
         if axes.frames_first:
             voxels = yield from layer_steps(path, axes.shape, dtype, parts, axes.frames, frame - 1)
         else:

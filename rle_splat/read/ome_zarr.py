@@ -22,16 +22,16 @@ from ..volume.volume import Volume
 from .format import Head
 from .header import (
     MILLIMETERS,
-    checked_frame,
-    checked_grid,
-    checked_kind,
-    damaged,
+    check_frame,
+    check_grid,
+    check_kind,
+    damage_error,
     frame_remark,
     place_of_frame,
     put_time_first,
     sensible_spacing,
 )
-from .streaming import allocated, grid_text, plain_name, storable_steps
+from .streaming import allocate, grid_text, plain_name, storable_steps
 
 SUFFIXES = (".zarr", "zarr.json", ".zattrs")  # of a folder, and of the files in it that may be chosen instead
 METADATA = {"zarr.json": "0.5", ".zattrs": "0.4"}  # the file that describes an image -> version of OME-Zarr
@@ -109,19 +109,19 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
     path = path.parent if path.name in METADATA else path
     yield Progress(0.0, f"reading {path.name}")
     pyramid = read_pyramid(path)
-    arrays = _opened(pyramid)
+    arrays = _open(pyramid)
     shapes = [_shape_of(path, pyramid, array) for array in arrays]
-    checked_grid(path, shapes[0])
-    dtype = checked_kind(path, np.dtype(arrays[0].dtype)).newbyteorder("=")
+    check_grid(path, shapes[0])
+    dtype = check_kind(path, np.dtype(arrays[0].dtype)).newbyteorder("=")
     sizes = [math.prod(shape) * dtype.itemsize for shape in shapes]
     if level is not None and not 0 <= level < len(arrays):
         raise RleSplatError(f"There is no level {level}: {path.name} has {len(arrays)}; give one from 0.")
-    chosen = _chosen(shapes, sizes, quick) if level is None else int(level)
+    chosen = _choose(shapes, sizes, quick) if level is None else int(level)
     array, shape = arrays[chosen], shapes[chosen]
     lengths = dict(zip(pyramid.axes, array.shape))
     others = {name: lengths[name] for name in put_time_first(name for name in pyramid.axes if name not in SPACE)}
     frames = math.prod(others.values())
-    number = checked_frame(path, frame, frames)
+    number = check_frame(path, frame, frames)
     several = [{"t": "time", "c": "channel"}.get(name, name) for name, n in others.items() if n > 1]
     differ_in = " and ".join(several) or "time"
     affine, unit, remarks = _geometry(pyramid, chosen)
@@ -149,7 +149,7 @@ def read_pyramid(path: Path) -> Pyramid:
         units = tuple(axis.get("unit") for axis in axes)
         levels = tuple(str(one["path"]) for one in image["datasets"])
         shared = image.get("coordinateTransformations", ())
-        placed = [_placed(len(names), one.get("coordinateTransformations", ()), shared) for one in image["datasets"]]
+        placed = [_place(len(names), one.get("coordinateTransformations", ()), shared) for one in image["datasets"]]
     except (TypeError, KeyError, IndexError, ValueError, AttributeError):
         raise _not_an_image(path) from None
     if not levels or names[-3:] != SPACE or len(set(names)) != len(names):
@@ -159,7 +159,7 @@ def read_pyramid(path: Path) -> Pyramid:
         )
     for name in levels:
         if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise damaged(path, f"the level {name!r} lies outside of it")
+            raise damage_error(path, f"the level {name!r} lies outside of it")
     return Pyramid(path, names, units, levels, *zip(*placed))
 
 
@@ -175,7 +175,7 @@ def _metadata(path: Path) -> dict:
         except OSError as problem:
             raise RleSplatError(f"Cannot read {file}: {problem.strerror}; check its permissions.") from None
         except ValueError:
-            raise damaged(file, "it is not JSON") from None
+            raise damage_error(file, "it is not JSON") from None
         try:
             return dict(facts.get("attributes", {}).get("ome", {}) if name == "zarr.json" else facts)
         except (AttributeError, TypeError, ValueError):
@@ -191,7 +191,7 @@ def _not_an_image(path: Path) -> RleSplatError:
     )
 
 
-def _placed(count: int, own, shared) -> tuple[tuple, tuple]:
+def _place(count: int, own, shared) -> tuple[tuple, tuple]:
     """Scale and offset of each axis, from the transformations of a level, and those of all levels after them."""
     scale, offset = np.ones(count), np.zeros(count)
     for step in (*own, *shared):
@@ -235,11 +235,11 @@ def _shape_of(path: Path, pyramid: Pyramid, array) -> tuple:
     """(nx, ny, nz) of a level."""
     shape = tuple(array.shape)
     if len(shape) != len(pyramid.axes) or not all(1 <= n for n in shape):
-        raise damaged(path, f"a level of {len(shape)} axes does not fit its {len(pyramid.axes)}")
+        raise damage_error(path, f"a level of {len(shape)} axes does not fit its {len(pyramid.axes)}")
     return shape[:-4:-1]
 
 
-def _chosen(shapes, sizes, quick: bool) -> int:
+def _choose(shapes, sizes, quick: bool) -> int:
     """The finest level that fits; the coarsest where none does."""
     most = SHARE * available_bytes()
     for level, (shape, size) in enumerate(zip(shapes, sizes)):
@@ -275,7 +275,7 @@ def _library(path: Path, what: str):
         raise RleSplatError(f"{what} of {path.name} is damaged or cut short; copy the folder again.") from problem
 
 
-def _opened(pyramid: Pyramid) -> list:
+def _open(pyramid: Pyramid) -> list:
     """The arrays of all levels."""
     try:
         zarr = import_module("zarr")
@@ -294,7 +294,7 @@ def _opened(pyramid: Pyramid) -> list:
 def _voxel_steps(path: Path, pyramid: Pyramid, array, shape, dtype, frame: dict, scratch):
     """Generator of Progress: the voxels of a frame, which has an index along each further axis, of a level."""
     doing = f"reading {path.name} ({grid_text(shape, dtype)})"
-    voxels = allocated(path, shape, dtype) if scratch is None else _in_file(scratch, shape, dtype)
+    voxels = allocate(path, shape, dtype) if scratch is None else _in_file(scratch, shape, dtype)
     index = tuple(frame[name] for name in pyramid.axes if name not in SPACE)
     planes, rows, _ = tuple(array.chunks)[-3:]
     _, ny, nz = shape

@@ -16,7 +16,7 @@ from .layout import (
     DEFAULT_COUNT_LIMIT,
     UNREADABLE,
     RawLayout,
-    checked_spacing,
+    check_spacing,
     content_bytes,
     fitting,
     is_gzip,
@@ -24,15 +24,15 @@ from .layout import (
 )  # fmt: skip
 from .streaming import (
     Part,
-    allocated,
+    allocate,
     bytes_held,
     grid_text,
-    opened,
+    open_stream,
+    open_to_write,
     plain_name,
     storable_steps,
     voxel_steps,
     write_voxel_steps,
-    written,
 )
 
 LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
@@ -98,7 +98,7 @@ def read_raw_steps(
     if spacing is None:
         remarks += (f"No spacing was given; 1 x 1 x 1 {unit} is assumed.",)
         spacing = (1.0, 1.0, 1.0)
-    spacing = checked_spacing(spacing)
+    spacing = check_spacing(spacing)
     doing = f"reading {Path(path).name} ({grid_text(layout.shape, layout.file_dtype)})"
     yield Progress(0.0, doing)
     try:
@@ -122,11 +122,11 @@ def _gzip_steps(path, layout: RawLayout, doing: str):
     """Generator of Progress: voxels (nz, ny, nx) of a gzip file."""
     if layout.total_bytes > bytes_held(path, 0, "gzip"):  # impossible; report the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
-    voxels = allocated(path, layout.shape, layout.file_dtype)
+    voxels = allocate(path, layout.shape, layout.file_dtype)
     target = memoryview(voxels.reshape(-1).view(np.uint8))
     scratch = memoryview(bytearray(min(CHUNK_BYTES, layout.header_bytes)))
     done = -layout.header_bytes
-    with opened(path, 0, "gzip") as source:
+    with open_stream(path, 0, "gzip") as source:
         while done < len(target):
             count = source.readinto(scratch[:-done] if done < 0 else target[done : done + CHUNK_BYTES])
             if not count:
@@ -151,7 +151,7 @@ def write_raw_steps(volume: Volume, path):
     dict
         Options of ``read_volume`` that are needed to read the file back, since a raw file stores none of them.
     """
-    with written(path) as stream:
+    with open_to_write(path) as stream:
         yield from write_voxel_steps(volume.voxels, stream)
     options = dict(
         shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",

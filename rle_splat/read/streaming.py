@@ -55,7 +55,7 @@ class _InflatedStream:
 
 
 @contextmanager
-def opened(path, offset: int = 0, packing: str | None = None):
+def open_stream(path, offset: int = 0, packing: str | None = None):
     """Context manager: a source of bytes with ``readinto(view)``, from ``offset`` of a file on.
 
     ``packing``: None, "gzip", "zlib" or "bzip2". A failure of the system or of unpacking becomes a RleSplatError.
@@ -92,7 +92,7 @@ def grid_text(shape, dtype) -> str:
     return f"{' x '.join(map(str, shape))} voxels of {np.dtype(dtype).name}, {bytes_text(size)}"
 
 
-def allocated(path, shape, dtype, held: int | None = None) -> np.ndarray:
+def allocate(path, shape, dtype, held: int | None = None) -> np.ndarray:
     """An empty array (nz, ny, nx) for the voxels of a file.
 
     Parameters
@@ -162,7 +162,7 @@ def skip_steps(path, source, count: int, doing: str):
 def bytes_steps(path, count: int, packing: str | None = None):
     """Generator of Progress: the first ``count`` bytes of a file, unpacked."""
     content = np.empty(count, dtype=np.uint8)
-    with opened(path, 0, packing) as source:
+    with open_stream(path, 0, packing) as source:
         yield from fill_steps(path, source, content, f"reading {Path(path).name}")
     return content.tobytes()
 
@@ -193,7 +193,7 @@ class Part:
         return max(0, bytes_held(self.path, self.offset, self.packing) - self.skip)
 
 
-def mapped(path, shape, dtype, offset: int) -> np.ndarray | None:
+def map_file(path, shape, dtype, offset: int) -> np.ndarray | None:
     """Voxels of an unpacked file, mapped into memory read-only, so that only what is looked at is read.
 
     Parameters
@@ -219,12 +219,12 @@ def mapped(path, shape, dtype, offset: int) -> np.ndarray | None:
         raise unreadable(path, problem) from None
 
 
-def _mapped_part(shape, dtype, parts, begin: int) -> np.ndarray | None:
-    """``mapped`` voxels of a large volume in one unpacked file that is long enough; else None."""
+def _map_part(shape, dtype, parts, begin: int) -> np.ndarray | None:
+    """``map_file`` voxels of a large volume in one unpacked file that is long enough; else None."""
     size = math.prod(shape) * dtype.itemsize
     if len(parts) != 1 or parts[0].packing is not None or not LEAST_MAPPED <= size <= parts[0].held - begin:
         return None
-    return mapped(parts[0].path, shape, dtype, parts[0].offset + parts[0].skip + begin)
+    return map_file(parts[0].path, shape, dtype, parts[0].offset + parts[0].skip + begin)
 
 
 def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | None = None):
@@ -246,16 +246,16 @@ def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | Non
     Returns
     -------
     (nz, ny, nx) ndarray
-        In native byte order; one of STORED_TYPES. A large volume in one unpacked file is mapped (see ``mapped``).
+        In native byte order; one of STORED_TYPES. A large volume in one unpacked file is mapped (see ``map_file``).
     """
     dtype = np.dtype(dtype)
-    in_file = _mapped_part(shape, dtype, parts, begin)
+    in_file = _map_part(shape, dtype, parts, begin)
     if in_file is not None:
         return in_file
     doing = f"reading {Path(path).name} ({grid_text(shape, dtype)})"
     size = math.prod(shape) * dtype.itemsize
     each = size + begin if part_bytes is None else part_bytes
-    voxels = allocated(path, shape, dtype, max(0, sum(min(part.held, each) for part in parts) - begin))
+    voxels = allocate(path, shape, dtype, max(0, sum(min(part.held, each) for part in parts) - begin))
     yield Progress(0.0, doing)
     target = voxels.reshape(-1).view(np.uint8)
     for number, part in enumerate(parts):
@@ -270,7 +270,7 @@ def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | Non
 def _part_steps(part: Part, begin: int, target: np.ndarray, doing: str):
     """Generator of Progress: fill an array with the bytes of a part from ``begin`` on."""
     before = part.skip + begin
-    with opened(part.path, part.offset + (0 if part.packing else before), part.packing) as source:
+    with open_stream(part.path, part.offset + (0 if part.packing else before), part.packing) as source:
         yield from skip_steps(part.path, source, before if part.packing else 0, doing)
         yield from fill_steps(part.path, source, target, doing)
         if part.packing:
@@ -294,13 +294,13 @@ def storable_steps(voxels: np.ndarray, doing: str):
         for plane in voxels:
             fits = fits and bounds.min <= plane.min() and plane.max() <= bounds.max
             yield Progress(1.0, doing)
-        return (yield from _converted_steps(voxels, np.int32 if fits else np.float64, doing))
+        return (yield from _convert_steps(voxels, np.int32 if fits else np.float64, doing))
     if voxels.dtype == np.float16:
-        return (yield from _converted_steps(voxels, np.float32, doing))
+        return (yield from _convert_steps(voxels, np.float32, doing))
     return voxels
 
 
-def _converted_steps(voxels: np.ndarray, dtype, doing: str):
+def _convert_steps(voxels: np.ndarray, dtype, doing: str):
     """Generator of Progress: the voxels in another type, plane by plane."""
     needed = voxels.size * np.dtype(dtype).itemsize
     refuse_beyond(needed, "A copy of the voxels in another type needs", "crop or downsample the volume")
@@ -312,7 +312,7 @@ def _converted_steps(voxels: np.ndarray, dtype, doing: str):
 
 
 @contextmanager
-def written(path):
+def open_to_write(path):
     """Context manager: a stream that writes a file, packed with gzip if its name ends in .gz.
 
     The gzip header has neither a name nor a time, so that equal volumes give equal files.

@@ -18,19 +18,19 @@ from ..volume.volume import Volume
 from .format import Head
 from .header import (
     MILLIMETERS,
-    checked_frame,
-    checked_grid,
-    checked_kind,
-    damaged,
+    check_frame,
+    check_grid,
+    check_kind,
+    damage_error,
     frame_remark,
     library,
     place_of_frame,
     put_time_first,
     sensible_spacing,
 )
-from .layout import checked_spacing
+from .layout import check_spacing
 from .sequence import LISTED, join_numbers
-from .streaming import EXPANSION, Part, allocated, grid_text, plain_name, storable_steps, voxel_steps
+from .streaming import EXPANSION, Part, allocate, grid_text, plain_name, storable_steps, voxel_steps
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 SUFFIXES = (".tif", ".tiff")
@@ -88,7 +88,7 @@ def _by_number(path: Path) -> list:
     return [int(word) if word.isdigit() else word for word in re.split(r"(\d+)", path.name.lower())]
 
 
-def _numbered(path: Path) -> list[Path]:
+def _number(path: Path) -> list[Path]:
     """The files of the stack that a file belongs to: those that differ from it in the last number of the name alone."""
     numbers = list(re.finditer(r"\d+", path.stem))
     if not numbers:
@@ -111,16 +111,16 @@ def _library(path):
     except Exception as problem:  # on damaged data the library fails with exceptions of every kind
         if isinstance(problem, OSError) and problem.errno is not None:
             raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check the path.") from None
-        raise damaged(path, "it cannot be read as TIFF") from None
+        raise damage_error(path, "it cannot be read as TIFF") from None
     finally:
         logger.disabled = was
 
 
-def _decoded(path, page, number: int) -> np.ndarray:
+def _decode(path, page, number: int) -> np.ndarray:
     """(ny, nx): the values of a page, the ``number``-th of its file."""
     size = page.parent.filehandle.size
     if sum(page.databytecounts) > size or page.nbytes > EXPANSION["zlib"] * size:
-        raise damaged(path, f"its page {number + 1} is larger than the file")
+        raise damage_error(path, f"its page {number + 1} is larger than the file")
     try:
         return page.asarray()
     except ValueError as problem:
@@ -130,7 +130,7 @@ def _decoded(path, page, number: int) -> np.ndarray:
 
 
 def _by_openimageio(path, page, number: int) -> np.ndarray:
-    """As ``_decoded``, by the module that Blender includes; for compressions that need a package of their own."""
+    """As ``_decode``, by the module that Blender includes; for compressions that need a package of their own."""
     try:
         import OpenImageIO
     except ImportError:
@@ -141,7 +141,7 @@ def _by_openimageio(path, page, number: int) -> np.ndarray:
     source = OpenImageIO.ImageInput.open(str(path))
     values = None if source is None else source.read_image(number, 0, 0, 1, page.dtype.name)
     if values is None:
-        raise damaged(path, f"its page {number + 1} cannot be decoded")
+        raise damage_error(path, f"its page {number + 1} cannot be decoded")
     return np.asarray(values).reshape(page.shape)
 
 
@@ -159,9 +159,9 @@ def _one_file_steps(path: Path, file, frame: int | None):
     depth = next((axis for axis in DEPTH_AXES if axis in longer), "")
     others = put_time_first(axis for axis in longer if axis != depth)
     frames = math.prod(longer[axis] for axis in others)
-    shape = checked_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
-    dtype = checked_kind(path, np.dtype(series.dtype))
-    fixed = place_of_frame(checked_frame(path, frame, frames), {axis: longer[axis] for axis in others})
+    shape = check_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
+    dtype = check_kind(path, np.dtype(series.dtype))
+    fixed = place_of_frame(check_frame(path, frame, frames), {axis: longer[axis] for axis in others})
     places = [[z if axis == depth else fixed.get(axis, 0) for axis in lengths] for z in range(shape[2])]
     numbers = [int(np.ravel_multi_index(place, list(lengths.values()))) for place in places]
     if series.dataoffset is not None and numbers[-1] - numbers[0] == shape[2] - 1:
@@ -169,7 +169,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
         kind = dtype.newbyteorder(file.byteorder)
         voxels = yield from voxel_steps(path, shape, kind, [Part(path, offset)])
     elif len(pages) <= numbers[-1] or any(pages[number] is None for number in numbers):
-        raise damaged(path, f"it announces {math.prod(lengths.values())} pages, and some are missing")
+        raise damage_error(path, f"it announces {math.prod(lengths.values())} pages, and some are missing")
     else:
         chosen = [(path, pages[number], number) for number in numbers]
         voxels = yield from _pages_steps(path, shape, dtype, chosen)
@@ -184,17 +184,17 @@ def _one_file_steps(path: Path, file, frame: int | None):
 def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
     """Generator of Progress: decode (path, page, number) one after the other into voxels (nz, ny, nx)."""
     doing = f"reading {path.name} ({grid_text(shape, dtype)})"
-    voxels = allocated(path, shape, dtype.newbyteorder("="))
+    voxels = allocate(path, shape, dtype.newbyteorder("="))
     for z, (file, page, number) in enumerate(pages):
         yield Progress(z / shape[2], doing)
         with _library(file):
-            voxels[z] = _decoded(file, page, number)
+            voxels[z] = _decode(file, page, number)
     return (yield from storable_steps(voxels, doing))
 
 
 def _files_steps(path: Path, files: list[Path], frame: int | None):
     """Generator of Progress: a stack of files with one page each; return (voxels, _TiffFacts)."""
-    checked_frame(path, frame, 1)
+    check_frame(path, frame, 1)
     tifffile = library("tifffile", "tifffile", "TIFF")
     if len(files) > MOST_FILES:
         raise RleSplatError(f"{path.name} holds {len(files)} files; a stack has at most {MOST_FILES}.")
@@ -214,8 +214,8 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
         first = opened_file.pages[0]
         if len(first.shape) != 2:
             raise RleSplatError(f"The pages of {files[0].name} are colors; export one number for each pixel.")
-    shape = checked_grid(path, (*first.shape[::-1], len(files)))
-    voxels = yield from _pages_steps(path, shape, checked_kind(path, np.dtype(first.dtype)), pages())
+    shape = check_grid(path, (*first.shape[::-1], len(files)))
+    voxels = yield from _pages_steps(path, shape, check_kind(path, np.dtype(first.dtype)), pages())
     return voxels, _TiffFacts(remarks=_missing_remark(files))
 
 
@@ -306,7 +306,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
             with _library(path):
                 file = held.enter_context(tifffile.TiffFile(path))
                 is_single = _has_one_page(file)
-            files = _numbered(path) if is_single else []
+            files = _number(path) if is_single else []
             if len(files) > 1:
                 voxels, facts = yield from _files_steps(path, files, frame)
             else:
@@ -319,7 +319,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
         spacing = (1.0, 1.0, 1.0)
         remarks += (f"The file states no spacing; 1 x 1 x 1 {unit or 'mm'} is assumed.",)
     return Volume(
-        voxels=voxels, affine=np.diag((*checked_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
+        voxels=voxels, affine=np.diag((*check_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
         frames=facts.frames, frame_axis=facts.differ_in,
         remarks=remarks + frame_remark(frame or 1, facts.frames, facts.differ_in),
     )  # fmt: skip

@@ -72,10 +72,10 @@ def _metadata(openvdb, path) -> list:
     try:
         return list(openvdb.readAllGridMetadata(str(path)))
     except OPENVDB_PROBLEMS as problem:
-        raise _damaged(path, problem) from None
+        raise _damage_error(path, problem) from None
 
 
-def _damaged(path, problem) -> RleSplatError:
+def _damage_error(path, problem) -> RleSplatError:
     """The error for a file on which OpenVDB raised the exception ``problem``."""
     reason = str(problem).strip().rstrip(".")
     return RleSplatError(
@@ -157,7 +157,7 @@ def read_vdb_steps(path, grid=None):
         source = openvdb.read(str(path), _address(grids, chosen))
         voxels, corner = yield from _dense_steps(source, label)
     except OPENVDB_PROBLEMS as problem:
-        raise _damaged(path, problem) from None
+        raise _damage_error(path, problem) from None
     except MemoryError:
         raise RleSplatError(
             f"The grid {label!r} does not fit into memory as a dense volume; crop or downsample it."

@@ -124,7 +124,7 @@ def _metadata(stream, end: int) -> None:
             stream.seek(begin + length)
         elif kind == b"string":
             stream.seek(begin)
-            _decoded(_bytes(stream, length))
+            _decode(_bytes(stream, length))
 
 
 def _bytes(stream, count: int) -> bytes:
@@ -150,10 +150,10 @@ def _text(stream) -> bytes:
     length = _count(stream)
     if length > NAME_LIMIT:
         raise _CutShort
-    return _decoded(_bytes(stream, length))
+    return _decode(_bytes(stream, length))
 
 
-def _decoded(text: bytes) -> bytes:
+def _decode(text: bytes) -> bytes:
     """Return ``text`` if it is UTF-8; the library's Python module may end the process if it is not."""
     try:
         text.decode("utf-8")

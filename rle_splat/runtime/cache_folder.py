@@ -32,11 +32,11 @@ def cache_folder() -> Path:
     """
     numbas = os.environ.get(NUMBA_VARIABLE)
     if numbas and _are_usable(Path(numbas), Path(numbas, "rle_splat")):
-        return _resolved(Path(numbas, "rle_splat"))
+        return _resolve(Path(numbas, "rle_splat"))
     with suppress(RuntimeError):  # a user without a home
         preferred = _preferred_folders()
         if _are_usable(*preferred):
-            return _resolved(preferred[-1])
+            return _resolve(preferred[-1])
     return _temporary_folder()
 
 
@@ -53,7 +53,7 @@ def _preferred_folders() -> tuple[Path, ...]:
     return (Path.home() / ".cache" / "rle_splat",)
 
 
-def _resolved(folder: Path) -> Path:
+def _resolve(folder: Path) -> Path:
     """Return the path without symbolic links, which somebody could redirect after the check."""
     return Path(os.path.realpath(folder))
 
@@ -61,7 +61,7 @@ def _resolved(folder: Path) -> Path:
 def _are_usable(*folders: Path) -> bool:
     """Whether the user, and nobody else, can write to all of these folders; missing ones are created."""
     try:
-        for folder in map(_resolved, folders):
+        for folder in map(_resolve, folders):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
                 pass

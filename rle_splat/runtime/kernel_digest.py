@@ -50,7 +50,7 @@ def _settings() -> Iterator[str]:
 
 def _parts(value, seen: set) -> Iterator[str]:
     """Texts that together say what a value is; ``seen`` holds the functions and classes that were described before."""
-    value = _unwrapped(value)
+    value = _unwrap(value)
     if isinstance(value, (FunctionType, type, ModuleType)) or hasattr(value, "py_func"):
         yield f"{type(value).__name__} {getattr(value, '__module__', '')}.{_name(value)}"
         if id(value) in seen or isinstance(value, ModuleType) or _is_foreign(value):
@@ -70,7 +70,7 @@ def _parts(value, seen: set) -> Iterator[str]:
     elif isinstance(value, type):
         yield from _parts(getattr(value, "_fields", ()), seen)
         for name, member in sorted(vars(value).items()):
-            member = _unwrapped(member)
+            member = _unwrap(member)
             if isinstance(member, (FunctionType, int, float, str)) and name not in ("__doc__", "__module__"):
                 yield name
                 yield from _parts(member, seen)
@@ -116,7 +116,7 @@ def _doc_of(code: CodeType) -> str | None:
     return first if isinstance(first, str) and " " in first else None
 
 
-def _unwrapped(value):
+def _unwrap(value):
     """The function within an intrinsic, a property or a class method; else the value itself."""
     if isinstance(value, property):
         return value.fget

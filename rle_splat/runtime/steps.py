@@ -117,7 +117,7 @@ def drain(steps, on_step=None):
             on_step(step)
 
 
-def mapped(steps, function):
+def map_steps(steps, function):
     """Generator: the steps, each as ``function(step)``; return their result."""
     while True:
         try:
@@ -138,7 +138,7 @@ def forward(steps):
         reached = step.fraction
         return step
 
-    return mapped(steps, told)
+    return map_steps(steps, told)
 
 
 def within(steps, context):
@@ -154,7 +154,7 @@ def within(steps, context):
 
 def portion(steps, start: float, end: float, message: str):
     """Generator: fractions done as Progress from ``start`` to ``end`` with a message; return the steps' result."""
-    return mapped(steps, lambda done: Progress(start + (end - start) * done, message))
+    return map_steps(steps, lambda done: Progress(start + (end - start) * done, message))
 
 
 def part(steps, start: float, end: float, message: str = ""):
@@ -162,9 +162,9 @@ def part(steps, start: float, end: float, message: str = ""):
 
     ``message``: in place of each step's own, if given.
     """
-    return mapped(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
+    return map_steps(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
 
 
-def timed(steps, clock: Clock, stage: str):
+def time_steps(steps, clock: Clock, stage: str):
     """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
     return within(steps, lambda: clock.stage(stage))

@@ -42,7 +42,7 @@ from .quality import (
     truth_of,
     without_removed,
 )
-from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, checked_crop
+from .scene import MODE_TEXTS, MODES, NO_DEPTH, Pose, Rendering, Scene, check_crop
 
 __all__ = [
     "CLASSIFICATIONS",
@@ -91,7 +91,7 @@ __all__ = [
     "TooLargeError",
     "as_float",
     "as_matrix",
-    "checked_crop",
+    "check_crop",
     "from_mapping",
     "midpoints_of",
     "not_in_post",

@@ -7,7 +7,7 @@ from dataclasses import replace
 PLAIN = (bool, int, float, str, tuple)  # types whose values are compared; arrays and objects by identity
 
 
-def changed(data, **values):
+def change(data, **values):
     """Copy a dataclass instance with other values; return the instance itself where it has these values already.
 
     Most effects are off in most scenes, and a copy checks all of its fields (measured: 20 microseconds a scene).

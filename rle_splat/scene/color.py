@@ -12,7 +12,7 @@ def linear(color) -> tuple | None:
     return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
 
 
-def displayed(colors) -> np.ndarray:
+def to_display(colors) -> np.ndarray:
     """Convert scene-linear colors to sRGB.
 
     Parameters

@@ -13,7 +13,7 @@ TOLERANCE = 0.05  # voxels; grids that differ by less anywhere are the same
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
 
 
-def moved_corners(one, other) -> tuple[np.ndarray, np.ndarray]:
+def move_corners(one, other) -> tuple[np.ndarray, np.ndarray]:
     """The corners of a volume's grid as voxel indices of itself and of another volume.
 
     Parameters
@@ -32,7 +32,7 @@ def moved_corners(one, other) -> tuple[np.ndarray, np.ndarray]:
 
 def is_same_grid(one, other) -> bool:
     """Whether two volumes have voxels of the same places, in number and by their affines."""
-    own, others = moved_corners(one, other)
+    own, others = move_corners(one, other)
     return one.shape_xyz == other.shape_xyz and bool(np.abs(others - own).max() <= TOLERANCE)
 
 

@@ -45,7 +45,7 @@ class Pose:
             object.__setattr__(self, name, as_matrix(getattr(self, name), f"A pose's {name}"))
 
 
-def checked_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
+def check_crop(crop, width: int, height: int) -> tuple[int, int, int, int]:
     """Check a crop of a ``width`` x ``height`` frame; return (left, top, right, bottom) as ints."""
     sides = tuple(crop) if np.iterable(crop) else ()
     whole = len(sides) == 4 and all(isinstance(side, (int, np.integer)) for side in sides)
@@ -157,7 +157,7 @@ class Scene:
                 raise RleSplatError(f"The image's {name} must be a whole number from 1 to 65536, not {value!r}.")
             object.__setattr__(self, name, int(value))
         if self.crop is not None:
-            object.__setattr__(self, "crop", checked_crop(self.crop, self.width, self.height))
+            object.__setattr__(self, "crop", check_crop(self.crop, self.width, self.height))
         if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):
             raise RleSplatError("The scene's effects must be a dict of effect names to true (on) or false (off).")
         if self.ray_ends is not None:

@@ -53,7 +53,7 @@ def near_to_far(boxes: list[np.ndarray], camera: Camera) -> list[list[int]]:
             found.append(free[0])
             groups.remove(free[0])
         else:
-            groups = _joined(groups, hides)
+            groups = _join(groups, hides)
     return found
 
 
@@ -62,7 +62,7 @@ def _any(hides: dict, group: list[int], other: list[int]) -> bool:
     return any(hides[a, b] for a in group for b in other)
 
 
-def _joined(groups: list[list[int]], hides: dict) -> list[list[int]]:
+def _join(groups: list[list[int]], hides: dict) -> list[list[int]]:
     """The groups with one circle of groups joined: each hides the next, and the last the first."""
     path = [groups[0]]
     while True:

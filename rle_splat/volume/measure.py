@@ -7,7 +7,7 @@ from .counts import count_steps, counts_values
 from .volume import Volume, key_steps, range_steps
 
 
-def measured_steps(volume: Volume):
+def measure_steps(volume: Volume):
     """Generator of Progress: compute the properties of a volume that read all its voxels, and keep them in it.
 
     Afterward ``voxel_key``, ``value_range`` and, for 8 and 16 bits, ``value_counts`` take no time.

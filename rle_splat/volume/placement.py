@@ -13,7 +13,7 @@ from .volume import PATIENT, Volume
 AXES = "xyz"
 
 
-def placed(volume: Volume, spacing=None, orientation: str | None = None, flip: str | None = None) -> Volume:
+def place_volume(volume: Volume, spacing=None, orientation: str | None = None, flip: str | None = None) -> Volume:
     """A volume with another affine.
 
     Parameters
@@ -37,7 +37,7 @@ def placed(volume: Volume, spacing=None, orientation: str | None = None, flip: s
         If a spacing is not above zero, or orientation or flip name no axes.
     """
     affine, space = volume.affine.copy(), volume.space
-    lengths = volume.spacing if spacing is None else _checked_spacing(spacing)
+    lengths = volume.spacing if spacing is None else _check_spacing(spacing)
     if spacing is not None:
         affine[:3, :3] = directions(affine) * lengths
     middle = 0.5 * (np.array(volume.shape_xyz) - 1.0)
@@ -48,13 +48,13 @@ def placed(volume: Volume, spacing=None, orientation: str | None = None, flip: s
         space = PATIENT
     if flip:
         mirror = np.eye(4)
-        for axis in _flipped(flip):
+        for axis in _flip(flip):
             mirror[axis, axis], mirror[axis, 3] = -1.0, 2.0 * middle[axis]
         affine = affine @ mirror
     return replace(volume, affine=affine, space=space)
 
 
-def _checked_spacing(spacing) -> np.ndarray:
+def _check_spacing(spacing) -> np.ndarray:
     try:
         lengths = np.array([as_float(length) for length in spacing])
     except TypeError:
@@ -80,7 +80,7 @@ def _axes_of(orientation: str) -> np.ndarray:
     return axes
 
 
-def _flipped(flip: str) -> list[int]:
+def _flip(flip: str) -> list[int]:
     """Indices of the axes to mirror."""
     if not set(str(flip)) <= set(AXES) or len(set(str(flip))) < len(str(flip)):
         raise RleSplatError(f"The axes to flip must be some of x, y and z, each once, such as xz, not {flip!r}.")

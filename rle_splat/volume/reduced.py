@@ -29,7 +29,7 @@ def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
     return tuple(int(min(factor, count)) for factor, count in zip(found, volume.shape_xyz))
 
 
-def sampled_steps(volume: Volume, level: int):
+def sample_steps(volume: Volume, level: int):
     """Generator of Progress: every 2^``level``-th voxel along each axis, so that little of a large file is read.
 
     Parameters
@@ -78,7 +78,7 @@ def _every(step: int, count: int) -> range:
     return range(min(step // 2, count // 2), count, step)
 
 
-def reduced_steps(volume: Volume, factors: tuple[int, int, int]):
+def reduce_steps(volume: Volume, factors: tuple[int, int, int]):
     """Generator of fractions done: average blocks of voxels.
 
     Parameters

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.memory import refuse_beyond
-from ..runtime.steps import Progress, mapped
+from ..runtime.steps import Progress, map_steps
 from ..scene import RleSplatError
-from ..scene.further_volumes import TOLERANCE, is_same_grid, moved_corners
+from ..scene.further_volumes import TOLERANCE, is_same_grid, move_corners
 from .interpolate import interpolate
 from .volume import PATIENT, Volume, range_steps
 
@@ -60,7 +60,7 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
     refuse_beyond(needed, f"{what} on the grid of the volume need", "crop or downsample the volume")
     doing = DOING.format("a channel" if values else "the labels")
     yield Progress(0.0, doing)
-    own, moved = moved_corners(volume, one)
+    own, moved = move_corners(volume, one)
     matrix = np.linalg.inv(one.affine) @ volume.affine  # index of the volume -> index of the other
     order = _axis_order(matrix, own[-1])
     whole = np.abs(moved - np.round(moved)).max() <= TOLERANCE
@@ -69,11 +69,11 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
         low, _ = yield from _fractions(range_steps(one), doing)
         filling = (low - one.intercept) / one.slope
     if order is not None and (whole or not values):
-        steps = _reordered_steps(one.voxels, matrix, order, volume.shape_xyz, filling)
+        steps = _reorder_steps(one.voxels, matrix, order, volume.shape_xyz, filling)
     elif values:
-        steps = _interpolated_steps(one.voxels, matrix, volume.shape_xyz, filling)
+        steps = _interpolate_steps(one.voxels, matrix, volume.shape_xyz, filling)
     else:
-        steps = _gathered_steps(one.voxels, matrix, volume.shape_xyz)
+        steps = _gather_steps(one.voxels, matrix, volume.shape_xyz)
     voxels, outside = yield from _fractions(steps, doing)
     if outside == voxels.size:
         scan = "a channel" if values else "the labels"
@@ -84,7 +84,7 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
 
 def _fractions(steps, doing: str):
     """Generator of Progress: the steps of a generator of fractions."""
-    return (yield from mapped(steps, lambda done: Progress(done, doing)))
+    return (yield from map_steps(steps, lambda done: Progress(done, doing)))
 
 
 def _remark(one: Volume, volume: Volume, name: str, order, whole: bool, outside: float) -> str:
@@ -108,7 +108,7 @@ def _axis_order(matrix, last) -> tuple | None:
     return tuple(int(a) for a in order)
 
 
-def _reordered_steps(voxels: np.ndarray, matrix, order, shape_xyz, filling):
+def _reorder_steps(voxels: np.ndarray, matrix, order, shape_xyz, filling):
     """Generator of fractions: gather along the axes one by one; return (voxels, how many lie outside)."""
     counts = voxels.shape[::-1]
     found, inside = [], []
@@ -132,7 +132,7 @@ def _reordered_steps(voxels: np.ndarray, matrix, order, shape_xyz, filling):
     return result, result.size - covered
 
 
-def _gathered_steps(voxels: np.ndarray, matrix, shape_xyz):
+def _gather_steps(voxels: np.ndarray, matrix, shape_xyz):
     """Generator of fractions: gather each voxel's nearest label; return (voxels, how many lie outside)."""
     nx, ny, nz = shape_xyz
     counts = np.array(voxels.shape[::-1])
@@ -149,7 +149,7 @@ def _gathered_steps(voxels: np.ndarray, matrix, shape_xyz):
     return result, result.size - covered
 
 
-def _interpolated_steps(voxels: np.ndarray, matrix, shape_xyz, filling):
+def _interpolate_steps(voxels: np.ndarray, matrix, shape_xyz, filling):
     """Generator of fractions: interpolate linearly between voxels; return (voxels, how many lie outside).
 
     Integers are rounded. Places up to half a voxel beyond the outermost centers count as these.

@@ -94,7 +94,7 @@ def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> t
     return width, height
 
 
-def resampled_steps(volume: Volume, matrix: np.ndarray, width: int, height: int):
+def resample_steps(volume: Volume, matrix: np.ndarray, width: int, height: int):
     """Generator of fractions done: the values of a volume at the pixels of a slice, interpolated linearly.
 
     Parameters
@@ -152,13 +152,13 @@ def cut_polygon(shape_xyz, matrix: np.ndarray) -> np.ndarray:
     for row, count in zip(matrix[:3], shape_xyz):
         for sign, bound in ((1.0, 0.5), (-1.0, count - 0.5)):  # sign * index + bound >= 0 in the volume
             room = sign * (polygon @ row[:2] + row[3]) + bound
-            polygon = _kept(polygon, np.where(np.abs(room) <= NEAR_EDGE, 0.0, room))
+            polygon = _clip(polygon, np.where(np.abs(room) <= NEAR_EDGE, 0.0, room))
             if len(polygon) == 0:
                 return polygon
     return polygon
 
 
-def _kept(polygon: np.ndarray, room: np.ndarray) -> np.ndarray:
+def _clip(polygon: np.ndarray, room: np.ndarray) -> np.ndarray:
     """The part of a convex polygon where ``room``, linear and known at its corners, is not negative."""
     corners = []
     for i, here in enumerate(room):

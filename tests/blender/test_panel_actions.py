@@ -276,7 +276,7 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
     (tmp_path / "preparing.log").write_bytes(b"y")
     monkeypatch.setattr(cache, "KERNELS", used)
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(cache._Now, "at", -cache.FRESH)
+    monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)
     assert cache.size() == 201
     assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
     assert cache.size() == 1 and used.is_dir() and not other.exists()

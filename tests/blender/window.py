@@ -254,15 +254,15 @@ def check_B84_measure_accuracy_redraws():
 def check_preparation():
     """A timer starts the process, which compiles kernels, and says so in the panel; switched off, it ends."""
     ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    assert ahead._Now.process is None and ahead.is_needed()  # the zip has numba
+    assert ahead._Preparing.process is None and ahead.is_needed()  # the zip has numba
 
     def kernels():
         return len(list(ahead.cache_folder().rglob("*.nbc")))
 
     before = kernels()
     preparation(True)
-    yield from until(lambda: ahead._Now.process is not None)
-    process = ahead._Now.process
+    yield from until(lambda: ahead._Preparing.process is not None)
+    process = ahead._Preparing.process
     yield from until(ahead.text)
     yield from until(lambda: kernels() > before or process.poll() is not None)
     assert process.poll() is None

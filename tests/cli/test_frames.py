@@ -246,7 +246,7 @@ def test_a_command_that_is_killed_keeps_its_whole_frames(raw, call, raw_options,
 
 
 def test_ctrl_c_says_that_whole_frames_are_kept(raw, call, raw_options, tmp_path, monkeypatch):
-    render, made = series.rendered, []
+    render, made = series.render_prepared, []
 
     def stopped(*given):
         if made:
@@ -254,7 +254,7 @@ def test_ctrl_c_says_that_whole_frames_are_kept(raw, call, raw_options, tmp_path
         made.append(given)
         return render(*given)
 
-    monkeypatch.setattr(series, "rendered", stopped)
+    monkeypatch.setattr(series, "render_prepared", stopped)
     done = call("render", raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1, 9)
     assert (done.code, done.err) == (130, "Stopped; frames that were complete are kept.\n")
     assert [path.name for path in tmp_path.glob("*.npy")] == ["k_0001.npy"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.effects.analyze import EFFECTS, analyze, analyzed
+from rle_splat.effects.analyze import EFFECTS, analyze, analyze_effects
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
@@ -181,9 +181,9 @@ def test_effects_are_forced_by_true_or_false_alone():
 
 def test_what_is_left_has_lost_what_is_off_and_is_left_alone_the_second_time():
     scene = scene_of(lights=(SUN,), triangles=BEHIND, transfer_function=unshaded())
-    left = analyzed(scene, Quality())[1]
+    left = analyze_effects(scene, Quality())[1]
     assert left.lights == () and left.triangles is None and not left.headlight
-    again = analyzed(left, Quality())[1]
+    again = analyze_effects(left, Quality())[1]
     assert analyze(again, Quality()).on == analyze(scene, Quality()).on == ()
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.effects.analyze import analyze
-from rle_splat.effects.exposure import exposures
+from rle_splat.effects.exposure import list_exposures
 from rle_splat.effects.lens import MOST_POINTS, blur_pixels, lens_pictures, lens_points, through_lens
 from rle_splat.effects.motion import MOST_PICTURES, at_time, distance_moved, motion_pictures
 from rle_splat.pipeline.render import render
@@ -153,7 +153,7 @@ def test_rotation_and_ratio_shape_the_aperture():
 def test_a_camera_without_a_lens_makes_one_picture_and_the_same_bits():
     scene = speck(3.0, aperture_radius=0.0)
     focused = replace(scene, camera=replace(scene.camera, focus_distance=1.0))
-    assert exposures(scene) == [scene]
+    assert list_exposures(scene) == [scene]
     assert np.array_equal(render(scene).rgba, render(focused).rgba)
 
 
@@ -240,7 +240,7 @@ def test_a_moving_camera_blurs_as_a_volume_that_moves_the_other_way():
 
 def test_the_picture_is_the_mean_of_still_ones():
     scene = moving(0.3)
-    stills = [render(one).rgba.astype(np.float64) for one in exposures(scene)]
+    stills = [render(one).rgba.astype(np.float64) for one in list_exposures(scene)]
     assert len(stills) == motion_pictures(scene) > 4
     assert np.abs(render(scene).rgba - np.mean(stills, axis=0)).max() < 1e-6
 
@@ -254,7 +254,7 @@ def test_depth_is_that_of_the_scene_as_it_stands(blurred):
 
 
 def test_times_are_spread_evenly_over_the_shutter():
-    positions = sorted(one.volume_matrix[0, 3] for one in exposures(moving(0.5)))
+    positions = sorted(one.volume_matrix[0, 3] for one in list_exposures(moving(0.5)))
     steps = np.diff(positions)
     assert steps == pytest.approx(np.full(len(steps), 0.5 / len(positions)), rel=1e-9)
 
@@ -274,7 +274,7 @@ def test_what_stands_still_is_one_picture_of_the_same_bits():
 def test_lens_and_shutter_share_their_pictures():
     both = moving(0.2, depth=3.0)
     both = replace(both, camera=replace(both.camera, aperture_radius=0.1))
-    assert len(exposures(both)) == max(motion_pictures(both), len(exposures(replace(both, motion=()))))
+    assert len(list_exposures(both)) == max(motion_pictures(both), len(list_exposures(replace(both, motion=()))))
     lens_alone, _ = spread(render(replace(both, motion=())).rgba[..., 3])
     shutter_alone, _ = spread(render(pinhole(both)).rgba[..., 3])
     sharp, _ = spread(render(replace(pinhole(both), motion=())).rgba[..., 3])
@@ -301,11 +301,11 @@ def test_what_all_pictures_of_a_blur_have_in_common_is_made_once(blurred, classi
     monkeypatch.setattr(sys.modules["rle_splat.pipeline.render"], "StageCache", Noted)
     found = render(blurred, quality)
     made = sum((Counter(store.made) for store in stores), Counter())
-    assert len(exposures(blurred)) > 4 and {"pre": "visible", "post": "scalars"}[classification] in made
+    assert len(list_exposures(blurred)) > 4 and {"pre": "visible", "post": "scalars"}[classification] in made
     assert set(made.values()) == {1}, made
     given = StageCache(0)
     again = render(blurred, quality, cache=given)
-    assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(exposures(blurred)) + 1
+    assert np.array_equal(found.rgba, again.rgba) and max(given.made.values()) == len(list_exposures(blurred)) + 1
     stores.clear()
     render(pinhole(replace(blurred, motion=())), quality)
     assert [store.keeps for store in stores] == [False], "a single picture keeps nothing"

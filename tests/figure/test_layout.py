@@ -12,7 +12,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.figure.color_bar import bar_range, color_bar
 from rle_splat.figure.directions import cube, edge_letters, view_name
 from rle_splat.figure.glyphs import GLYPHS
-from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrapped
+from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrap
 from rle_splat.figure.make import figure_steps
 from rle_splat.figure.page import Fill, Page, Stroke, Text, Tile
 from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
@@ -223,10 +223,10 @@ def test_what_cannot_be_lettered_is_refused_before_anything_is_rendered(drawing,
 
 
 def test_lines_are_broken_at_spaces():
-    lines = wrapped("one two  three extraordinarily four", 2.0, 12.0)
+    lines = wrap("one two  three extraordinarily four", 2.0, 12.0)
     assert " ".join(lines) == "one two three extraordinarily four" and len(lines) >= 3
     assert all(text_width(line, 2.0) <= 12.0 or " " not in line for line in lines)
-    assert wrapped("one\u00a0two three", 2.0, 1.0) == ["one\u00a0two", "three"]
+    assert wrap("one\u00a0two three", 2.0, 1.0) == ["one\u00a0two", "three"]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from rle_splat.accuracy.planner.candidates import (
     depth_rules,
     name_of,
 )
-from rle_splat.accuracy.planner.choose import SAFETY, Speed, choose, corrected, termination_for
+from rle_splat.accuracy.planner.choose import SAFETY, Speed, choose, correct, termination_for
 from rle_splat.accuracy.planner.features import pilots
 from rle_splat.accuracy.planner.machine import MachineProfile
 from rle_splat.pipeline.plan_model import CALIBRATION, ErrorBudget, Features, Model, family_of
@@ -128,9 +128,9 @@ def test_memory_bounds_the_sheets():
 
 def test_what_a_measurement_says_is_believed():
     budget = ErrorBudget(depth=3.0, warp=4.0, termination=0.1, records=0.0, rounding=0.0)
-    assert corrected(budget, 5.1) == pytest.approx(1.15)
-    assert corrected(budget, 10.1) == pytest.approx(2.3) and corrected(budget, 10.1, 2.0) == pytest.approx(4.6)
-    assert corrected(budget, 0.5) == 1.0  # a lucky plan is no reason to hope
+    assert correct(budget, 5.1) == pytest.approx(1.15)
+    assert correct(budget, 10.1) == pytest.approx(2.3) and correct(budget, 10.1, 2.0) == pytest.approx(4.6)
+    assert correct(budget, 0.5) == 1.0  # a lucky plan is no reason to hope
     model, seen = Model.of("pre"), features()
     first, second = (choose(seen, base("pre"), 2.0, model, MACHINE, correction=c) for c in (1.0, 3.0))
     assert second.milliseconds > first.milliseconds and second.errors.total <= SAFETY * 2.0

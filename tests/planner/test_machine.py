@@ -177,5 +177,5 @@ def test_the_time_that_is_told_of_rays_is_corrected_by_what_they_take(monkeypatc
     """Before, the FLAIR brain for 1 level was told to take six seconds until it was done after three."""
     now = iter((10.0, 10.1, 11.5))
     monkeypatch.setattr(planned.time, "perf_counter", lambda: next(now))
-    told = planned._told_rays(6200.0)
+    told = planned._say_rays(6200.0)
     assert told(0.02).endswith(", about 6 s") and told(0.5).endswith(", about 3 s")

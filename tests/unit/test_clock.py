@@ -9,7 +9,7 @@ import pytest
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forward, timed
+from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forward, time_steps
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -80,7 +80,7 @@ def test_what_passes_between_steps_belongs_to_no_stage():
 
     with clock.running():
         pass
-    drain(timed(steps(), clock, "warp"), idle)
+    drain(time_steps(steps(), clock, "warp"), idle)
     assert round(clock.report()["warp"]) == 7002
 
 

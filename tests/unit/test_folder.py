@@ -20,7 +20,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.reduced import reduced_steps
+from rle_splat.volume.reduced import reduce_steps
 from rle_splat.volume.volume import Volume
 
 NX, NY, NZ = 22, 19, 17
@@ -128,7 +128,7 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     whole = load(path)
     assert whole.coarse.shape_xyz == (-(-NX // 2), -(-NY // 2), -(-NZ // 2)) and whole.coarse.coarse is None
     function = TransferFunction.from_json({**FUNCTION, "opacity_unit_distance": 0.9})  # of the volume's own voxels
-    coarse = replace(scene, volume=drain(reduced_steps(scene.volume, (2, 2, 2))), transfer_function=function)
+    coarse = replace(scene, volume=drain(reduce_steps(scene.volume, (2, 2, 2))), transfer_function=function)
     quality = replace(quality, name="knobs")  # a preset would follow single rays in memory, where walls are hard
     here = render(coarse, quality)
     assert here.rgba[..., 3].max() > 0.5

@@ -11,7 +11,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels, Quality, RleSplatError, Scene, TooLargeError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.reduced import factors_of, reduced_steps, sampled_steps
+from rle_splat.volume.reduced import factors_of, reduce_steps, sample_steps
 from rle_splat.volume.volume import Volume
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
@@ -38,7 +38,7 @@ def test_a_linear_field_stays_where_it_is(dtype, shape):
     affine = np.array(((0.5, 0.1, 0, 3), (0, 0.7, 0, -2), (0, 0, 2, 5), (0, 0, 0, 1)), float)
     index = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")[::-1], axis=-1)
     fine = (8 * index @ (1, 2, 3)).astype(dtype)
-    coarse = drain(reduced_steps(Volume(fine, affine, slope=2.0, value_unit="HU"), HALVED))
+    coarse = drain(reduce_steps(Volume(fine, affine, slope=2.0, value_unit="HU"), HALVED))
     assert coarse.voxels.dtype == dtype and coarse.voxels.shape == tuple((n + 1) // 2 for n in shape)
     assert coarse.slope == 2.0 and coarse.value_unit == "HU"
     whole = tuple(slice(0, n // 2) for n in shape)
@@ -51,9 +51,9 @@ def test_a_linear_field_stays_where_it_is(dtype, shape):
 
 def test_means_of_whole_numbers_are_rounded_and_keys_differ():
     volume = Volume(np.array((0, 0, 0, 0, 0, 0, 3, 3), np.uint8).reshape(2, 2, 2), np.eye(4))
-    coarse = drain(reduced_steps(volume, HALVED))
+    coarse = drain(reduce_steps(volume, HALVED))
     assert coarse.voxels.item() == 1 and coarse.key != volume.key
-    again = drain(reduced_steps(Volume(volume.voxels.copy(), np.eye(4)), HALVED))
+    again = drain(reduce_steps(Volume(volume.voxels.copy(), np.eye(4)), HALVED))
     assert again.key == coarse.key, "of equal voxels"
 
 
@@ -63,7 +63,7 @@ def test_blocks_of_voxels_lie_where_the_volume_does():
     volume = Volume(voxels, affine)
     factors = factors_of(volume, 10)
     assert factors == (3, 3, 1), "31 by 20 by 27 mm, in voxels of about 3 mm"
-    small = drain(reduced_steps(volume, factors))
+    small = drain(reduce_steps(volume, factors))
     assert small.shape_xyz == (11, 7, 9) and small.voxels.dtype == np.uint16 and not small.voxels.flags.writeable
     np.testing.assert_allclose(small.affine @ (2, 1, 3, 1), affine @ (7, 4, 3, 1))
     assert small.voxels[3, 1, 2] == voxels[3, 3:6, 6:9].mean()
@@ -74,7 +74,7 @@ def test_blocks_of_voxels_lie_where_the_volume_does():
 def test_sampled_voxels_stay_where_they_are(level):
     affine = np.array([[0, 0, 3.0, 5], [1, 0, 0, 6], [0, -1, 0, 7], [0, 0, 0, 1]])
     volume = Volume(np.arange(9 * 20 * 31, dtype=np.uint16).reshape(9, 20, 31), affine)
-    some = drain(sampled_steps(volume, level))
+    some = drain(sample_steps(volume, level))
     assert some.shape_xyz == volume_levels(volume, level)[level] == some.levels[level] and some.levels[0] == (31, 20, 9)
     for place in ((0, 0, 0), np.array(some.shape_xyz) - 1):
         x, y, z = np.linalg.solve(affine, some.affine @ (*place, 1))[:3].round(9).astype(int)
@@ -93,7 +93,7 @@ def volume_levels(volume: Volume, most: int) -> list:
 @pytest.mark.parametrize("level", (-1, 7))
 def test_there_is_no_such_level(level):
     with pytest.raises(RleSplatError, match=f"There is no level {level}: the volume has those from 0 to 6"):
-        drain(sampled_steps(ball(), level))
+        drain(sample_steps(ball(), level))
 
 
 @pytest.mark.parametrize("classification", ("pre", "post"))

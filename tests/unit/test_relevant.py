@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.transfer import piecewise_linear
-from rle_splat.classify.relevant import Reach, kept_counts, kept_voxels, relevant_steps
+from rle_splat.classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
@@ -80,8 +80,8 @@ def found(volume, tf, threads=0):
     """Words of bits, counts and the voxels that are kept."""
     blocks = drain(block_steps(volume, threads=threads))
     bits = drain(relevant_steps(volume, Reach.of(volume, tf), blocks, threads=threads))
-    counted = kept_counts(bits, threads=threads)
-    return bits, counted, kept_voxels(volume, bits, counted, blocks, threads=threads)
+    counted = count_kept(bits, threads=threads)
+    return bits, counted, gather_kept(volume, bits, counted, blocks, threads=threads)
 
 
 def mask_of(voxels):

@@ -18,7 +18,7 @@ FIELD = (3.0, -2.0, 7.0, 100.0)  # value = 3 x - 2 y + 7 z + 100
 
 
 def resampled(*arguments):
-    return drain(slices.resampled_steps(*arguments))
+    return drain(slices.resample_steps(*arguments))
 
 
 def field(x, y, z):
@@ -182,7 +182,7 @@ def test_bands_of_rows_are_the_whole_slice(monkeypatch):
     volume, matrix = linear_volume(), slices.slice_matrix(linear_volume(), 1)
     whole = resampled(volume, matrix, 31, 24)
     monkeypatch.setattr(slices, "PIXELS_A_STEP", 100)
-    fractions = list(slices.resampled_steps(volume, matrix, 31, 24))
+    fractions = list(slices.resample_steps(volume, matrix, 31, 24))
     assert len(fractions) == 8 and fractions[-1] == 1.0
     for one, other in zip(resampled(volume, matrix, 31, 24), whole):
         np.testing.assert_array_equal(one, other)

@@ -21,7 +21,7 @@ BESIDE = np.array(((1, 0, 0, -30), (0, 1, 0, -20), (0, 0, 1, 50), (0, 0, 0, 1)),
 def in_tiles(scene, quality, side=SIDE):
     """(rgba, depth, report) of a picture in tiles."""
     strips = []
-    report = drain(tiles.tiled_steps(scene, quality, side, lambda *rows: strips.append(rows)))
+    report = drain(tiles.render_tiles_steps(scene, quality, side, lambda *rows: strips.append(rows)))
     rgba, depth = (np.concatenate(rows) for rows in zip(*strips, strict=True))
     return rgba, depth, report
 

@@ -10,10 +10,10 @@ import pytest
 
 from rle_splat.classify.foreign import scene_linear_points
 from rle_splat.classify.presets import RELATIVE
-from rle_splat.classify.transfer_files import chosen, fitted, read_transfer_functions
+from rle_splat.classify.transfer_files import choose_function, fit_function, read_transfer_functions
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
 from rle_splat.scene import RleSplatError
-from rle_splat.scene.color import displayed, linear
+from rle_splat.scene.color import linear, to_display
 from rle_splat.volume.volume import Volume
 
 PLAIN = {
@@ -109,11 +109,11 @@ def test_a_file_of_many_presets_names_them_apart(tmp_path):
     found = read_transfer_functions(path)
     names = [one.function.name for one in found]
     assert names[:2] == ["Plain", "Other"] and len(set(names)) == 4 and all(names)
-    assert chosen(found, "Other", path, "--transfer-name") is found[1]
+    assert choose_function(found, "Other", path, "--transfer-name") is found[1]
     with pytest.raises(RleSplatError, match="--transfer-name: Plain, Other"):
-        chosen(found, None, path, "--transfer-name")
+        choose_function(found, None, path, "--transfer-name")
     with pytest.raises(RleSplatError, match="no transfer function 'Third'; choose one of Plain, Other"):
-        chosen(found, "Third", path, "--transfer-name")
+        choose_function(found, "Third", path, "--transfer-name")
 
 
 @pytest.mark.parametrize("change, words", [
@@ -207,7 +207,7 @@ def test_a_color_map_of_niivue(tmp_path):
     assert (function.name, function.unit, function.span) == ("warm", None, (-10.0, 245.0))
     assert function.opacity == ((-10, 0), (245, 0.4))
     np.testing.assert_allclose(function.color_at(245.0), linear((1.0, 0.2, 0.0)))
-    np.testing.assert_allclose(displayed(function.color_at(117.5)), (0.5, 0.1, 0.0), atol=2 / 255)
+    np.testing.assert_allclose(to_display(function.color_at(117.5)), (0.5, 0.1, 0.0), atol=2 / 255)
 
 
 def test_a_color_map_of_niivue_without_values(tmp_path):
@@ -238,7 +238,7 @@ def test_a_color_map_of_fsl(tmp_path):
     assert (function.name, function.unit, function.span) == ("my", RELATIVE, (0.0, 1.0))
     for value, color in ((0.0, (1, 0.25, 0)), (0.5, (0, 0.75, 1)), (1.0, (0.5, 0, 1))):
         np.testing.assert_allclose(function.color_at(value), linear(color))
-    np.testing.assert_allclose(displayed(function.color_at(0.25)), (0.5, 0.5, 0.5), atol=2 / 255)
+    np.testing.assert_allclose(to_display(function.color_at(0.25)), (0.5, 0.5, 0.5), atol=2 / 255)
     assert function.alpha_at(0.0) == 0.0 and "no opacities" in found.remarks[0]
 
 
@@ -257,11 +257,11 @@ def test_bad_rows_get_one_sentence(tmp_path, content, words):
 def test_a_relative_function_is_moved_to_the_values(tmp_path):
     function = only(tmp_path, "0 0 0\n1 1 1\n", "gray.cmap").function
     volume = Volume(np.linspace(100, 1100, 1000).astype(np.uint16).reshape(10, 10, 10), np.eye(4), value_unit="HU")
-    moved = fitted(function, volume)
+    moved = fit_function(function, volume)
     assert moved.unit == "HU"
     np.testing.assert_allclose(moved.span, np.percentile(volume.voxels, (1.0, 99.9)), atol=2.5)
     absolute = only(tmp_path, mrml(PLAIN)).function
-    assert fitted(absolute, volume) is absolute
+    assert fit_function(absolute, volume) is absolute
 
 
 # --- what all share -------------------------------------------------------------------------------------------
@@ -290,7 +290,7 @@ def test_display_colors_are_interpolated_as_a_display_does(first, last):
     assert points[0][0] == -5.0 and points[-1][0] == 3.0 and len(points) <= 33
     values = np.linspace(-5.0, 3.0, 500)
     columns = np.array(points).T
-    shown = displayed(np.stack([np.interp(values, columns[0], channel) for channel in columns[1:]], axis=1))
+    shown = to_display(np.stack([np.interp(values, columns[0], channel) for channel in columns[1:]], axis=1))
     share = (values[:, None] + 5.0) / 8.0
     np.testing.assert_allclose(shown, (1 - share) * np.array(first) + share * np.array(last), atol=2.5 / 255)
 

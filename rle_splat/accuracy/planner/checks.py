@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...effects.analyze import analyzed
-from ...effects.exposure import exposures
+from ...effects.analyze import analyze_effects
+from ...effects.exposure import list_exposures
 from ...effects.mixing import is_mixed
 from ...effects.ray_mode import mode_quality
 from ...pipeline.shadows import shadow_count
@@ -22,7 +22,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
             "A tolerance needs the voxels, which a .rle file does not hold; give the volume it was encoded from, or "
             "choose a quality."
         )
-    scene = analyzed(scene, quality)[1]
+    scene = analyze_effects(scene, quality)[1]
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
     if is_mixed(scene):
@@ -41,7 +41,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
             "A tolerance can only be kept without shadows, because the truths have none; turn off shadows and ambient "
             "occlusion, or choose a quality."
         )
-    if len(exposures(scene)) > 1:
+    if len(list_exposures(scene)) > 1:
         raise RleSplatError(
             "A tolerance is of a sharp picture: turn off depth of field and motion blur, or choose a quality."
         )
@@ -64,7 +64,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
         raise RleSplatError(
             "Accuracy needs the voxels, which a .rle file does not hold; give the volume it was encoded from."
         )
-    scene = analyzed(scene, quality)[1]
+    scene = analyze_effects(scene, quality)[1]
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.hides_volume:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")

@@ -195,7 +195,7 @@ def choose_with_rays(
     return min(enough, key=lambda choice: choice.milliseconds)
 
 
-def corrected(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:
+def correct(errors: ErrorBudget, measured: float, correction: float = 1.0) -> float:
     """The new correction, after a plan that was expected to err ``errors`` was found to err ``measured`` levels."""
     beyond = max(measured - errors.bounds, 0.0) / max(errors.modeled, 1e-9)
     return correction * max(CAUTION * beyond, 1.0)

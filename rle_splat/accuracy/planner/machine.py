@@ -27,7 +27,7 @@ from ...raycast.scalar_rays import COMPOSITED
 from ...runtime.cache_folder import RELEASE, cache_folder
 from ...runtime.jit import compiled, thread_count
 from ...runtime.memory import total_bytes
-from ...runtime.steps import Progress, mapped
+from ...runtime.steps import Progress, map_steps
 from ...runtime.whole_files import whole_files
 from ...scene import Quality, Scene
 from ...view.turntable import turntable
@@ -135,7 +135,7 @@ def _measure_steps(quality: Quality):
     plans, drawn, taken = pilots(plain), {}, {}
     for _ in range(size.repeats + 1):  # the first also fills the caches
         for name, plan in plans.items():
-            drawn[name] = yield from mapped(render_steps(scene, plan, cache), _told)
+            drawn[name] = yield from map_steps(render_steps(scene, plan, cache), _say)
             taken.setdefault(name, []).append(drawn[name].report["stages_ms"])
     features = features_of(scene, plain, drawn)
     ratios = {"splat": [], "warp": []}
@@ -156,7 +156,7 @@ def _ray_steps(scene: Scene, quality: Quality, cache: StageCache, size: Size):
     for _ in range(size.repeats + 1):
         for slabs in (FEW_SLABS, 2 * FEW_SLABS):
             steps = single_ray_steps(scene, quality, columns, rows, slabs, cache)
-            _, work, took = yield from mapped(steps, lambda _: Progress(0.0, MEASURING))
+            _, work, took = yield from map_steps(steps, lambda _: Progress(0.0, MEASURING))
             spent.setdefault(slabs, []).append(took)
     few, many = (1e3 * min(times[1:]) for times in spent.values())
     slab = max(many - few, 0.05 * few)
@@ -165,5 +165,5 @@ def _ray_steps(scene: Scene, quality: Quality, cache: StageCache, size: Size):
     return cells / max(int(work.sum()), 1), slab / (FEW_SLABS * composited)
 
 
-def _told(step: Progress) -> Progress:
+def _say(step: Progress) -> Progress:
     return step if "kernels" in step.message else step._replace(fraction=0.0, message=MEASURING)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...effects.analyze import analyzed
+from ...effects.analyze import analyze_effects
 from ...pipeline.choose_source import choose_source
 from ...pipeline.plan_model import Features, Model
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
-from ...runtime.steps import Progress, mapped, part, portion
+from ...runtime.steps import Progress, map_steps, part, portion
 from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, STAGES, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
@@ -117,7 +117,7 @@ class PlannerSession:
         """
         quality = replace(self.quality, termination=plan.termination)
         steps = single_ray_steps(self.shown, quality, columns, rows, slabs, self.cache)
-        rgba, _, spent = yield from mapped(steps, lambda done: Progress(begin + (end - begin) * done, message(done)))
+        rgba, _, spent = yield from map_steps(steps, lambda done: Progress(begin + (end - begin) * done, message(done)))
         return rgba, spent
 
     def ray_pixels(self, choice: Choice, correction: float = 1.0) -> np.ndarray:
@@ -138,7 +138,7 @@ def picture_steps(
         fraction = begin + (end - begin) * step.fraction
         return Progress(fraction, step.message if "kernels" in step.message else message)
 
-    return mapped(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), told)
+    return map_steps(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), told)
 
 
 def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float, refuse_empty_view: bool = True):
@@ -158,7 +158,7 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         name: (plan, {stage: min(one[stage] for one in times[name]) for stage in STAGES})
         for name, plan in plans.items()
     }
-    features, shown = features_of(scene, quality, drawn), analyzed(scene, quality)[1]
+    features, shown = features_of(scene, quality, drawn), analyze_effects(scene, quality)[1]
     machine = yield from part(profile_steps(quality), end, end)
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, timed)
     if can_trace(choose_source(shown, quality)):

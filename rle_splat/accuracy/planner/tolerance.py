@@ -21,7 +21,7 @@ from ...scene import Quality, Rendering, Scene
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
 from .checks import check_tolerance_applies
-from .choose import CAUTION, NEARLY_BEST, Choice, corrected
+from .choose import CAUTION, NEARLY_BEST, Choice, correct
 from .error_estimate import largest_of
 from .features import difference_of
 from .probe_errors import ProbeErrors
@@ -167,7 +167,7 @@ def _plan_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeE
         if _is_last(rounds, tolerance):
             return rounds
         measured = rounds[-1].measured
-        correction = corrected(choice.errors, measured, correction)
+        correction = correct(choice.errors, measured, correction)
         following = session.choose(tolerance, correction, NEARLY_BEST if choice.keeps else 1.0)
         if following.plan == choice.plan or (measured <= tolerance and not following.keeps):
             return rounds
@@ -186,7 +186,7 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
         if new.any():
             rows, columns = np.nonzero(new)
             part = 0.5 * (begin + middle), middle
-            message = _told_rays(session.ray_cost.expected_ms(len(rows), choice.slabs))
+            message = _say_rays(session.ray_cost.expected_ms(len(rows), choice.slabs))
             values, spent = yield from session.traced_steps(columns, rows, choice.slabs, choice.plan, *part, message)
             picture = with_pixels(picture, columns, rows, values)
             rays_ms += spent
@@ -216,22 +216,22 @@ def _ray_rounds(session: PlannerSession, tolerance: float, probe_errors: ProbeEr
 
 def _frame_steps(session: PlannerSession, choice: Choice, begin: float, end: float):
     """Generator of Progress: the Rendering of a choice's sheets."""
-    message = _told_time(f"Rendering {name_of(choice.plan)}", choice.splat_ms + choice.warp_ms)
+    message = _say_time(f"Rendering {name_of(choice.plan)}", choice.splat_ms + choice.warp_ms)
     return session.picture_steps(choice.plan, begin, end, message)
 
 
-def _told_time(message: str, milliseconds: float) -> str:
+def _say_time(message: str, milliseconds: float) -> str:
     """A message of progress, with how long the work is expected to take if that is worth saying."""
     return f"{message}, about {milliseconds / 1e3:.0f} s" if milliseconds > WORTH_SAYING_MS else message
 
 
-def _told_rays(expected_ms: float):
+def _say_rays(expected_ms: float):
     """The message of progress of rays, as a function of the fraction done: their time as expected, then as found."""
     began = time.perf_counter()
 
     def message(done: float) -> str:
         found_ms = 1e3 * (time.perf_counter() - began)
-        return _told_time(TRACING, found_ms / done if done > FIRST_RAYS else expected_ms)
+        return _say_time(TRACING, found_ms / done if done > FIRST_RAYS else expected_ms)
 
     return message
 

@@ -21,7 +21,7 @@ from pathlib import Path
 from ...runtime import child_python
 from ..header import lacking
 from . import decode_child
-from .refusals import Refused, damaged_frame
+from .refusals import Refused, frame_damage_error
 
 SLOTS = 2  # orders that a child has at once
 MOST_CHILDREN = 4
@@ -47,7 +47,7 @@ class Order:
     fragments: tuple
 
 
-def decoded_frames(orders, limit: int):
+def decode_frames(orders, limit: int):
     """Generator: decode frames.
 
     Parameters
@@ -112,7 +112,7 @@ def _own_folder():
 
 
 def _run(children, waiting: list, left: int):
-    """Generator, as ``decoded_frames``: hand out orders from the end of ``waiting`` until ``left`` came back."""
+    """Generator, as ``decode_frames``: hand out orders from the end of ``waiting`` until ``left`` came back."""
     last = time.monotonic()
     while left:
         came = False
@@ -181,12 +181,12 @@ class _Child:
             order = self.at_work.pop(slot)
             self.waited = 0.0
             if count < 0:
-                raise damaged_frame(order.path, order.frame)
+                raise frame_damage_error(order.path, order.frame)
             self.pixels.seek(slot * self.limit)
             yield order, self.pixels.read(count)
         if self.at_work and (ended or self.waited > self.seconds):
             order = next(iter(self.at_work.values()))
-            raise damaged_frame(order.path, order.frame)
+            raise frame_damage_error(order.path, order.frame)
 
     def end(self) -> None:
         self.process.kill()

@@ -6,11 +6,11 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...runtime.steps import Progress, mapped, within
+from ...runtime.steps import Progress, map_steps, within
 from ..library_import import library_steps
 from . import elements as read
 from .pictures import is_segmentation, picture_steps, series_key
-from .refusals import Damaged, Refused, damaged, no_images
+from .refusals import Damaged, Refused, damage_error, no_images
 
 MOST_FILES = 20_000
 MOST_KEPT = 10_000  # files and pictures; 3.4 kB each, measured
@@ -75,13 +75,13 @@ def find_pictures(path):
     yield from library_steps("pydicom", "pydicom", "DICOM")
     if path.is_dir():
         found = yield from _scan((yield from _files_below(path)))
-        return _checked(found, path)
-    own, stamp = _kept_pictures(path), _stamp(path)
+        return _check(found, path)
+    own, stamp = _keep_pictures(path), _stamp(path)
     if not own:
-        parsed = yield from _parsed(path)
+        parsed = yield from _parse(path)
         if parsed is not None and parsed.is_directory:
             files, absent = yield from _directory_files(parsed)
-            return replace(_checked((yield from _scan(files)), path), absent=absent)
+            return replace(_check((yield from _scan(files)), path), absent=absent)
         if parsed is not None and read.quietly(is_segmentation, parsed):
             return FoundPictures((), (), (), 0, segmentation=parsed)
         own = yield from _pictures(parsed)
@@ -121,9 +121,9 @@ def _scan(paths):
     pictures, refused, broken, others = [], [], [], 0
     for i, path in enumerate(paths):
         try:
-            own, stamp = _kept_pictures(path), _stamp(path)
+            own, stamp = _keep_pictures(path), _stamp(path)
             if own is None:
-                own = yield from _pictures((yield from _parsed(path)))
+                own = yield from _pictures((yield from _parse(path)))
                 _keep(path, stamp, own or ())
             if own:
                 pictures += own
@@ -140,10 +140,10 @@ def _scan(paths):
     return FoundPictures(tuple(pictures), tuple(refused), tuple(broken), others)
 
 
-def _parsed(path: Path):
+def _parse(path: Path):
     """Generator of Progress: the elements of one file; None if it is not DICOM."""
     doing = Progress(0.0, f"Reading the header of {path.name}")
-    return (yield from mapped(read.read_elements(path), lambda _: doing))
+    return (yield from map_steps(read.read_elements(path), lambda _: doing))
 
 
 def _stamp(path: Path) -> tuple | None:
@@ -155,7 +155,7 @@ def _stamp(path: Path) -> tuple | None:
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
-def _kept_pictures(path: Path) -> tuple | None:
+def _keep_pictures(path: Path) -> tuple | None:
     """The pictures of a file that was read before and has not changed, () if it has none; None if it must be read."""
     stamp, pictures = _kept.get(path, (None, None))
     return pictures if stamp is not None and stamp == _stamp(path) else None
@@ -183,12 +183,12 @@ def _pictures(found: read.Elements | None):
 
     try:
         steps = within(sort_out(), read.quiet)
-        return (yield from mapped(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
+        return (yield from map_steps(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
     except Refused as problem:
         problem.series = read.quietly(series_key, found)
         raise
     except read.problems():
-        raise damaged(found.path) from None
+        raise damage_error(found.path) from None
 
 
 def _directory_files(found: read.Elements):
@@ -197,7 +197,7 @@ def _directory_files(found: read.Elements):
     for record in found.frames:
         names = read.quietly(read.texts, record, "ReferencedFileID")
         if names:
-            file = _listed(found.path.parent, names)
+            file = _list(found.path.parent, names)
             files += [file] if file is not None else []
             absent += file is None
         yield Progress(0.0, f"Reading {found.path.name}")
@@ -206,7 +206,7 @@ def _directory_files(found: read.Elements):
     return files, absent
 
 
-def _listed(folder: Path, names) -> Path | None:
+def _list(folder: Path, names) -> Path | None:
     """The file that a DICOMDIR names below its folder, in any case of letters; None if it is not there."""
     for name in names:
         if name in ("", ".", "..") or "/" in name or "\\" in name:
@@ -221,12 +221,12 @@ def _listed(folder: Path, names) -> Path | None:
     return folder if folder.is_file() else None
 
 
-def _checked(found: FoundPictures, path: Path) -> FoundPictures:
+def _check(found: FoundPictures, path: Path) -> FoundPictures:
     """Refuse a path without pictures, by the reason that fits."""
     if found.pictures:
         return found
     if found.broken:
-        raise damaged(found.broken[0])
+        raise damage_error(found.broken[0])
     if found.refused:
         raise found.refused[0]
     raise no_images(path, found.others)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from .refusals import damaged, unreadable
+from .refusals import damage_error, unreadable
 
 TAGS = {
     "ImageType": 0x00080008, "SOPClassUID": 0x00080016, "SOPInstanceUID": 0x00080018, "AcquisitionTime": 0x00080032,
@@ -151,17 +151,17 @@ def _begins_dataset(head: bytes, order: str) -> bool:
 
 
 @contextmanager
-def opened(path, syntax: str):
+def open_file(path, syntax: str):
     """Context manager: an iterable of None, while a deflated file is inflated, and at last of a stream.
 
     The offsets of ``Elements`` count in that stream.
     """
     with Bounded(path) as stream:
-        yield _inflated(stream) if syntax in DEFLATED else (stream,)
+        yield _inflate(stream) if syntax in DEFLATED else (stream,)
 
 
-def _inflated(stream):
-    """Generator, as the iterable of ``opened``."""
+def _inflate(stream):
+    """Generator, as the iterable of ``open_file``."""
     _to_dataset(stream)
     pieces = _InflatedPieces(stream)
     yield from pieces
@@ -236,14 +236,14 @@ def read_elements(path):
                 pieces = _InflatedPieces(stream)
                 yield from pieces
                 stream = pieces.stream
-            return (yield from _parsed(path, stream, size, syntax, *facts))
+            return (yield from _parse(path, stream, size, syntax, *facts))
     except OSError as problem:
         raise unreadable(path, problem) from None
     except problems():
-        raise damaged(path) from None
+        raise damage_error(path) from None
 
 
-def _parsed(path, stream, size, syntax, is_directory, implicit, little_endian):
+def _parse(path, stream, size, syntax, is_directory, implicit, little_endian):
     """Generator, as ``read_elements``, for a stream at its dataset."""
     from pydicom.filereader import read_dataset
 

@@ -18,7 +18,7 @@ from .stacking import (
     parallel_lines,
     parts_at_gaps,
     places,
-    sorted_along,
+    sort_along,
     stack,
     stack_without_positions,
 )
@@ -178,13 +178,13 @@ def _groups_of_parallel(pictures, same_voxels) -> list[Group]:
     return [
         group
         for part in split
-        for group in _told_apart([pictures[i] for i in part], positions[part], normal, same_voxels)
+        for group in _tell_apart([pictures[i] for i in part], positions[part], normal, same_voxels)
     ]  # fmt: skip
 
 
-def _told_apart(pictures, positions, normal, same_voxels) -> list[Group]:
+def _tell_apart(pictures, positions, normal, same_voxels) -> list[Group]:
     """The groups of pictures on one line: mostly one, with frames where places repeat."""
-    order = sorted_along(positions, normal)
+    order = sort_along(positions, normal)
     pictures, positions = [pictures[i] for i in order], positions[order]
     place = places(positions, normal)
     kept, copies = _without_copies(pictures, place, lambda a, b: _same_object(a, b) and same_voxels(a, b))
@@ -275,7 +275,7 @@ def _frames_of(name: str, split: dict, count: int):
     return frames, axis, tuple(complete), remarks
 
 
-def chosen(groups, series: int | None, titles, key: str | None = None) -> Group:
+def choose_group(groups, series: int | None, titles, key: str | None = None) -> Group:
     """The group to read.
 
     Parameters

@@ -30,7 +30,7 @@ class Table:
 
 
 @lru_cache(maxsize=8)
-def _shared(table: Table) -> Table:
+def _share_table(table: Table) -> Table:
     """The same object for equal tables: most files of a series hold the same one."""
     return table
 
@@ -57,7 +57,7 @@ def table_of(found: read.Elements) -> tuple[Table | None, str]:
     if bits not in BITS or len(data) != entries:
         return None, ""
     kind = read.text(item, "ModalityLUTType")
-    return _shared(Table(first, data.astype(np.uint16).tobytes())), "HU" if kind == "HU" else ""
+    return _share_table(Table(first, data.astype(np.uint16).tobytes())), "HU" if kind == "HU" else ""
 
 
 def _words(item, name: str, little_endian: bool) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from . import elements as read
 from .modality_table import Table, table_of
-from .refusals import Refused, breaks_off, damaged, segmentation_alone
+from .refusals import Refused, breaks_off, damage_error, segmentation_alone
 from .stacking import axes
 
 NATIVE = ("", "1.2.840.10008.1.2", "1.2.840.10008.1.2.1", read.BIG_ENDIAN, *read.DEFLATED)
@@ -120,14 +120,14 @@ class ImageFrame:
     apart: dict
 
 
-def hashed(uid: str) -> str:
+def hash_text(uid: str) -> str:
     """Short hash of a UID, which may be kept where the UID may not."""
     return hashlib.blake2b(uid.encode(), digest_size=8).hexdigest() if uid else ""
 
 
 def series_key(found: read.Elements) -> str:
     """Hash of the series of a file; files that name none are a series of their folder."""
-    return hashed(read.text(found.dataset, "SeriesInstanceUID") or f"folder {found.path.parent}")
+    return hash_text(read.text(found.dataset, "SeriesInstanceUID") or f"folder {found.path.parent}")
 
 
 def picture_steps(found: read.Elements):
@@ -157,7 +157,7 @@ def frame_steps(found: read.Elements):
     storage = _storage(found)
     shared = read.item(dataset, "SharedFunctionalGroupsSequence")
     if found.frames and len(found.frames) != storage.frames:
-        raise damaged(found.path)
+        raise damage_error(found.path)
     series = _series(found, (found.frames or (None,))[0], shared)
     offsets = read.numbers(dataset, "GridFrameOffsetVector", storage.frames) if storage.frames > 1 else None
     pictures = []
@@ -180,7 +180,7 @@ def _refuse_other_objects(found: read.Elements) -> None:
     if found.syntax in VIDEO:
         raise Refused(f"{name} is a video; choose a series of slices.")
     if not found.kind and IMAGES.fullmatch(kind):
-        raise damaged(found.path)
+        raise damage_error(found.path)
     if not found.kind:
         raise Refused(f"{name} is no image but a report, a plan, a waveform or the like; choose a series of slices.")
     color = read.text(dataset, "PhotometricInterpretation")
@@ -206,7 +206,7 @@ def _storage(found: read.Elements) -> Storage:
     sides = all(0 < side < LARGEST_SIDE for side in (rows, columns))
     bits = allocated in ALLOCATED[found.kind] and 0 < stored <= high + 1 <= allocated
     if not sides or frames < 1 or not bits:
-        raise damaged(found.path)
+        raise damage_error(found.path)
     tables = (_bytes(dataset, "ExtendedOffsetTable"), _bytes(dataset, "ExtendedOffsetTableLengths"))
     storage = Storage(
         found.path, found.syntax, found.little_endian, found.kind, found.offset, found.length, found.words, found.size,
@@ -214,7 +214,7 @@ def _storage(found: read.Elements) -> Storage:
         tables if all(tables) else None,
     )  # fmt: skip
     if frames > found.size or (storage.native and found.length == read.UNDEFINED):
-        raise damaged(found.path)
+        raise damage_error(found.path)
     return storage
 
 
@@ -234,7 +234,7 @@ def _bytes(dataset, name: str) -> bytes:
     return found if isinstance(found, bytes) else b""
 
 
-def _coded(dataset, name: str) -> str:
+def _read_code(dataset, name: str) -> str:
     """A coded value; "" for anything that is not a short word in capitals, which might be free text."""
     found = read.text(dataset, name)
     return found if re.fullmatch(r"[A-Z][A-Z0-9 _]{0,15}", found) else ""
@@ -243,13 +243,14 @@ def _coded(dataset, name: str) -> str:
 def _series(found: read.Elements, frame, shared) -> Series:
     """What the pictures of a file have in common; ``frame``, ``shared``: functional groups of an enhanced object."""
     dataset = found.dataset
-    modality = _coded(dataset, "Modality")
+    modality = _read_code(dataset, "Modality")
     centers, widths = read.numbers(dataset, "WindowCenter"), read.numbers(dataset, "WindowWidth")
     table, table_unit = table_of(found)
     unit = _value_unit(dataset, modality, frame, shared) if table is None else table_unit or None
     return Series(
-        key=series_key(found), instance=hashed(read.text(dataset, "SOPInstanceUID")),
-        number=read.whole(dataset, "SeriesNumber", 0), modality=modality, body_part=_coded(dataset, "BodyPartExamined"),
+        key=series_key(found), instance=hash_text(read.text(dataset, "SOPInstanceUID")),
+        number=read.whole(dataset, "SeriesNumber", 0), modality=modality,
+        body_part=_read_code(dataset, "BodyPartExamined"),
         description=read.text(dataset, "SeriesDescription"), value_unit=unit,
         inverted=read.text(dataset, "PhotometricInterpretation") == "MONOCHROME1",
         odd_values=read.item(dataset, "ModalityLUTSequence") is not None, table=table,
@@ -265,7 +266,7 @@ def _value_unit(dataset, modality: str, frame, shared) -> str | None:
         original = "ORIGINAL" in read.texts(dataset, "ImageType")[:1]
         return "HU" if kind == "HU" or (not kind and original) else None
     if modality == "PT":
-        units = _coded(dataset, "Units")
+        units = _read_code(dataset, "Units")
         return PET_UNITS.get(units, units or None)
     if modality == "RTDOSE":
         return "Gy" if read.text(dataset, "DoseUnits") == "GY" else None

@@ -10,9 +10,9 @@ import numpy as np
 
 from . import elements as read
 from .codestream import code_header
-from .decoders import Order, decoded_frames
+from .decoders import Order, decode_frames
 from .pictures import JPEG, RLE, ImageFrame, Storage
-from .refusals import breaks_off, damaged, damaged_frame, wrong_frame
+from .refusals import breaks_off, damage_error, frame_damage_error, wrong_frame
 from .values import stored_dtype, stored_values
 
 CODE_HEAD = 1 << 16  # bytes of a compressed frame that its header is looked for in
@@ -60,14 +60,14 @@ def _native_planes(pictures, chosen):
     for numbers in by_path.values():
         storage = pictures[numbers[0]].storage
         try:
-            with read.opened(storage.path, storage.syntax) as opening:
+            with read.open_file(storage.path, storage.syntax) as opening:
                 for stream in opening:
                     if stream is None:
                         yield None
                 for i in numbers:
                     yield i, _native_plane(stream, storage, pictures[i].number)
         except read.problems():
-            raise damaged(storage.path) from None
+            raise damage_error(storage.path) from None
 
 
 def _native_plane(stream, storage: Storage, frame: int) -> np.ndarray:
@@ -112,7 +112,7 @@ def _rle_plane(picture: ImageFrame, places) -> np.ndarray:
 
     storage = picture.storage
     if storage.allocated == 1:
-        raise damaged(storage.path)  # bytes are encoded, no bits
+        raise damage_error(storage.path)  # bytes are encoded, no bits
     data = _frame_data(storage, places[storage.path][picture.number])
     try:
         words = read.quietly(
@@ -122,7 +122,7 @@ def _rle_plane(picture: ImageFrame, places) -> np.ndarray:
             bits_stored=storage.allocated, pixel_keyword="PixelData",
         )[0]  # fmt: skip
     except read.problems():
-        raise damaged_frame(storage.path, picture.number) from None
+        raise frame_damage_error(storage.path, picture.number) from None
     return _plane(np.ascontiguousarray(words).reshape(-1), storage, storage.stored, storage.high)
 
 
@@ -134,20 +134,20 @@ def _child_planes(pictures, chosen, places):
         codec = "libjpeg" if storage.syntax in JPEG else "openjpeg"
         orders.append(Order(i, storage.path, number, codec, places[storage.path][number]))
     limit = max((pictures[i].storage.rows * pictures[i].storage.columns * 4 for i in chosen), default=0)
-    for answer in decoded_frames(orders, limit):
+    for answer in decode_frames(orders, limit):
         if answer is None:
             yield None
             continue
         order, data = answer
-        yield order.index, _decoded_plane(pictures[order.index], data, places)
+        yield order.index, _decode_plane(pictures[order.index], data, places)
 
 
-def _decoded_plane(picture: ImageFrame, data: bytes, places) -> np.ndarray:
+def _decode_plane(picture: ImageFrame, data: bytes, places) -> np.ndarray:
     """Stored voxels from what a decoder returned: words of one, two or four bytes, low bits used."""
     storage = picture.storage
     size, rest = divmod(len(data), storage.rows * storage.columns)
     if rest or size not in (1, 2, 4):
-        raise damaged_frame(storage.path, picture.number)
+        raise frame_damage_error(storage.path, picture.number)
     precision = _header(storage, places[storage.path][picture.number]).precision
     bits = min(storage.stored, precision, 8 * size)
     words = np.frombuffer(data, f"u{size}")
@@ -161,12 +161,12 @@ def _check_compressed(picture: ImageFrame, places) -> None:
     storage = picture.storage
     if storage.syntax == RLE:
         if sum(length for frame in places for _, length in frame) * RLE_RATIO < storage.total_bytes:
-            raise damaged(storage.path)
+            raise damage_error(storage.path)
         return
     for number, fragments in enumerate(places):
         header = _header(storage, fragments)
         if header is None:
-            raise damaged_frame(storage.path, number)
+            raise frame_damage_error(storage.path, number)
         if header.components != 1:
             raise wrong_frame(storage.path, number, "a color picture", "gray values")
         if (header.rows, header.columns) != (storage.rows, storage.columns):
@@ -193,7 +193,7 @@ def _frame_data(storage: Storage, fragments, most: int | None = None) -> bytes:
                 if most is not None and there >= most:
                     break
     except OSError:
-        raise damaged(storage.path) from None
+        raise damage_error(storage.path) from None
     return b"".join(parts)
 
 
@@ -215,12 +215,12 @@ def _fragments(storage: Storage) -> list[tuple]:
                 table = list(struct.unpack(f"<{len(storage.tables[0]) // 8}Q", storage.tables[0]))
             frames = _frames_of(items, [start + offset + 8 for offset in table], storage, stream)
     except read.problems():
-        raise damaged(storage.path) from None
+        raise damage_error(storage.path) from None
     last = items[-1][0] + items[-1][1] if items else 0
     if last > storage.size:
         raise breaks_off(storage.path, storage.size - storage.offset, last - storage.offset)
     if len(frames) != storage.frames or not all(frames):
-        raise damaged(storage.path)
+        raise damage_error(storage.path)
     return frames
 
 

@@ -12,13 +12,13 @@ from ...runtime.memory import bytes_text, refuse_beyond
 from ...runtime.steps import Progress, part
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
-from ..header import checked_frame, frame_remark
+from ..header import check_frame, frame_remark
 from . import elements
 from .discovery import FoundPictures, find_pictures
-from .grouping import ENOUGH_SLICES, Group, chosen, groups_of, has_geometry
+from .grouping import ENOUGH_SLICES, Group, choose_group, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
-from .refusals import damaged, segmentation_alone
+from .refusals import damage_error, segmentation_alone
 from .segmentation import read_segmentation_steps
 from .stacking import Stack
 from .titles import group_title, volume_name
@@ -105,7 +105,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     spacing : (sx, sy, sz) or None
         Distances between voxels in mm, for files that do not say where they lie.
     series_key : str or None
-        ``Volume.series`` of a series that was read before, to be found again; see ``grouping.chosen``.
+        ``Volume.series`` of a series that was read before, to be found again; see ``grouping.choose_group``.
 
     Returns
     -------
@@ -124,12 +124,12 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     groups = groups_in(found)
-    group = chosen(groups, series, group_title, series_key)
-    number = checked_frame(path, frame, len(group.frames))
+    group = choose_group(groups, series, group_title, series_key)
+    number = check_frame(path, frame, len(group.frames))
     stack = group.stack(number - 1, spacing)
     pictures = group.frames[number - 1]
     if found.broken and stack.kind != "even":  # a damaged file may well be one of the slices that are missing
-        raise damaged(found.broken[0])
+        raise damage_error(found.broken[0])
     for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
         check_size(storage)
     mapping = common_mapping(pictures)

@@ -20,7 +20,7 @@ class Damaged(Refused):
     """A file that cannot be parsed."""
 
 
-def damaged(path) -> Damaged:
+def damage_error(path) -> Damaged:
     """The file cannot be parsed."""
     return Damaged(f"{Path(path).name} is damaged and cannot be read; copy it again.")
 
@@ -36,7 +36,7 @@ def breaks_off(path, there: int, needed: int) -> Refused:
     return Refused(f"{Path(path).name} breaks off: {there} of {needed} bytes of voxels are there; copy it again.")
 
 
-def damaged_frame(path, number: int) -> Refused:
+def frame_damage_error(path, number: int) -> Refused:
     """A compressed frame cannot be decoded; ``number`` counts from 0."""
     return Refused(f"Frame {number + 1} of {Path(path).name} is damaged and cannot be decoded; copy the file again.")
 

@@ -7,15 +7,15 @@ import math
 import numpy as np
 
 from ...runtime.memory import bytes_text, refuse_beyond
-from ...runtime.steps import Progress, mapped, within
+from ...runtime.steps import Progress, map_steps, within
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
 from .grouping import collect_planes, has_geometry, parallel_parts
 from .pictures import check_size, frame_steps
 from .pixels import stored_planes
-from .refusals import Refused, damaged, no_positions
-from .stacking import Stack, axes, common_orientation, places, sorted_along, stack
+from .refusals import Refused, damage_error, no_positions
+from .stacking import Stack, axes, common_orientation, places, sort_along, stack
 
 LARGEST_LABEL = (1 << 16) - 1
 D50_WHITE = np.array([0.9642, 1.0, 0.8251])  # of the profile connection space, in which DICOM gives colors
@@ -47,15 +47,15 @@ def read_segmentation_steps(found: read.Elements):
     """
     try:
         doing = Progress(0.0, f"Reading the header of {found.path.name}")
-        pictures, segments, labels, threshold = yield from mapped(within(_facts(found), read.quiet), lambda _: doing)
+        pictures, segments, labels, threshold = yield from map_steps(within(_facts(found), read.quiet), lambda _: doing)
         stacked, at = read.quietly(_stack, pictures, found)
     except read.problems():
-        raise damaged(found.path) from None
+        raise damage_error(found.path) from None
     check_size(pictures[0].storage)
     storage = pictures[0].storage
     highest = max([label.label for label in labels] + [s or 0 for s in segments])
     if highest > LARGEST_LABEL:
-        raise damaged(found.path)
+        raise damage_error(found.path)
     dtype = np.dtype(np.uint8 if highest < 256 and storage.allocated <= 8 else np.uint16)
     shape = (stacked.slices, storage.rows, storage.columns)
     what = f"{storage.columns} x {storage.rows} x {stacked.slices} labels"
@@ -95,7 +95,7 @@ def _facts(found: read.Elements):
 def _segments(pictures, found: read.Elements) -> list:
     """The number of the segment of each frame; None for all in a label map."""
     if not found.frames:
-        raise damaged(found.path)
+        raise damage_error(found.path)
     if not all(has_geometry(picture) for picture in pictures):
         raise no_positions()
     if read.text(found.dataset, "SegmentationType") == "LABELMAP":
@@ -106,7 +106,7 @@ def _segments(pictures, found: read.Elements) -> list:
         own = read.item(frame, "SegmentIdentificationSequence") or read.item(shared, "SegmentIdentificationSequence")
         number = read.whole(own, "ReferencedSegmentNumber")
         if number is None or number < 1:
-            raise damaged(found.path)
+            raise damage_error(found.path)
         segments.append(number)
     return segments
 
@@ -132,7 +132,7 @@ def _stack(pictures, found: read.Elements) -> tuple[Stack, list[list[int]]]:
     if parallel_parts(pictures)[1:]:
         raise Refused(f"{found.path.name} holds segments in several directions; export each as a file of its own.")
     normal, positions = axes(common_orientation(orientations))[2], np.array(positions)
-    order = sorted_along(positions, normal)
+    order = sort_along(positions, normal)
     place = places(positions, normal)
     distinct = positions[order][np.unique(place[order], return_index=True)[1]]
     if len(distinct) == 1:

@@ -82,7 +82,7 @@ def axes(orientation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return row, column, np.cross(row, column)
 
 
-def sorted_along(positions, normal) -> np.ndarray:
+def sort_along(positions, normal) -> np.ndarray:
     """Indices that sort positions (n, 3) along ``normal``; equal ones keep their order."""
     return np.argsort(np.asarray(positions, dtype=np.float64) @ normal, kind="stable")
 
@@ -138,7 +138,7 @@ def parallel_lines(positions, row, column) -> np.ndarray:
     offsets within the slice share a number.
     """
     positions = np.asarray(positions, dtype=np.float64)
-    if _off_line(positions[sorted_along(positions, np.cross(row, column))]) <= MOST_MM:
+    if _off_line(positions[sort_along(positions, np.cross(row, column))]) <= MOST_MM:
         return np.zeros(len(positions), dtype=np.int64)
     return parts_at_gaps(np.stack([positions @ row, positions @ column], axis=1), MOST_MM)
 
