@@ -114,7 +114,7 @@ MUTANTS = (
     Mutant(
         "a look-up by what is not outside, which NaN never is", "V6",
         ((
-            "classify/visible.py",
+            "classify/reference.py",
             "((values[:, None] >= shown.intervals[:, 0]) & (values[:, None] < shown.intervals[:, 1]))",
             "(~((values[:, None] < shown.intervals[:, 0]) | (values[:, None] >= shown.intervals[:, 1])))",
         ),),
@@ -123,15 +123,15 @@ MUTANTS = (
     Mutant(
         "infinities not brought to the end values", "V7",
         ((
-            "classify/classification.py",
-            "values = np.clip(stored.astype(np.float64) * scaling[0] + scaling[1], -LARGEST, LARGEST)",
-            "values = stored.astype(np.float64) * scaling[0] + scaling[1]",
+            "classify/reference.py",
+            "values = np.clip(stored.astype(np.float64) * slope + intercept, -LARGEST, LARGEST)\n    return",
+            "values = stored.astype(np.float64) * slope + intercept\n    return",
         ),),
         (STORED, "-k", "V7_V9 and numpy"),
     ),
     Mutant(
         "a normal of any gradient, zero too", "V8",
-        (("volume/gradient.py", "np.where(keep, world.T / length, 0.0)", "world.T / length"),),
+        (("volume/reference.py", "np.where(keep, world.T / length, 0.0)", "world.T / length"),),
         (STORED, "-k", "V8_a_constant_volume_has and numpy"),
     ),
     Mutant(
