@@ -58,9 +58,9 @@ class _SealedFiles(IndexDataCacheFile):
     def _load_index(self):
         try:
             _refuse_damaged(self._index_path)
-        except OSError:
+            return super()._load_index()
+        except (OSError, AttributeError, ImportError):  # an index of an earlier version may name classes that are gone
             return {}
-        return super()._load_index()
 
     def _load_data(self, name):
         _refuse_damaged(self._data_path(name))

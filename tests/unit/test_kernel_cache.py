@@ -57,6 +57,26 @@ def test_every_version_is_found_again(tmp_path):
     assert len(list(tmp_path.glob("*.nbc"))) == 2  # what is compiled once more replaces the former file
 
 
+class _Argument:
+    """The type of a kernel's argument."""
+
+
+@pytest.mark.parametrize("gone", ["class", "module"])
+def test_an_index_that_names_a_class_of_an_earlier_version_counts_as_missing(tmp_path, monkeypatch, gone):
+    files = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
+    with monkeypatch.context() as patch:
+        if gone == "module":
+            patch.setitem(sys.modules, "earlier_module", sys.modules[__name__])
+            patch.setattr(_Argument, "__module__", "earlier_module")
+        files.save((_Argument,), "for the class")
+    with monkeypatch.context() as patch:
+        if gone == "class":
+            patch.delattr(sys.modules[__name__], "_Argument")
+        assert files.load(("float32",)) is None
+        files.save(("float32",), "for float32")
+    assert files.load(("float32",)) == "for float32"
+
+
 def test_the_oldest_editions_of_a_kernel_are_removed(tmp_path):
     """The last part of a key is the digest of the sources."""
     files = _SealedFiles(str(tmp_path), "kernel-1.py311", "stamp")
