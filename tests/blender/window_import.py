@@ -190,8 +190,8 @@ def check_chooser():
 def check_playback():
     """After a frame change the next frame is read ahead; a followed backdrop shows its frame."""
     yield from new_file()
-    for frame in range(1, 5):
-        (FOLDER / f"beat_{frame:02d}.raw").write_bytes(bytes([50 * frame]) * 64**3)
+    for frame in range(1, 5):  # darker and darker: a brighter one would look as the first does
+        (FOLDER / f"beat_{frame:02d}.raw").write_bytes(bytes([250 - 50 * frame]) * 64**3)
     with in_the_view():
         bpy.ops.rle_splat.import_volume(
             filepath=str(FOLDER / "beat_01.raw"), shape=(64, 64, 64), dtype="uint8", spacing=(1, 1, 1),
