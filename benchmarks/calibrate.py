@@ -257,24 +257,24 @@ def main(arguments) -> int:
     parser.add_argument("--observations", type=Path, help="write the measurements to this file too")
     options = parser.parse_args(arguments)
     written = json.loads((options.output if options.output.exists() else plan_model.CALIBRATION).read_text())
-    told, began = {}, time.perf_counter()
+    observed, began = {}, time.perf_counter()
     for classification in (part for part in CLASSIFICATIONS if part in options.part):
         base = Quality(classification=classification)
-        told[classification] = []
+        observed[classification] = []
         for name, scene in calibration_scenes():
             start = time.perf_counter()
-            told[classification].append({"name": name, **observe(scene, base)})
+            observed[classification].append({"name": name, **observe(scene, base)})
             spent = time.perf_counter() - start
             print(f"{classification}: {name}, {spent:.1f} s", flush=True)
-        constants, fit = fitted(told[classification], base)
+        constants, fit = fitted(observed[classification], base)
         written["classifications"][classification], written["fit"][classification] = constants, fit
         for share, ratio in fit["measured_over_predicted"].items():
             print(f"{classification}: the error of {share} of the plans is at most {ratio:.2f} times the prediction")
     if PRESETS in options.part:  # last, since it changes the clock
-        plans, told[PRESETS] = calibrate_presets()
+        plans, observed[PRESETS] = calibrate_presets()
         written[PRESETS] = [plan.report() for plan in plans]
     if options.observations:
-        options.observations.write_text(json.dumps(told))
+        options.observations.write_text(json.dumps(observed))
     options.output.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
     print(f"Wrote {options.output} in {time.perf_counter() - began:.0f} s.")
     return 0

@@ -79,7 +79,7 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
     """Generator of Progress: the Rendering of panel ``n`` of ``count``."""
     which = f"Panel {n + 1} of {count}: " if count > 1 else ""
 
-    def told(step: Progress) -> Progress:
+    def show_step(step: Progress) -> Progress:
         return Progress(LAYOUT * (n + step.fraction) / count, which + step.message)
 
-    return (yield from map_steps(render_steps(scene, quality, cache), told))
+    return (yield from map_steps(render_steps(scene, quality, cache), show_step))

@@ -53,7 +53,7 @@ RECORDS, SCALARS, LIGHT, NORMALS = "records", "scalars", "light", "normals"  # t
 
 @dataclass(frozen=True, eq=False)
 class _ChunkTables:
-    """The tables of a chunk by name, what the header is told of it, and its visible voxels."""
+    """The tables of a chunk by name, what the header says of it, and its visible voxels."""
 
     tables: dict
     facts: dict

@@ -131,14 +131,14 @@ def forward(steps):
     """Generator of Progress whose fractions never fall, from one whose fractions may; return its result."""
     reached = 0.0
 
-    def told(step: Progress) -> Progress:
+    def raise_fraction(step: Progress) -> Progress:
         nonlocal reached
         if step.fraction < reached:
             return Progress(reached, step.message)
         reached = step.fraction
         return step
 
-    return map_steps(steps, told)
+    return map_steps(steps, raise_fraction)
 
 
 def within(steps, context):

@@ -213,9 +213,9 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ca
 def test_the_removed_backend_is_accepted_and_a_sentence_says_so(call, picture, raw, raw_options, tmp_path):
     sentence = "The option --backend was removed; numba is used where it can be loaded, and numpy elsewhere."
     expected, report = picture()
-    found, told = picture("--backend", "numpy")
-    assert np.array_equal(found, expected) and told["plan"]["backend"] == report["plan"]["backend"]
-    assert told["remarks"].count(sentence) == 1 and sentence not in report["remarks"]
+    found, its_report = picture("--backend", "numpy")
+    assert np.array_equal(found, expected) and its_report["plan"]["backend"] == report["plan"]["backend"]
+    assert its_report["remarks"].count(sentence) == 1 and sentence not in report["remarks"]
     words = (raw, *raw_options, "--backend", "auto")
     for command in (
         ("encode", *words, "-o", tmp_path / "x.rle"),

@@ -90,11 +90,11 @@ class PlannerSession:
         """
         given = self.features, self.quality, tolerance, self.model
         if self.estimate is None:
-            return self._told(choose(*given, self.machine, correction, slack, only))
+            return self._with_expected_times(choose(*given, self.machine, correction, slack, only))
         rays = self.estimate, self.ray_cost
-        return self._told(choose_with_rays(*given, *rays, self.machine, correction, only))
+        return self._with_expected_times(choose_with_rays(*given, *rays, self.machine, correction, only))
 
-    def _told(self, choice: Choice) -> Choice:
+    def _with_expected_times(self, choice: Choice) -> Choice:
         """The choice with the times that are expected in this run."""
         speed = Speed.of(self.model, self.features, self.pilots, choice.plan, self.latest)
         rays_ms = 0.0
@@ -134,11 +134,11 @@ def picture_steps(
     ``message`` stands in place of the pipeline's own messages, except where kernels are compiled.
     """
 
-    def told(step: Progress) -> Progress:
+    def show_step(step: Progress) -> Progress:
         fraction = begin + (end - begin) * step.fraction
         return Progress(fraction, step.message if "kernels" in step.message else message)
 
-    return map_steps(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), told)
+    return map_steps(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), show_step)
 
 
 def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float, refuse_empty_view: bool = True):
