@@ -6,33 +6,36 @@ import errno
 import io
 import os
 import sys
+from contextlib import contextmanager
 
 READER_ENDED = errno.EPIPE, errno.EINVAL  # Windows reports the latter
 OUTPUTS = {"stdout": 1, "stderr": 2}  # attribute of sys -> file descriptor
 
 
-class _Lasting(io.RawIOBase):
-    """Writes to a file descriptor; what is written after its reader has ended (``| head``) is dropped."""
+class _Lasting(io.BufferedWriter):
+    """What is written after its reader has ended (``| head``) is dropped.
 
-    def __init__(self, descriptor: int):
-        self._descriptor = descriptor
-
-    def writable(self) -> bool:
-        return True
-
-    def fileno(self) -> int:
-        return self._descriptor
-
-    def isatty(self) -> bool:
-        return os.isatty(self._descriptor)
+    The file below it is Python's own: one written in Python could be stopped (Ctrl+C) between the system's call and its
+    return, and its bytes would be written once more at the end.
+    """
 
     def write(self, data) -> int:
-        try:
-            return os.write(self._descriptor, data)
-        except OSError as problem:
-            if problem.errno not in READER_ENDED:
-                raise
-            return len(data)
+        with _reader_may_end():
+            return super().write(data)
+        return len(data)
+
+    def flush(self) -> None:
+        with _reader_may_end():
+            super().flush()
+
+
+@contextmanager
+def _reader_may_end():
+    try:
+        yield
+    except OSError as problem:
+        if problem.errno not in READER_ENDED:
+            raise
 
 
 def settle_streams() -> None:
@@ -51,7 +54,7 @@ def settle_streams() -> None:
         if stream is not None and stream.isatty():
             stream.reconfigure(errors="backslashreplace")
             continue
-        raw = io.BufferedWriter(_Lasting(descriptor))
+        raw = _Lasting(io.FileIO(descriptor, "wb", closefd=False))
         encoding = "utf-8" if stream is None else stream.encoding
         lines = name == "stderr" or (stream is not None and stream.write_through)  # python -u
         setattr(sys, name, io.TextIOWrapper(raw, encoding, errors="backslashreplace", line_buffering=lines))

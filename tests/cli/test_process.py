@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import gzip
+import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -106,12 +108,45 @@ def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_work(tmp_path,
     assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
 
 
-def test_windows_reports_a_reader_that_went_away_as_an_invalid_argument(monkeypatch):
-    def refuse(_descriptor, _data):
-        raise OSError(errno.EINVAL, "Invalid argument")
+def test_windows_reports_a_reader_that_went_away_as_an_invalid_argument():
+    class Ended(io.RawIOBase):
+        def writable(self):
+            return True
 
-    monkeypatch.setattr(os, "write", refuse)
-    assert streams._Lasting(1).write(b"dropped") == 7
+        def write(self, _data):
+            raise OSError(errno.EINVAL, "Invalid argument")
+
+    stream = streams._Lasting(Ended(), 4)
+    assert stream.write(b"dropped") == 7 and stream.write(b"too") == 3
+    stream.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no interval timers")
+def test_a_line_that_is_stopped_is_written_once():
+    """The timer's signals come anywhere within ``print``."""
+    program = """if True:
+        import signal
+        from rle_splat.cli.streams import settle_streams
+        def stop(*_):
+            if printing:
+                raise KeyboardInterrupt
+        printing = False
+        settle_streams()
+        signal.signal(signal.SIGALRM, stop)
+        signal.setitimer(signal.ITIMER_REAL, 5e-5, 5e-5)
+        for number in range(20000):
+            try:
+                printing = True
+                print(f"<{number}>", flush=True)
+            except KeyboardInterrupt:
+                pass
+            finally:
+                printing = False
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    """
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    lines = re.findall(r"<\d+>", done.stdout)  # an end of line may be missing
+    assert done.stderr == "" and len(lines) > 1000 and len(lines) == len(set(lines))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="its shell cannot close streams")
