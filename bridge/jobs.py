@@ -12,7 +12,7 @@ import time
 import bpy
 from bpy.app.translations import pgettext_iface
 
-from ..rle_splat.runtime.steps import Progress, drain, part
+from ..rle_splat.runtime.steps import Progress, drain, rescale
 from ..rle_splat.scene import Cancelled, RleSplatError
 from . import loading, volumes
 from .canvas import redraw, redraw_sidebars
@@ -148,7 +148,7 @@ class StepwiseOperator:
 
     def _prepared_after(self, loading):
         """Generator: load voxels, then read everything else and do the work."""
-        yield from part(loading, 0.0, LOADING)
+        yield from rescale(loading, 0.0, LOADING)
         return (yield from self.prepare(bpy.context))
 
     def _work_a_while(self, context):

@@ -13,7 +13,7 @@ import numpy as np
 from ..rle_splat.classify.label_styles import LabelStyle, labels_of
 from ..rle_splat.read.formats import RAW, format_of
 from ..rle_splat.read.labels import read_label_steps
-from ..rle_splat.runtime.steps import drain, part, portion
+from ..rle_splat.runtime.steps import announce, drain, rescale
 from ..rle_splat.scene import Labels, RleSplatError
 from ..rle_splat.volume.counts import counts_values, stored_values
 from ..rle_splat.volume.measure import measure_steps
@@ -156,7 +156,7 @@ def _read_steps(file: LabelFile, volume):
     """Generator of Progress: read a LabelMap."""
     try:
         volumes.expose_modules()
-        found = yield from part(read_label_steps(file.path, volume), 0.0, READING)
+        found = yield from rescale(read_label_steps(file.path, volume), 0.0, READING)
     except RleSplatError as problem:
         if format_of(file.path) is not RAW:
             raise
@@ -164,8 +164,8 @@ def _read_steps(file: LabelFile, volume):
         raise RleSplatError(
             f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
         ) from problem
-    yield from part(measure_steps(found), READING, COUNTING)
-    values = yield from portion(_value_steps(found), COUNTING, 1.0, "reading labels")
+    yield from rescale(measure_steps(found), READING, COUNTING)
+    values = yield from announce(_value_steps(found), COUNTING, 1.0, "reading labels")
     return LabelMap(found, values)
 
 

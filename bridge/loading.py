@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..rle_splat.runtime.steps import part
+from ..rle_splat.runtime.steps import rescale
 from ..rle_splat.scene import RleSplatError
 from . import channels, labels, volumes
 from .loop import store
@@ -110,14 +110,14 @@ def withdraw_unused(owner, depsgraph) -> None:
 def _one_after_another(steps, file, labels_wish, channel_steps):
     """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None; ``channel_steps``: (steps, Wish)."""
     each = 1.0 / (1 + (file is not None) + len(channel_steps))
-    volume = yield from part(steps, 0.0, each)
+    volume = yield from rescale(steps, 0.0, each)
     done = each
     if file is not None:
-        yield from part(labels.load_steps(labels_wish, file, volume), done, done + each)
+        yield from rescale(labels.load_steps(labels_wish, file, volume), done, done + each)
         done += each
     for one, wish in channel_steps:
-        channel = yield from part(one, done, done + VOXELS * each)
-        yield from part(channels.placed_steps(wish, channel, volume), done + VOXELS * each, done + each)
+        channel = yield from rescale(one, done, done + VOXELS * each)
+        yield from rescale(channels.placed_steps(wish, channel, volume), done + VOXELS * each, done + each)
         done += each
     return volume
 

@@ -13,7 +13,7 @@ import bpy
 
 from ..rle_splat.classify.presets import fit_steps
 from ..rle_splat.classify.transfer_function import TransferFunction
-from ..rle_splat.runtime.steps import Progress, portion
+from ..rle_splat.runtime.steps import Progress, announce
 from ..rle_splat.runtime.whole_files import whole_files
 from ..rle_splat.scene import RleSplatError
 from .file_names import is_reserved
@@ -217,4 +217,4 @@ def transfer_steps(name: str, volume):
     yield Progress(0.0, "reading a preset")
     if function.unit is None or function.unit == volume.value_unit:
         return function, ""
-    return (yield from portion(fit_steps(function, volume, name), 0.0, 1.0, "fitting a preset"))
+    return (yield from announce(fit_steps(function, volume, name), 0.0, 1.0, "fitting a preset"))

@@ -2,7 +2,7 @@
 
 from ..rle_splat.classify.default import default_transfer_function_steps
 from ..rle_splat.classify.presets import PRESETS, fit_preset_steps
-from ..rle_splat.runtime.steps import drain, portion
+from ..rle_splat.runtime.steps import announce, drain
 
 SUGGESTED = "AUTO"
 CHOOSING = "choosing a transfer function"
@@ -40,5 +40,5 @@ def chosen_transfer_steps(item: str, volume):
         Why it was chosen or how it was fitted, or "".
     """
     if item == SUGGESTED:
-        return (yield from portion(default_transfer_function_steps(volume), 0.0, 1.0, CHOOSING))
-    return (yield from portion(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))
+        return (yield from announce(default_transfer_function_steps(volume), 0.0, 1.0, CHOOSING))
+    return (yield from announce(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.read.dicom.titles import thumbnail
 from ..rle_splat.read.sequence import join_numbers, sequence_of
-from ..rle_splat.runtime.steps import Progress, part, portion
+from ..rle_splat.runtime.steps import Progress, announce, rescale
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.checks import check_values
 from ..rle_splat.volume.histogram import Histogram, histogram_steps
@@ -75,11 +75,11 @@ def found_steps(path: str, options):
                 f"{os.path.basename(path)} is not one of several files whose names differ in a number alone; switch "
                 "Sequence off, or choose one of the numbered files."
             )
-    volume = yield from part(volumes.file_steps(path, given), 0.0, MEASURING)
+    volume = yield from rescale(volumes.file_steps(path, given), 0.0, MEASURING)
     if not volume.holds_values:
         return ReadSource(path, volume, None, 1, 1, volume.remarks)
     check_values(volume)
-    counted = yield from portion(histogram_steps(volume, BINS), MEASURING, 1.0, "counting the values")
+    counted = yield from announce(histogram_steps(volume, BINS), MEASURING, 1.0, "counting the values")
     if numbered is None:
         return ReadSource(path, volume, counted, given.get("frame", 1), volume.frames, volume.remarks)
     remarks = volume.remarks

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..rle_splat.classify.surface import Solid, color_steps, field_steps
 from ..rle_splat.read.vdb import load_openvdb
-from ..rle_splat.runtime.steps import Progress, part
+from ..rle_splat.runtime.steps import Progress, rescale
 from . import linked, versions
 from .attached import SURFACE
 
@@ -37,7 +37,7 @@ def surface_steps(solid: Solid):
     RleSplatError
         If nothing is inside, or there is not enough memory.
     """
-    field = yield from part(field_steps(solid), 0.0, FIELD)
+    field = yield from rescale(field_steps(solid), 0.0, FIELD)
     yield Progress(FIELD, "making quads")
     grid = load_openvdb().FloatGrid(float(field[0, 0, 0]))
     grid.copyFromArray(field)
@@ -52,7 +52,7 @@ def surface_steps(solid: Solid):
         quads = np.ascontiguousarray(quads[:, ::-1])
     yield Progress(QUADS, "coloring the surface")
     normals = _normals(points, quads) * np.sign(np.linalg.det(solid.volume.affine[:3, :3]))
-    colors = yield from part(color_steps(solid, points, normals), QUADS, 1.0)
+    colors = yield from rescale(color_steps(solid, points, normals), QUADS, 1.0)
     return points, quads, colors
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.pipeline.thumbnail import SIDE, VOXELS, thumbnail_key, thumbnail_steps
-from ..rle_splat.runtime.steps import part, portion
+from ..rle_splat.runtime.steps import announce, rescale
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.reduced import factors_of, reduce_steps
 from . import jobs, kernel_preparation, live, preset_entries, thumbnail_files, viewports, volumes
@@ -218,7 +218,7 @@ def picture_steps(entry: Entry, volume):
     RleSplatError
         If the preset cannot be read, or nothing can be rendered, or its kernels would have to be compiled first.
     """
-    function, _ = yield from part(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
+    function, _ = yield from rescale(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
     key = thumbnail_key(volume, function)
     kept = thumbnail_files.load(key)
     if kept is not None:
@@ -226,10 +226,10 @@ def picture_steps(entry: Entry, volume):
     if function.gradient_opacity is not None and kernel_preparation.are_missing():  # the viewport compiled the others
         raise RleSplatError("A preset with gradient opacity has no thumbnail until kernels are prepared.")
     if not _coarse or _coarse[0].key != volume.key:
-        small = yield from portion(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
+        small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]
     coarse = _coarse[0]
     spacing = float(volume.spacing.min())
-    pixels = yield from part(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
+    pixels = yield from rescale(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
     thumbnail_files.save(key, pixels)
     return pixels

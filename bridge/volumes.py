@@ -12,7 +12,7 @@ import bpy
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.read.formats import read_steps
 from ..rle_splat.read.sequence import sequence_of
-from ..rle_splat.runtime.steps import drain, part
+from ..rle_splat.runtime.steps import drain, rescale
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.measure import measure_steps
 from . import encoded, file_state
@@ -88,8 +88,8 @@ def file_steps(path: str, options: dict):
     if encoded.is_encoded(path):
         return (yield from encoded.open_steps(path, options))
     expose_modules()
-    volume = yield from part(read_steps(path, **options), 0.0, READING)
-    yield from part(measure_steps(volume), READING, 1.0)
+    volume = yield from rescale(read_steps(path, **options), 0.0, READING)
+    yield from rescale(measure_steps(volume), READING, 1.0)
     return volume
 
 

@@ -17,7 +17,7 @@ from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suff
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.read.tiff import is_page
-from ..rle_splat.runtime.steps import Progress, part
+from ..rle_splat.runtime.steps import Progress, rescale
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
 
@@ -151,18 +151,18 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             if len(paths) == 1:
                 source_options.copy(self, options)
             options.use_sequence = self.use_sequence
-            read.append((yield from part(self._one_steps(path, options), i / len(paths), (i + 1) / len(paths))))
+            read.append((yield from rescale(self._one_steps(path, options), i / len(paths), (i + 1) / len(paths))))
         return read
 
     def _one_steps(self, path: str, options):
         path = encoded.place_of(path)
         if os.path.isfile(path) and format_of(path) is RAW:
             yield from self._completed_steps(path, options)
-        found = yield from part(found_steps(path, options), 0.0, CHOOSING)
+        found = yield from rescale(found_steps(path, options), 0.0, CHOOSING)
         if not found.volume.holds_values:
             return found, options, None, encoded.STORED_VALUES
         source_options.keep_level(options, found.volume)
-        transfer_function, reason = yield from part(
+        transfer_function, reason = yield from rescale(
             chosen_transfer_steps(self.preset, found.volume), CHOOSING, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own
         return found, options, transfer_function, reason

@@ -76,7 +76,7 @@ class _Pieces:
         return first, replace(first, begin=first.end, end=self.end, near=first.far, far=self.far)
 
 
-def _joined(parts: list[_Pieces]) -> _Pieces:
+def _join(parts: list[_Pieces]) -> _Pieces:
     names = list(_Pieces.__dataclass_fields__)[1:]
     return _Pieces(parts[0].table, *(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
@@ -156,15 +156,15 @@ class _Order:
         return reached, (reached - table)[self._ray, self._number]
 
 
-def _sorted(pieces: _Pieces, *others):
+def _sort(pieces: _Pieces, *others):
     order = np.lexsort((pieces.near, pieces.ray))
     return pieces[order], *(other[order] for other in others)
 
 
-def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pieces, np.ndarray]:
+def _refine(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pieces, np.ndarray]:
     """Halve pieces until the differences of halves and wholes, as seen from the eye, add up to at most the tolerance on
     each ray; return the pieces in order and their integrals."""
-    pieces, whole = _sorted(pieces, _integrals(medium, pieces))
+    pieces, whole = _sort(pieces, _integrals(medium, pieces))
     before = _Order(pieces, count).running(whole[:, 3])[1]
     on_ray = np.bincount(pieces.ray, minlength=count)[pieces.ray]
     pieces = replace(pieces, seen=np.exp(-before), allowed=tolerance / on_ray)
@@ -189,12 +189,12 @@ def _refined(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pi
         if not rough.any():
             break
         right = replace(right, seen=pieces.seen * passed)
-        pieces = _joined([left[rough], right[rough]])
+        pieces = _join([left[rough], right[rough]])
         whole = np.concatenate((first[rough], second[rough]))
     else:
         done.append(pieces)
         values.append(whole)
-    return _sorted(_joined(done), np.concatenate(values))
+    return _sort(_join(done), np.concatenate(values))
 
 
 def _half_depth(medium, pieces: _Pieces, missing: np.ndarray) -> np.ndarray:
@@ -257,5 +257,5 @@ def integrate(medium, rays: WorldRays, index_to_world, near=-np.inf, far=np.inf,
         pieces = _cut(medium, origin[part], step[part], rays.length_per_depth[part], near[part], far[part], clipped)
         if len(pieces.ray):
             size = part.stop - part.start
-            rgba[part], depth[part] = _compose(medium, *_refined(medium, pieces, size, tolerance), size)
+            rgba[part], depth[part] = _compose(medium, *_refine(medium, pieces, size, tolerance), size)
     return rgba, depth

@@ -123,13 +123,13 @@ class _Part:
         own = np.repeat(self._distances(volume, length), self.size)
         return self.alphas, optical_depth(self.alphas) / own, self.colors, own == distance
 
-    def looked_up(self, indices, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+    def look_up(self, indices, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
         """As ``tables``, evaluated for the voxels at ``indices``, indices into the flat volume."""
         numbers = 0 if self.labels is None else self._numbers(self.labels.reshape(-1)[indices])
         stored = self.stored[indices]
-        return self._evaluated(stored, np.broadcast_to(numbers, stored.shape), volume, length, distance)
+        return self._evaluate(stored, np.broadcast_to(numbers, stored.shape), volume, length, distance)
 
-    def _evaluated(self, stored, numbers, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
+    def _evaluate(self, stored, numbers, volume, length: float, distance: float) -> tuple[np.ndarray, ...]:
         """As ``tables``, evaluated for ``stored`` values (n,) and function ``numbers`` (n,)."""
         alpha, color = np.zeros(len(stored)), np.zeros((len(stored), 3))
         for number in np.unique(numbers):
@@ -161,15 +161,15 @@ class _Part:
         numbers = self._numbers_of(self.labels[begin : last + 1])
         return edge_shares(numbers, self._hidden, first - begin, last - begin, threads=threads)
 
-    def blended(self, edges: EdgeShares, offset: int, tables, volume, length: float, distance: float) -> tuple:
-        """As ``looked_up``, for the voxels beside edges: opacities and associated colors averaged by share.
+    def blend(self, edges: EdgeShares, offset: int, tables, volume, length: float, distance: float) -> tuple:
+        """As ``look_up``, for the voxels beside edges: opacities and associated colors averaged by share.
 
         ``offset``: index into the flat volume of the planes' first voxel. Opacities are those of the smallest spacing,
         about the length of a ray in a voxel: in an opaque label that covers half of a voxel, half of the light stays.
         """
         stored = self.stored[edges.source + offset]
         if tables is None:
-            _, extinction, color, _ = self._evaluated(stored, edges.number, volume, length, distance)
+            _, extinction, color, _ = self._evaluate(stored, edges.number, volume, length, distance)
         else:
             _, extinction, color, _ = (table[self._entries(stored, edges.number)] for table in tables)
         step = max(length * float(volume.spacing.min()), LEAST_DISTANCE)
@@ -182,12 +182,12 @@ class _Part:
         return -np.expm1(-extinction * distance), extinction, colors, np.ones(count, bool)
 
     def seen_beside(self, edges: EdgeShares, offset: int) -> np.ndarray:
-        """Which voxels beside edges are visible; ``offset`` as in ``blended``."""
+        """Which voxels beside edges are visible; ``offset`` as in ``blend``."""
         stored = self.stored[edges.source + offset]
         if self.has_tables:
             alpha = self.alphas[self._entries(stored, edges.number)]
         else:
-            alpha = self._evaluated(stored, edges.number, self.volume, 1.0, 1.0)[0]
+            alpha = self._evaluate(stored, edges.number, self.volume, 1.0, 1.0)[0]
         return edges.summed(alpha > 0.0) > 0.0
 
     def _entries(self, stored, numbers) -> np.ndarray:
@@ -263,7 +263,7 @@ class Mixture:
         counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen, rows = self._seen(first, last, threads), slice(first * ny, last * ny)
+            seen, rows = self._find_visible(first, last, threads), slice(first * ny, last * ny)
             count_seen(seen, counts[rows], row_pieces[rows], threads)
         return counts, row_pieces
 
@@ -291,7 +291,7 @@ class Mixture:
         column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen = self._seen(first, last, threads)
+            seen = self._find_visible(first, last, threads)
             put_columns(seen, row_start[first * ny : last * ny + 1], column, threads)
         stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
@@ -310,7 +310,7 @@ class Mixture:
             mixed = np.zeros((end - begin, PROPERTIES))
             for part, table in zip(self._parts, tables):
                 if table is None:
-                    mix(mixed, *part.looked_up(indices, self.volume, length, distance), distance)
+                    mix(mixed, *part.look_up(indices, self.volume, length, distance), distance)
                 else:
                     add_channel(
                         indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
@@ -318,7 +318,7 @@ class Mixture:
                     )
                 if part.is_smooth:
                     edges, offset = part.edges(first, last, threads), first * ny * nx
-                    blended = part.blended(edges, offset, table, self.volume, length, distance)
+                    blended = part.blend(edges, offset, table, self.volume, length, distance)
                     rows = np.searchsorted(indices, edges.at + offset)
                     own = np.flatnonzero(np.append(indices, -1)[rows] == edges.at + offset)  # those that are visible
                     rows = rows[own]
@@ -328,7 +328,7 @@ class Mixture:
             properties[begin:end, RED:] = mixed[:, 2:]
         return ClassifiedVolume(voxels, properties, False, length, distance)
 
-    def revealed_steps(self, *, threads: int = 0):
+    def reveal_steps(self, *, threads: int = 0):
         """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
 
         Yields
@@ -366,7 +366,7 @@ class Mixture:
         Parameters
         ----------
         voxels : VisibleVoxels
-            Voxels of the volume of ``revealed_steps``.
+            Voxels of the volume of ``reveal_steps``.
         depth : (m,) ndarray of float32
             Their optical depth over the smallest spacing.
         threads : int
@@ -381,7 +381,7 @@ class Mixture:
         -------
         (m,) ndarray of float32
             0 where a label hides, 1 where none does and no edge is near. A voxel of share s and optical depth t has the
-            opacity s (1 - exp(-t)), as in ``blended``.
+            opacity s (1 - exp(-t)), as in ``blend``.
         """
         own, factor = self._parts[0], np.empty(len(voxels), np.float32)
         nx, ny, nz = self.volume.shape_xyz
@@ -398,7 +398,7 @@ class Mixture:
             factor[begin:end] = np.divide(thinned, deep, out=share.copy(), where=(deep > 0.0) & (share < 1.0))
         return factor
 
-    def _seen(self, first: int, last: int, threads: int) -> np.ndarray:
+    def _find_visible(self, first: int, last: int, threads: int) -> np.ndarray:
         """(rows, nx) bool: which voxels of planes [first, last) are visible in any channel."""
         nx, ny, _ = self.volume.shape_xyz
         flat = slice(first * ny * nx, last * ny * nx)
@@ -410,7 +410,7 @@ class Mixture:
                     part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, threads=threads
                 )
             else:
-                seen |= part.looked_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
+                seen |= part.look_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
             if part.is_smooth:  # the first one, so that nothing else is marked yet
                 edges = part.edges(first, last, threads)
                 seen[edges.at] = part.seen_beside(edges, flat.start)

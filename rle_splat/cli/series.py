@@ -57,8 +57,8 @@ class FrameSeries:
     def ready(self, own) -> tuple[PreparedScene, str]:
         """Read a frame, and return it with the hash of everything that its pictures depend on."""
         if self._held is None and self._in_time and self.args.like not in (None, own.number):
-            self._settle(self._prepared(self._like_frame(own)))
-        prepared = self._prepared(own)
+            self._settle(self._prepare(self._like_frame(own)))
+        prepared = self._prepare(own)
         if self._held is None:
             self._settle(prepared)  # and keep the quality as it is, so that its report says why
         else:
@@ -76,7 +76,7 @@ class FrameSeries:
             [Path(path).suffix.lower() for path in outputs_of(own)],
         )  # fmt: skip
 
-    def _prepared(self, own) -> PreparedScene:
+    def _prepare(self, own) -> PreparedScene:
         if self._first is not None:
             return see_anew(own, self.checked, self._first)
         prepared, like = prepare(own, self.checked, self.line, self._like)

@@ -111,7 +111,7 @@ class EffectSet:
         found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
-    def fitted(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
+    def fit(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
         """The quality that the effects which are on can be rendered with.
 
         Parameters

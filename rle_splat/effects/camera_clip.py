@@ -78,8 +78,8 @@ class CameraClip(RayEffect):
         """See ``RayEffect.stage_of``."""
         return self.stage if ray_pass.surface is None else "occlusion"
 
-    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
-        """See ``RayEffect.shortened``."""
+    def shorten(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shorten``."""
         if not self.moves_depth and ray_pass.surface is None:
             return plane, intervals
         found = ray_intervals(plane, *self._distances, ray_pass.surface, ray_pass.first_pixel, threads=self._threads)

@@ -62,8 +62,8 @@ class ClipBodies(RayEffect):
         cuts = cuts_of(scene, quality)
         return None if cuts is None else cls(cuts, quality)
 
-    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
-        """See ``RayEffect.shortened``."""
+    def shorten(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shorten``."""
         quality = self._quality
         found = clip_intervals(plane, self._cuts, intervals, quality.threads)
         # A pass that takes pixels over needs all of the plane.

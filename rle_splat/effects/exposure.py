@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.steps import part
+from ..runtime.steps import rescale
 from ..scene import Rendering, Scene
 from .lens import DEPTH_OF_FIELD, lens_pictures, lens_points, see_through_lens
 from .motion import MOTION_BLUR, at_time, motion_pictures
@@ -108,7 +108,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
         still = blur.remove(still)
     made, count = [], len(scenes) + 1
     for number, sharp in enumerate((still, *scenes)):
-        one = yield from part(sharp_steps(sharp), number / count, (number + 1) / count)
+        one = yield from rescale(sharp_steps(sharp), number / count, (number + 1) / count)
         made.append(one.report)
         if sharp is still:
             depth, rgba = one.depth, np.zeros(one.rgba.shape, np.float64)

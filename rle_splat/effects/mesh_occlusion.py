@@ -56,23 +56,23 @@ class MeshSurfaces(RayEffect):
             found.append(RayPass(region, shown, surface, first_pixel, found[0] if found else None))
         return found
 
-    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
-        """See ``RayEffect.shortened``; ``CameraClip`` has shortened the rays, this leaves out repeated blocks."""
+    def shorten(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+        """See ``RayEffect.shorten``; ``CameraClip`` has shortened the rays, this leaves out repeated blocks."""
         if ray_pass.before is None:
             ray_pass.intervals[number] = plane, intervals
         else:
             ray_pass.alike[number] = leave_out_like(plane, intervals, *ray_pass.before.intervals[number])
         return plane, intervals
 
-    def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
-        """See ``RayEffect.completed``."""
+    def complete(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+        """See ``RayEffect.complete``."""
         if ray_pass.before is None:
             ray_pass.images[number] = image
         else:
             take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
 
-    def mixed(self, ray_pass: RayPass, picture, found):
-        """See ``RayEffect.mixed``."""
+    def mix(self, ray_pass: RayPass, picture, found):
+        """See ``RayEffect.mix``."""
         mix_layers(self._layers, self._scene.region, ray_pass.region, *picture, *found)
         return picture
 

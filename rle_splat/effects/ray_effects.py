@@ -47,10 +47,10 @@ class RayEffects:
 
     @property
     def shorten_rays(self) -> bool:
-        """Whether any rays may be shortened; known before ``inspect``."""
+        """Whether any rays may be shortened; known before ``leave_out_idle``."""
         return bool(self._chain)
 
-    def inspect(self, planes: list[BasePlane]) -> None:
+    def leave_out_idle(self, planes: list[BasePlane]) -> None:
         """Drop the effects that do nothing to the rays of some base planes.
 
         Parameters
@@ -103,12 +103,12 @@ class RayEffects:
         found = plane, None
         for effect in self._chain:
             with self._clock.stage(effect.stage_of(ray_pass)):
-                found = effect.shortened(ray_pass, number, *found)
+                found = effect.shorten(ray_pass, number, *found)
             if found is None:
                 return None
         return found
 
-    def drawn(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
+    def complete(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
         """The intermediate image of a plane, completed by the effects.
 
         Parameters
@@ -125,10 +125,10 @@ class RayEffects:
         """
         for effect in self._chain:
             with self._clock.stage(effect.stage):
-                effect.completed(ray_pass, number, image)
+                effect.complete(ray_pass, number, image)
         return image
 
-    def mixed(self, ray_pass: RayPass, picture, found):
+    def mix(self, ray_pass: RayPass, picture, found):
         """The picture with the result of a further pass.
 
         Parameters
@@ -149,10 +149,10 @@ class RayEffects:
         if picture is None:
             return found
         for effect in self._chain:
-            picture = effect.mixed(ray_pass, picture, found)
+            picture = effect.mix(ray_pass, picture, found)
         return picture
 
-    def within_clip(self, depth: np.ndarray) -> np.ndarray:
+    def clamp_to_clip(self, depth: np.ndarray) -> np.ndarray:
         """Clamp depths to the camera's clip distances where rays were shortened.
 
         Parameters

@@ -106,7 +106,7 @@ class RayEffect:
         """
         return passes
 
-    def shortened(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
+    def shorten(self, ray_pass: RayPass, number: int, plane: BasePlane, intervals):
         """Shorten the rays of a base plane.
 
         Parameters
@@ -125,7 +125,7 @@ class RayEffect:
         """
         return plane, intervals
 
-    def completed(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
+    def complete(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> None:
         """Fill in the pixels of a plane's image that were left out for this effect.
 
         Parameters
@@ -137,7 +137,7 @@ class RayEffect:
             Changed in place.
         """
 
-    def mixed(self, ray_pass: RayPass, picture, found):
+    def mix(self, ray_pass: RayPass, picture, found):
         """The picture with the result of a further pass.
 
         Parameters

@@ -169,14 +169,14 @@ def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)
-        codes = _swept(sweeps, occluders)
+        codes = _sweep(sweeps, occluders)
         if len(passes) == 1:
             return codes
         total += np.float32(weight) * codes
     return np.minimum(total + np.float32(0.5), np.float32(FULL)).astype(np.uint16)
 
 
-def _swept(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
+def _sweep(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
     """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
     voxels, threads = occluders.voxels, occluders.threads
     codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself

@@ -238,7 +238,8 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
         first, last = positions.span
         if compiled():
             with parallel_call(threads):
-                passes.fetch_across(*_moved(positions, words[first:last], read_only(_bytes(source))), *_across(voxels))
+                moved = _pack_move(positions, words[first:last], read_only(_bytes(source)))
+                passes.fetch_across(*moved, *_across(voxels))
         else:
             words[first:last] = source[find_targets(positions)]
 
@@ -288,7 +289,7 @@ def _place(positions: RecordPositions, words, voxel_words, threads):
     """Copy the records of some planes, as words in the order of the voxels, to the scanlines of the tables."""
     if compiled():
         with parallel_call(threads):
-            moved = _moved(positions, read_only(words), _bytes(voxel_words))
+            moved = _pack_move(positions, read_only(words), _bytes(voxel_words))
             if positions.across:
                 passes.place_across(*moved, *_across(positions.voxels))
             else:
@@ -297,7 +298,7 @@ def _place(positions: RecordPositions, words, voxel_words, threads):
         voxel_words[find_targets(positions)] = words
 
 
-def _moved(positions: RecordPositions, words, voxel_bytes) -> tuple:
+def _pack_move(positions: RecordPositions, words, voxel_bytes) -> tuple:
     """Arguments of kernels that move records: ``words`` (n, w) of some planes, and the bytes of all records."""
     size = words.itemsize * words.shape[1]
     if size > passes.MOST_BYTES:

@@ -115,7 +115,7 @@ class FolderWriter:
         """
         self._job = json.dumps({**job, "version": VERSION}, sort_keys=True)
         with writing(self.path):
-            self.chunks = self._left_behind() or []
+            self.chunks = self._read_left_behind() or []
             if not self.chunks:
                 self._begin_anew()
 
@@ -141,7 +141,7 @@ class FolderWriter:
         """Planes that are done."""
         return self.chunks[-1].planes if self.chunks else 0
 
-    def _left_behind(self) -> list[Chunk] | None:
+    def _read_left_behind(self) -> list[Chunk] | None:
         """The chunks that the same job has written before it was killed, with nothing behind them in any file."""
         try:
             first, *lines = (self.folder / JOURNAL).read_text(encoding="utf-8").splitlines(keepends=True)

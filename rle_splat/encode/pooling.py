@@ -15,7 +15,7 @@ from . import reference
 from .records import empty_records
 
 
-def pooled_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
+def pool_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
     """Average visible voxels to nodes.
 
     Parameters

@@ -85,9 +85,9 @@ class MappedTables:
         """RleSplatError if a mapped member was removed or cut since: a read beyond its end would end the program."""
         for name in self._mapped:
             with self._reading(name):
-                self._checked_size(name)
+                self._check_size(name)
 
-    def _checked_size(self, name: str) -> int:
+    def _check_size(self, name: str) -> int:
         """Bytes of a member, which are those of its chunks."""
         names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
         size, held = sum(int(chunk[one][0]) for chunk in self._chunks for one in names), self._members.size(name)
@@ -97,7 +97,7 @@ class MappedTables:
 
     def _map(self, name: str, dtype: np.dtype) -> np.ndarray:
         with self._reading(name):
-            if self._checked_size(name) == 0:  # an empty file cannot be mapped
+            if self._check_size(name) == 0:  # an empty file cannot be mapped
                 return np.empty(0, dtype)
             return self._members.array(name, dtype)
 
@@ -344,7 +344,7 @@ class StoredVolume:
                 found.append(self._unread(order, number))
                 continue
             if (order, number) not in self.opened:
-                self.opened[order, number] = self._checked(order, number)
+                self.opened[order, number] = self._check_chunk(order, number)
             found.append(self.opened[order, number])
         return found
 
@@ -355,7 +355,7 @@ class StoredVolume:
         of_voxels = next(iter(self._names(order).values()))
         return _ChunkCounts(none, none, *(self.mapped.entries(name, number) for name in (f"{order}.{RUNS}", of_voxels)))
 
-    def _checked(self, order: str, number: int) -> _ChunkCounts:
+    def _check_chunk(self, order: str, number: int) -> _ChunkCounts:
         """Of a chunk whose checksums and tables are checked."""
         of_voxels = self._names(order)
         names = [f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]

@@ -29,7 +29,7 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified(scene.volume.classification)
     effects, left = analyze_effects(scene, quality)
-    fitted, notes = effects.fitted(left, quality)
+    fitted, notes = effects.fit(left, quality)
     if fitted != quality:
         quality = fitted
         effects, left = analyze_effects(scene, quality)

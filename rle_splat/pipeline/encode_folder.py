@@ -28,9 +28,9 @@ from ..encode.scalars import center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.steps import Clock, Progress, drain, part, portion, time_steps
+from ..runtime.steps import Clock, Progress, announce, drain, rescale, time_steps
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
-from ..shade.normal_light import coded_normals, normal_light
+from ..shade.normal_light import code_normals, normal_light
 from ..shade.shading import DENSITY, normals
 from ..shade.voxel_light import voxel_light
 from ..volume.axes import AXES
@@ -121,13 +121,13 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     scene, clock, volume = analyze_effects(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
     steps = time_steps(key_steps(volume), clock, "classify")
-    volume.measured["voxel_key"] = yield from portion(steps, 0.0, 0.02, looking)
+    volume.measured["voxel_key"] = yield from announce(steps, 0.0, 0.02, looking)
     kind = _ClassifiedChunks if quality.classification == "pre" else _ScalarChunks
     chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
     resumed = writer.planes
-    has_coarse = yield from part(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
-    yield from portion(time_steps(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+    has_coarse = yield from rescale(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
+    yield from announce(time_steps(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
     nx, ny, nz = volume.shape_xyz
     density = 1.0  # visible voxels among all; of the first chunk nothing is known
     while (first := writer.planes) < nz:
@@ -135,7 +135,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
         yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
         try:
             with clock.stage("encode"):
-                made = chunks.encoded(first, last)
+                made = chunks.encode_chunk(first, last)
                 writer.append(last, made.tables, {**made.facts, "visible": made.visible})
         except TooLargeError:
             if last == first + 1:
@@ -165,11 +165,11 @@ def _coarse_steps(scene: Scene, quality: Quality, path, axes, source: str):
         side *= 2
     if side > 1 and not is_folder_form(path):
         factors = tuple(min(side, count) for count in volume.shape_xyz)
-        larger = yield from portion(reduce_steps(volume, factors), 0.0, 0.5, "Averaging voxels")
+        larger = yield from announce(reduce_steps(volume, factors), 0.0, 0.5, "Averaging voxels")
         # Voxels further apart would be less dense by themselves.
         distance = float(function.opacity_unit_distance or volume.spacing.min())
         scene = replace(scene, volume=larger, transfer_function=replace(function, opacity_unit_distance=distance))
-        yield from part(encode_folder_steps(scene, quality, path, axes, source), 0.5, 1.0)
+        yield from rescale(encode_folder_steps(scene, quality, path, axes, source), 0.5, 1.0)
     return side > 1
 
 
@@ -258,7 +258,7 @@ class _Chunks:
         row_pieces[begin:end] = local.row_pieces
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, local.column, local.stored, local.nan_voxels)
 
-    def named(self, order: str, tables: RunTables, **of_voxels) -> dict:
+    def name_files(self, order: str, tables: RunTables, **of_voxels) -> dict:
         """The tables of an order by the names of their files."""
         named = {f"{order}.{COUNTS}": counts_of(tables).reshape(-1, 2), f"{order}.{RUNS}": tables.runs}
         named |= {f"{order}.{name}": array for name, array in of_voxels.items()}
@@ -268,7 +268,7 @@ class _Chunks:
     def header(self, facts) -> dict:
         """Entries of the header beside those of every folder; ``facts``: of each chunk."""
         if not self.dtypes:  # every chunk was there already; a plane has all tables
-            self.encoded(0, 1)
+            self.encode_chunk(0, 1)
         return {"dtypes": self.dtypes}
 
 
@@ -314,7 +314,7 @@ class _ClassifiedChunks(_Chunks):
         directions = None if self.falling is None else self.source.normals(voxels)
         return local, LitVolume(self.source, found, self.falling, normals=directions)
 
-    def encoded(self, first: int, last: int) -> _ChunkTables:
+    def encode_chunk(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""
         local, lit = self._lit(first, last)
         model, record, write = self.quality.model, self.quality.record, lit.write_records(self.quality.model)
@@ -327,11 +327,11 @@ class _ClassifiedChunks(_Chunks):
 
         tables = run_tables(local, 2, threads=self.threads)
         rows = drain(record_steps(tables, local, write_chunk, model, record, self.decoding, threads=self.threads))
-        named = self.named(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
+        named = self.name_files(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
             across = drain(reorder_steps(tables, local, rows, threads=self.threads))
-            named |= self.named(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
+            named |= self.name_files(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
         facts = {"most_color": rows.most_color, "nan": local.nan_voxels}
         return _ChunkTables(named, facts, len(local))
 
@@ -366,7 +366,7 @@ class _ScalarChunks(_Chunks):
             self.joined = tuple(f"{order}.{NORMALS}" for order in (ROWS, *([ACROSS] if 0 in self.axes else [])))
         self.light = None
 
-    def _kept(self, first: int, last: int) -> VisibleVoxels:
+    def _keep_voxels(self, first: int, last: int) -> VisibleVoxels:
         """The voxels of a chunk that its own cells and those that it shares with its neighbors need."""
         _, ny, nz = self.volume.shape_xyz
         begin, end = max(first - 1, 0), min(last + 1, nz)
@@ -378,19 +378,19 @@ class _ScalarChunks(_Chunks):
         _claim(counted[0])
         return gather_kept(self.part(first, last), bits, counted, blocks, threads=self.threads)
 
-    def encoded(self, first: int, last: int) -> _ChunkTables:
+    def encode_chunk(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""
-        local = self._kept(first, last)
+        local = self._keep_voxels(first, last)
         of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
         of_voxels |= self._lights(self.in_volume(local, first))
-        named = self.named(ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
+        named = self.name_files(ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
             placed = {
                 name: drain(in_scanlines(tables, local, array, threads=self.threads))
                 for name, array in of_voxels.items()
             }
-            named |= self.named(ACROSS, tables, **placed)
+            named |= self.name_files(ACROSS, tables, **placed)
         return _ChunkTables(named, {}, len(local))
 
     def _lights(self, voxels: VisibleVoxels) -> dict:
@@ -399,7 +399,7 @@ class _ScalarChunks(_Chunks):
             return {}
         directions = normals(voxels, self.volume, self.scene.index_to_world, threads=self.threads)
         if self.by_normal is not None:
-            codes = coded_normals(directions, threads=self.threads).view(np.uint16)
+            codes = code_normals(directions, threads=self.threads).view(np.uint16)
             return {f"{NORMALS}.{part}": codes[part] for part in range(len(codes))}
         self.light = voxel_light(voxels, directions, self.falling, threads=self.threads)
         return {LIGHT: self.light.codes}

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
-from ..runtime.steps import Clock, drain, portion
+from ..runtime.steps import Clock, announce, drain
 from ..scene import Quality, Scene
 from ..volume.axes import AXES, AXIS_NAMES
 from .scan_source import scan_source
@@ -48,7 +48,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)
     for axis in sorted(axes, reverse=True):  # the others take the records of z, so that all is shaded once
         steps = lit.encode_steps(axis)
-        encoded[axis] = yield from portion(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
+        encoded[axis] = yield from announce(steps, begun, begun + share, f"Encoding along {AXIS_NAMES[axis]}")
         begun += share
     encoded = {axis: encoded[axis] for axis in axes}
     volume = scene.volume

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 from ..effects.mixing import is_mixed
-from ..runtime.steps import portion
+from ..runtime.steps import announce
 from ..scene import Quality, Scene, TooLargeError
 from ..volume.few_planes import LARGE
 from ..volume.reduced import reduce_steps, sample_steps
@@ -86,7 +86,7 @@ def _coarser_steps(scene: Scene, cache: StageCache, halvings: int, is_sampled: b
     for _ in range(0 if is_sampled else halvings):
         make = partial(reduce_steps, volume, HALVED)
         steps = job.steps("larger voxels", volume.key, make, lambda made: made.voxels.nbytes)
-        volume = yield from portion(steps, 0.0, 0.0, AVERAGING)
+        volume = yield from announce(steps, 0.0, 0.0, AVERAGING)
     job.keep()
     # Voxels twice as far apart would be half as dense by themselves.
     distance = float(function.opacity_unit_distance or scene.volume.spacing.min())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..effects.shadows import Occluders
-from ..runtime.steps import portion
+from ..runtime.steps import announce
 from ..scene import Scene
 from ..shade.lighting import Lighting, lighting
 from ..view.projection import world_to_camera
@@ -59,5 +59,5 @@ def shadow_lighting_steps(scene: Scene, falling: Lighting | None, work: Work, oc
     if falling is None or not shadow_count(scene):
         return falling, ()
     steps = shadow_steps(scene, occluders, work.job, work.clock)
-    shadows, key = yield from portion(steps, 0.1, 0.1, "Casting shadows")
+    shadows, key = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     return replace(falling, shadows=shadows), key

@@ -13,7 +13,7 @@ import numpy as np
 from ..classify.placing import RecordPositions
 from ..effects.clip_cover import cover
 from ..encode.records import empty_records
-from ..runtime.steps import Clock, Progress, part
+from ..runtime.steps import Clock, Progress, rescale
 from ..scene import MODES, Camera, Quality, RleSplatError, Scene
 from ..volume.reduced import factors_of
 from .choose_source import choose_source
@@ -156,7 +156,7 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
     wanted = Quality.preset("standard", classification="pre", threads=quality.threads)
     source = choose_source(for_any_view(scene), wanted)
     work = Work(cache.job(), Clock())
-    lit = (yield from part(source.medium_steps(work), 0.0, 0.6)).voxels
+    lit = (yield from rescale(source.medium_steps(work), 0.0, 0.6)).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
     matrix = source.scene.index_to_world
     kept = cover(source.scene.clips, voxels, matrix) if source.scene.clips else None

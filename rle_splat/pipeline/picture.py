@@ -8,7 +8,7 @@ from ..effects.ray_effects import RayEffects
 from ..runtime.steps import Clock
 from ..scene import Scene
 from .memory_estimate import refuse_too_large
-from .single_rays import traces_steep_pixels, with_neighbors
+from .single_rays import add_neighbors, traces_steep_pixels
 from .source import Source, Work
 from .stage_cache import StageCache
 from .views import View, choose_view
@@ -25,14 +25,14 @@ class Picture:
     source : Source
         With the voxels that are splatted and the pixels that are made, which may be more than the wanted ones.
     view : View
-    rays : RayEffects
+    ray_effects : RayEffects
     work : Work
     """
 
     wanted: Scene
     source: Source
     view: View
-    rays: RayEffects
+    ray_effects: RayEffects
     work: Work
 
 
@@ -46,7 +46,7 @@ def begin_picture(source: Source, cache: StageCache, refuse_empty_view: bool, cl
         of the volume.
     """
     wanted = source.scene
-    source = with_neighbors(source)
+    source = add_neighbors(source)
     view = choose_view(source, refuse_empty_view)
     rays = RayEffects(source.scene, view.index_view, source.quality, source.effects, clock)
     left, top, right, bottom = source.scene.region

@@ -17,7 +17,7 @@ import numpy as np
 from ..classify.default import default_transfer_function
 from ..classify.transfer_function import GradientOpacity
 from ..runtime import jit
-from ..runtime.steps import Progress, part
+from ..runtime.steps import Progress, rescale
 from ..scene import Light, Quality, RleSplatError, Scene
 from ..view.turntable import turntable
 from ..volume.volume import Volume
@@ -117,7 +117,8 @@ def prepare_steps():
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()
             start, done = done, done + picture.seconds(stored)
-            yield from part(_picture_steps(picture, stored), start / whole, done / whole, f"Preparing kernels: {name}")
+            steps = _picture_steps(picture, stored)
+            yield from rescale(steps, start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(PreparedPart(name, perf_counter() - began, tuple(new)))
     _mark().touch()

@@ -6,14 +6,14 @@ The paper (Zhang, Sun and Sun, "Accelerate Volume Splatting by Using Run Length 
 the voxels of a scan, encodes the visible ones by their run lengths, and splats them sheet by sheet, front to back.
 
 Here a sheet is parallel to the slices of the volume, on a *base plane* in voxel indices, and a *warp* makes the picture
-of it (algorithm.md 1.3).  Before the paper's steps, the *source* says what the volume is, and the *plan* how finely it
-is drawn.  After them, *rays* integrate single pixels again where sheets and warp err most.  What is classified and lit
-is a *medium*: voxels with extinction and color, as in the paper, or voxels with their scalar, which is classified where
-a sheet interpolates it.
+of it.  Before the paper's steps, the *source* says what the volume is, and the *plan* how finely it is drawn.  After
+them, *rays* integrate single pixels again where sheets and warp err most.  A *medium* is what is splatted: voxels with
+extinction and color ("pre", as in the paper), or voxels with their scalar, which is classified where a sheet
+interpolates it ("post", the default).
 
-Each stage is a generator of Progress, so that whoever asks for the picture can show how far it is, and can cancel it by
-closing the generator.  Each is timed by a Clock, and what it makes is kept in a StageCache under all that it was made
-from: a frame makes anew only what changed.
+A stage that takes long is a generator of steps, so that whoever asks for the picture can show how far it is, and can
+cancel it by closing the generator.  Each is timed by a Clock.  A StageCache keeps what the stages make, up to the
+tables, under all that it was made from: a frame makes that anew which changed, and splats.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
-from ..runtime.steps import Clock, Progress, drain, portion, time_steps, within
+from ..runtime.steps import Clock, Progress, announce, drain, step_within, time_steps
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
@@ -67,15 +67,15 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     """Generator form of ``render``: yields Progress, returns the Rendering; closing it cancels the work.
 
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as an
-    animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; ``cache`` is
-    as it was before.
+    animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; nothing
+    half-made stays in ``cache``.
     """
-    steps = _expose_steps(scene, quality, cache, refuse_empty_view)
-    rendering, kernels = yield from watch_steps(steps, scene, quality)
-    return replace(rendering, report={**rendering.report, "kernels": kernels})
+    steps = _average_steps(scene, quality, cache, refuse_empty_view)
+    rendering, compiled = yield from watch_steps(steps, scene, quality)
+    return replace(rendering, report={**rendering.report, "kernels": compiled})
 
 
-def _expose_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
+def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
     """Generator of Progress: choose source and plan, and render the mean of the scene's sharp pictures.
 
     There is one sharp picture, unless depth of field or motion blurs the scene.
@@ -86,22 +86,21 @@ def _expose_steps(scene: Scene, quality: Quality, cache: StageCache | None, refu
         # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
         # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
         source = choose_source(scene, quality)
-        # Plan: how many sheets a voxel has, by which filters they are resampled, and where single rays replace them.
-        # A preset of quality takes the cheapest plan that is expected to keep its error.
+        # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and where single
+        # rays replace the sheets. A preset of quality takes the cheapest plan that is expected to keep its error.
         with clock.stage("plan"):
             source = choose_plan(source, kept)
-        pictures = list_exposures(source.scene)
-        if cache is None and len(pictures) > 1:  # the pictures of a blur have most stages in common
+        scenes = list_exposures(source.scene)
+        if cache is None and len(scenes) > 1:  # sharp pictures have most stages in common
             kept = StageCache()
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
+    clocks = [clock]  # that of the first picture has counted the choices, too
 
     def sharp_steps(sharp: Scene):
-        nonlocal clock
-        own, clock = clock or Clock(), None  # that of the first picture has counted the choices, too
-        steps = _sharp_steps(replace(source, scene=sharp), kept, refuse, own)
-        return within(steps, own.running)
+        own = clocks.pop() if clocks else Clock()
+        return step_within(_sharp_steps(replace(source, scene=sharp), kept, refuse, own), own.running)
 
-    return exposure_steps(source.scene, pictures, sharp_steps)
+    return (yield from exposure_steps(source.scene, scenes, sharp_steps))
 
 
 def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clock: Clock):
@@ -109,18 +108,21 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # View: the principal axis that the camera looks along, the base plane and where its sheets lie.  It comes first,
     # since voxels are encoded along that axis, and since the picture's pixels may need more memory than there is.
     picture = begin_picture(source, cache, refuse_empty_view, clock)
-    # Classify: which voxels the transfer function shows, and by how much they absorb and in which color.
+    # Classify: which voxels the transfer function shows, and by how much they absorb and in which color; for "post",
+    # which voxels can matter.
     voxels = yield from picture.source.classify_steps(picture.work)
-    # Shade: normals from the gradient, and the light that reaches each voxel.
+    # Shade: normals from the gradient, and the light that reaches each voxel ("pre" multiplies both as it encodes).
     medium = yield from picture.source.shade_steps(voxels, picture.work)
-    # Encode: the paper's tables of runs, pointers and voxel records, along each principal axis of the view.
+    # Encode: the paper's tables of runs, pointers and voxel records, along each principal axis that the view needs.
     tables = yield from encode_steps(picture, medium)
-    # Splat, sheet by sheet on to the base planes, and warp these to the picture.
+    # Splat on to the base planes, sheet by sheet, front to back, adding the footprints within a sheet, until pixels are
+    # opaque; warp the base planes to the picture.
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
-    # Rays: pixels where neighbors differ most are integrated again, one by one.
-    rgba, depth, traced = yield from ray_steps(picture, medium, rgba, depth)
+    # Rays: where the quality asks for it, the pixels that differ most from their neighbors are integrated one by one.
+    rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
     # Report: what was made, how, and in which time.
     report = make_report(picture, medium, tables, (rgba, depth), traced)
+    picture.work.job.keep()
     yield Progress(1.0, "Done")
     return Rendering(rgba, depth, report)
 
@@ -129,56 +131,56 @@ def encode_steps(picture: Picture, medium: Medium):
     """Generator of Progress: encode the medium along the principal axes of a picture; returns axis -> tables."""
     tables = {}
     for axis in picture.view.axes:
-        tables[axis] = yield from portion(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
+        tables[axis] = yield from announce(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
     return tables
 
 
 def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     """Generator of Progress: splat and warp each part of the view; returns (rgba, depth).
 
-    There is one part, unless the camera turns from one principal axis to another: then both fade into each other.
+    There is one part, unless a parallel view lies between two or three principal axes: then these are blended.
     """
-    rays, fades = picture.rays, picture.view.fades  # rays: the effects that end rays, such as clip distances
-    rays.inspect(picture.view.planes)
-    mixed = None
+    picture.ray_effects.leave_out_idle(picture.view.planes)
+    fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
-        span = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
-        mixed = fade.mixed(mixed, (yield from _fade_steps(picture, medium, tables, fade, span)))
-    return mixed
+        begin, share = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
+        blended = fade.mix(blended, (yield from _splat_fade_steps(picture, medium, tables, fade, begin, share)))
+    return blended
 
 
-def _fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, span):
+def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, begin: float, share: float):
     """Generator of Progress: splat the base planes of a part of the view and warp them; returns (rgba, depth).
 
-    Effects that end rays inside the volume (clip distances, meshes, clip objects) may take several passes over them.
-    ``span``: how much of the work is done before, and how much this is.
+    Rays may begin and end inside the volume (clip distances, meshes, clip objects); silhouettes of meshes take a second
+    pass.  ``begin``, ``share``: how much of the work is done before, and how much this is.
     """
-    rays, clock, most_color = picture.rays, picture.work.clock, medium.most_color(tables.values())
-    passes = rays.passes(fade.planes)
-    parts, done = max(sum(len(one.planes) for one in passes), 1), 0
+    effects, clock, largest = picture.ray_effects, picture.work.clock, medium.most_color(tables.values())
+    passes = effects.passes(fade.planes)
+    count, done = max(sum(len(one.planes) for one in passes), 1), 0
     mixed = None
     for ray_pass in passes:
         images = []
-        for number, whole in ray_pass.planes:
-            left = rays.intervals(ray_pass, number, whole)
-            if left is not None:
-                plane, intervals = left
+        for number, plane in ray_pass.planes:
+            shortened = effects.intervals(ray_pass, number, plane)
+            if shortened is not None:
+                plane, intervals = shortened
                 steps = medium.splat_steps(tables.get(plane.axis), plane, intervals)
-                image = yield from watch_splat_steps(steps, clock, span[0] + span[1] * done / parts, span[1] / parts)
-                images.append(rays.drawn(ray_pass, number, image))
+                image = yield from watch_splat_steps(steps, clock, begin + share * done / count, share / count)
+                images.append(effects.complete(ray_pass, number, image))
             done += 1
-        steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, most_color)
-        at = span[0] + span[1] * done / parts
-        found = yield from portion(time_steps(steps, clock, "warp"), at, at, "Warping")
+        # ``largest``: what no color exceeds, for filters that overshoot.
+        steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, largest)
+        at = begin + share * done / count
+        found = yield from announce(time_steps(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):
-            mixed = rays.mixed(ray_pass, mixed, medium.finish(*found))
+            mixed = effects.mix(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
-    return rgba, rays.within_clip(depth)
+    return rgba, effects.clamp_to_clip(depth)
 
 
-def ray_steps(picture: Picture, medium: Medium, rgba, depth):
+def retrace_steps(picture: Picture, medium: Medium, rgba, depth):
     """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
     if not traces_steep_pixels(picture.source):
         return rgba, depth, NO_PIXELS
     steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
-    return (yield from portion(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))
+    return (yield from announce(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

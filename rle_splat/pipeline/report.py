@@ -32,7 +32,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     traced : dict
         What ``single_rays`` says of its rays.
     """
-    source, wanted, rays, clock = picture.source, picture.wanted, picture.rays, picture.work.clock
+    source, wanted, effects, clock = picture.source, picture.wanted, picture.ray_effects, picture.work.clock
     quality = source.quality
     with clock.stage("report"):
         report = {
@@ -42,17 +42,16 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
             "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
             "plan": _plan_report(source, picture.view) | source.plan,
             "rays": dict(traced),
-            "effects": rays.effects.report(clock),
+            "effects": effects.effects.report(clock),
             "error": {
                 "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
             },
             "threads": thread_count(quality.threads) if compiled() else 1,
             "remarks": [
-                *source.remarks, *source.notes, *rays.remarks(made, medium.visible_voxels > 0),
+                *source.remarks, *source.notes, *effects.remarks(made, medium.visible_voxels > 0),
                 *_remarks(source, picture.view, medium),
             ],
         }  # fmt: skip
-    picture.work.job.keep()
     report["stages_ms"] = clock.report()
     return report
 

@@ -40,10 +40,10 @@ from ..raycast.scalar_rays import RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Progress, portion, time_steps
+from ..runtime.steps import Progress, announce, time_steps
 from ..scene import preintegrated_of
 from ..shade.lighting import Lighting
-from ..shade.normal_light import NormalLight, coded_normals, normal_light
+from ..shade.normal_light import NormalLight, code_normals, normal_light
 from ..shade.shading import normals, refuse_too_bright
 from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
 from ..view.depth_rules import sheets_per_cell, value_rule
@@ -167,7 +167,7 @@ class LitScalars:
         made = partial(normals, self.voxels, scene.volume, scene.index_to_world, threads=self.source.threads)
         return self.work.job.get("normals", self.normals_key, made)
 
-    def coded_light(self) -> VoxelLight:
+    def code_light(self) -> VoxelLight:
         """The light as a VoxelLight, where something shines, whatever ``light`` is."""
 
         def made():
@@ -187,37 +187,37 @@ class LitScalars:
             tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, threads=threads))
         order = IN_ROWS if is_shared(axis) else axis
 
-        def placed_steps(words):
+        def place_steps(words):
             return in_scanlines(tables, voxels, words, threads=threads)
 
         def scalars():
             self.work.claim(self.estimate.one_axis())
-            return placed_steps(scalars_of(voxels, kind, self.infinite, self.center))
+            return place_steps(scalars_of(voxels, kind, self.infinite, self.center))
 
         steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
         placed = yield from time_steps(steps, clock, "encode")
         if self.light is None:
             return ScalarVolume(tables, placed, self.center)
         if isinstance(self.light, NormalLight):
-            steps = job.steps("normal codes", (self.light_key, order), lambda: self._normal_steps(placed_steps))
+            steps = job.steps("normal codes", (self.light_key, order), lambda: self._normal_steps(place_steps))
             codes = yield from time_steps(steps, clock, "shade")
             none = self.light.no_codes
             return ScalarVolume(tables, placed, self.center, none, lamps=self.light.lamps(codes, axis))
-        steps = job.steps("lights", (self.light_key, order), lambda: placed_steps(self.light.codes))
+        steps = job.steps("lights", (self.light_key, order), lambda: place_steps(self.light.codes))
         codes = yield from time_steps(steps, clock, "shade")  # as with classified voxels, whose records are lit already
         return ScalarVolume(tables, placed, self.center, codes, self.light.unit, self.thinned)
 
-    def _normal_steps(self, placed_steps):
-        """Generator of fractions done: the coded normals (3, m) in the order of ``placed_steps(words)``."""
-        codes = coded_normals(self.normals(), threads=self.source.threads)
+    def _normal_steps(self, place_steps):
+        """Generator of fractions done: the coded normals (3, m) in the order of ``place_steps(words)``."""
+        codes = code_normals(self.normals(), threads=self.source.threads)
         for component in codes.view(np.uint16):
-            component[:] = yield from placed_steps(component)
+            component[:] = yield from place_steps(component)
         return codes
 
     def trace(self, rays, slabs: int, counts=None):
         """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
         scene, voxels, job = self.source.scene, self.voxels, self.work.job
-        light = self.coded_light() if isinstance(self.light, NormalLight) else self.light
+        light = self.code_light() if isinstance(self.light, NormalLight) else self.light
         shape, ends = scene.volume.shape_xyz, (self.infinite, self.center)
         bricks = job.get("bricks", self.key, lambda: bricks_of(voxels.bits, shape))
         key = (self.key, *ends, IN_ROWS)
@@ -267,12 +267,12 @@ class ScalarSource(Source):
         voxels_key = volume.key if job.cache.keeps else ""
         if scene.labels is not None:
             voxels_key = (voxels_key, self._mixture.key)
-            revealed_steps = partial(self._mixture.revealed_steps, threads=self.threads)
-            steps = job.steps("revealed", voxels_key, revealed_steps, _bytes_of)
-            volume = yield from portion(time_steps(steps, clock, "mixing"), 0.0, 0.0, HIDING)
+            reveal_steps = partial(self._mixture.reveal_steps, threads=self.threads)
+            steps = job.steps("revealed", voxels_key, reveal_steps, _bytes_of)
+            volume = yield from announce(time_steps(steps, clock, "mixing"), 0.0, 0.0, HIDING)
         steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
         steps = time_steps(steps, clock, "classify")
-        blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
+        blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
         by_normal = self._normal_light(falling)
         lit = falling is not None, by_normal is not None
@@ -293,7 +293,7 @@ class ScalarSource(Source):
         if scene.labels is not None:
             step = max(length * float(unlit.volume.spacing.min()), LEAST_DISTANCE)
             hidden_key = key, tf.classification_key, length
-            factor = yield from self._hidden_steps(work, unlit.voxels, hidden_key, lambda: unlit.extinction() * step)
+            factor = yield from self._hide_steps(work, unlit.voxels, hidden_key, lambda: unlit.extinction() * step)
         if tf.gradient_opacity is not None and not self.shows_values:
             with clock.stage("gradients"):
                 by_gradient = self._factor(work, unlit.voxels, key)
@@ -354,7 +354,7 @@ class ScalarSource(Source):
             relevant = job.get("relevant", key, None)
             return relevant, needed_by(relevant.found)
         steps = time_steps(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
-        bits = yield from portion(steps, 0.02, 0.08, "Finding the voxels that matter")
+        bits = yield from announce(steps, 0.02, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
@@ -376,10 +376,10 @@ class ScalarSource(Source):
         distance = opacity_distance(volume, tf, length)
         return work.job.get("table", key, lambda: lookup_table(volume, tf, ends, distance))
 
-    def _hidden_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
+    def _hide_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
         steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), threads=self.threads))
-        return (yield from portion(time_steps(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
+        return (yield from announce(time_steps(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
 
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""
@@ -412,7 +412,7 @@ class ScalarSource(Source):
         if lit.light is not None:
             return lit.light, lit.normals_key
         lit.normals()  # kept though the coded light may be there: another light is made of them
-        return lit.coded_light(), lit.coded_key
+        return lit.code_light(), lit.coded_key
 
     def _most_color(self, lit: LitScalars) -> float:
         scene, light = self.scene, lit.light

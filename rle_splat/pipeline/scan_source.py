@@ -25,7 +25,7 @@ from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from ..encode.records import decoding_of
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Clock, Progress, drain, map_steps, portion, time_steps
+from ..runtime.steps import Clock, Progress, announce, drain, map_steps, time_steps
 from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
 from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
@@ -230,15 +230,15 @@ class ScanSource(Source):
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
         blocks_of = partial(block_steps, self.scene.volume, threads=self.threads)
         steps = time_steps(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
-        blocks = yield from portion(steps, 0.0, 0.02, "Looking through the voxels")
+        blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         steps = time_steps(self.count_steps(shown, blocks), clock, self.stage)
-        counted = yield from portion(steps, 0.02, 0.06, "Counting")
+        counted = yield from announce(steps, 0.02, 0.06, "Counting")
         needed = needed_by(counted)
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
         steps = job.steps("visible", visible_key, lambda: self.fill_steps(shown, blocks, counted))
-        return (yield from portion(time_steps(steps, clock, self.stage), 0.06, 0.1, message)), needed
+        return (yield from announce(time_steps(steps, clock, self.stage), 0.06, 0.1, message)), needed
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.exposure import list_exposures
-from ..runtime.steps import Clock, Progress, within
+from ..runtime.steps import Clock, Progress, step_within
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..scene.changed import change
 from ..splat.intermediate_image import IntermediateImage
@@ -70,7 +70,7 @@ def section_steps(scene: Scene, quality: Quality, number: int, count: int):
         Where the picture cannot be drawn in sections.
     """
     picture = _begin(scene, quality)
-    steps = within(_section_steps(picture, number, count), picture.work.clock.running)
+    steps = step_within(_section_steps(picture, number, count), picture.work.clock.running)
     (pixels, most_color), kernels = yield from watch_steps(steps, scene, quality)
     return SectionImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
 
@@ -86,7 +86,7 @@ def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
         Of all sections.
     """
     picture = _begin(scene, quality)
-    steps = within(_composite_steps(picture, sections), picture.work.clock.running)
+    steps = step_within(_composite_steps(picture, sections), picture.work.clock.running)
     rendering, kernels = yield from watch_steps(steps, scene, quality)
     report = dict(rendering.report)
     del report["memory_bytes"]  # here are no tables
@@ -125,12 +125,12 @@ def _section_steps(picture: Picture, number: int, count: int):
     picture = _read_only(picture, [plane for plane in planes.values() if plane is not None])
     medium = yield from picture.source.medium_steps(picture.work)
     tables = yield from encode_steps(picture, medium)
-    rays, clock, pixels = picture.rays, picture.work.clock, []
-    rays.inspect(picture.view.planes)
+    effects, clock, pixels = picture.ray_effects, picture.work.clock, []
+    effects.leave_out_idle(picture.view.planes)
     for fade in picture.view.fades:
-        for ray_pass in rays.passes(fade.planes):
+        for ray_pass in effects.passes(fade.planes):
             for plane_number, whole in ray_pass.planes:
-                left = rays.intervals(ray_pass, plane_number, whole)
+                left = effects.intervals(ray_pass, plane_number, whole)
                 if left is None:
                     continue
                 plane, intervals = left
@@ -165,6 +165,7 @@ def _composite_steps(picture: Picture, sections: SectionImages):
     medium = CompositedSections(medium.voxels, medium.quality, medium.mist, sections.most_color, iter(sections.pixels))
     made = yield from splat_and_warp_steps(picture, medium, {})
     report = make_report(picture, medium, {}, made, NO_PIXELS)
+    picture.work.job.keep()
     yield Progress(1.0, "Done")
     return Rendering(*made, report)
 

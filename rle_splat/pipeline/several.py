@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..runtime.steps import part
+from ..runtime.steps import rescale
 from ..scene import MODES, NO_DEPTH, Rendering, Scene
 from ..scene.changed import change
 from ..view.box_order import box_of, near_to_far
@@ -57,7 +57,7 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
 
     def make_next(scene: Scene, n: int):
         done = len(reports)
-        rendering = yield from part(make(scene, n), done / total, (done + 1) / total)
+        rendering = yield from rescale(make(scene, n), done / total, (done + 1) / total)
         reports.append((n, rendering.report))
         return rendering.rgba, rendering.depth
 

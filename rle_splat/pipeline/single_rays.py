@@ -55,7 +55,7 @@ def traces_steep_pixels(source: Source) -> bool:
     return source.quality.rays > 0.0 and can_trace(source)
 
 
-def with_neighbors(source: Source) -> Source:
+def add_neighbors(source: Source) -> Source:
     """The source with its crop enlarged to whole tiles (see ``warp.steep``) whose pixels have all their neighbors.
 
     The source as it is where no steep pixels are traced.

@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.steps import Progress, part
+from ..runtime.steps import Progress, rescale
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from .choose_source import choose_source
 from .memory_estimate import PICTURE_PIXEL, WRITTEN
 from .render import render_steps
 from .report import image_report
-from .single_rays import traces_steep_pixels, with_neighbors
+from .single_rays import add_neighbors, traces_steep_pixels
 from .source import Source
 from .stage_cache import StageCache
 from .views import choose_view
@@ -87,7 +87,7 @@ def _some_of(tiles: list, across: int) -> set:
 
 def _picture_bytes(source: Source) -> int:
     """What the sheets and the pixels of the scene's crop take."""
-    source = with_neighbors(source)
+    source = add_neighbors(source)
     view = choose_view(source, refuse_empty=False)
     left, top, right, bottom = source.scene.region
     pictured = source.picture_bytes(view.planes, shortened=True, traced=traces_steep_pixels(source))
@@ -145,7 +145,7 @@ def render_tiles_steps(
         steps = render_steps(replace(scene, crop=tile), quality, cache, refuse_empty_view=False)
         # The first tile makes what all have in common.
         told = f"Tile {number + 1} of {len(tiles)}" if number else ""
-        found = yield from part(steps, number / len(tiles), (number + 1) / len(tiles), told)
+        found = yield from rescale(steps, number / len(tiles), (number + 1) / len(tiles), told)
         if strip is None:
             strip = Strip(scene.region, tile)
         strip.put(tile, found.rgba, found.depth)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
-from ..runtime.steps import Clock, Progress, forward, map_steps, within
+from ..runtime.steps import Clock, Progress, forward, map_steps, step_within
 from ..scene import Quality, RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..volume.mapped_files import whole_steps
@@ -23,7 +23,7 @@ def watch_steps(steps, scene: Scene, quality: Quality):
     kernels: set[str] = set()
     steps = whole_steps(steps, scene)
     first_ever = compiled() and nothing_compiled_yet()
-    steps = within(steps, lambda: NotingKernels(kernels))
+    steps = step_within(steps, lambda: NotingKernels(kernels))
     if first_ever:
         steps = map_steps(steps, _say_compiling)
     try:
@@ -57,4 +57,4 @@ def watch_splat_steps(steps, clock: Clock, begin: float, share: float):
         done = done if step is LOADING else step
         return Progress(begin + share * done, message)
 
-    return (yield from map_steps(within(steps, lambda: clock.stage(stage)), say))
+    return (yield from map_steps(step_within(steps, lambda: clock.stage(stage)), say))

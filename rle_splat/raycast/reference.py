@@ -40,7 +40,7 @@ def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, results):
         mine = live[kept]
         work[mine, COMPOSITED] += 1
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
-        state[mine], half[mine] = _composited(
+        state[mine], half[mine] = _composite(
             state[mine], half[mine], corners[kept], *stretch, lookup, matt, gloss, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
@@ -80,7 +80,7 @@ def _trilinear(corners, position):
     return (weights[..., None] * corners).sum(axis=1)
 
 
-def _composited(state, half, corners, first, step, a, b, length, lookup, matt, gloss, slabs, least):
+def _composite(state, half, corners, first, step, a, b, length, lookup, matt, gloss, slabs, least):
     """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
     is absorbed."""
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup

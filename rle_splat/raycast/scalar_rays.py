@@ -181,7 +181,7 @@ def _crossing(at, size, first, step, inverse):
 
 
 @inner_loop
-def _absorbed(thick):
+def _absorb(thick):
     """1 - exp(-thick), by its series where that is short (relative error below 1e-9)."""
     if thick < 0.125:
         series = 1 / 6 - thick * (1 / 24 - thick * (1 / 120 - thick / 720))
@@ -281,7 +281,7 @@ def _composite_stretch(
                 g += sigma * _power_sum(shine, 4, t)
                 bl += sigma * _power_sum(shine, 5, t)
         thick = sigma * length
-        absorbed = _absorbed(thick)
+        absorbed = _absorb(thick)
         gain = transmittance * absorbed / sigma
         red, green, blue = red + gain * r, green + gain * g, blue + gain * bl
         left = transmittance * (1.0 - absorbed)

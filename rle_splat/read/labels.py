@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.steps import Progress, portion
+from ..runtime.steps import Progress, announce
 from ..scene import RleSplatError
 from ..scene.color import linear
 from ..volume.counts import counts_values
@@ -71,7 +71,7 @@ def _narrow_steps(labels: Volume):
     """Generator of Progress: a label map of 32 bits in 16, if its values fit, so that lookup tables classify it."""
     if labels.voxels.dtype.kind not in "iu" or counts_values(labels.voxels.dtype):
         return labels
-    low, high = yield from portion(range_steps(labels), 0.0, 1.0, DOING)
+    low, high = yield from announce(range_steps(labels), 0.0, 1.0, DOING)
     fits = [kind for kind in NARROW if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
     if not fits:
         return labels

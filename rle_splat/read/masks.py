@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.steps import Progress, part
+from ..runtime.steps import Progress, rescale
 from ..scene import RleSplatError
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume
@@ -53,7 +53,8 @@ def read_masks_steps(path):
     labels, overlaps = [], 0
     for number, file in enumerate(files, start=1):
         span = (number - 1) / len(files), number / len(files)
-        mask = yield from part(read_nifti_steps(file), *span, f"reading {path.name} ({number} of {len(files)} masks)")
+        doing = f"reading {path.name} ({number} of {len(files)} masks)"
+        mask = yield from rescale(read_nifti_steps(file), *span, doing)
         if first is None:
             kind = np.uint8 if len(files) < 256 else np.uint16
             first, merged = mask, allocate(path, mask.shape_xyz, kind)

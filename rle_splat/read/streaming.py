@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.memory import bytes_text, refuse_beyond
-from ..runtime.steps import Progress
-from ..runtime.steps import part as share_of
+from ..runtime.steps import Progress, rescale
 from ..scene import RleSplatError
 from ..volume.volume import STORED_TYPES
 from .format import GZIP_MAGIC, GZIP_WINDOW
@@ -263,7 +262,7 @@ def voxel_steps(path, shape, dtype, parts, begin: int = 0, part_bytes: int | Non
         if first < last:
             filled = target[first - begin : last - begin]
             share = (first - begin) / size, (last - begin) / size
-            yield from share_of(_part_steps(part, first - number * each, filled, doing), *share)
+            yield from rescale(_part_steps(part, first - number * each, filled, doing), *share)
     return (yield from storable_steps(voxels, doing))
 
 

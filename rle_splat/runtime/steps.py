@@ -141,7 +141,7 @@ def forward(steps):
     return map_steps(steps, raise_fraction)
 
 
-def within(steps, context):
+def step_within(steps, context):
     """Generator: the steps, each made within ``context()``, a context manager; return their result."""
     while True:
         try:
@@ -152,12 +152,12 @@ def within(steps, context):
         yield step
 
 
-def portion(steps, start: float, end: float, message: str):
+def announce(steps, start: float, end: float, message: str):
     """Generator: fractions done as Progress from ``start`` to ``end`` with a message; return the steps' result."""
     return map_steps(steps, lambda done: Progress(start + (end - start) * done, message))
 
 
-def part(steps, start: float, end: float, message: str = ""):
+def rescale(steps, start: float, end: float, message: str = ""):
     """Generator: Progress from 0 to 1 as Progress from ``start`` to ``end``; return the steps' result.
 
     ``message``: in place of each step's own, if given.
@@ -167,4 +167,4 @@ def part(steps, start: float, end: float, message: str = ""):
 
 def time_steps(steps, clock: Clock, stage: str):
     """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
-    return within(steps, lambda: clock.stage(stage))
+    return step_within(steps, lambda: clock.stage(stage))

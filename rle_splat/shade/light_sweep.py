@@ -229,7 +229,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
                 for m in range(n):
                     left_sum, right_sum = up * upper[m] + down * lower[m], up * upper[m + 1] + down * lower[m + 1]
                     tau = (left_sum + right * (right_sum - left_sum) + before * own[m]) * far
-                    to[m] = np.uint16(_left(tau) * _FULL + _HALF)
+                    to[m] = np.uint16(_transmit(tau) * _FULL + _HALF)
             else:
                 for m in range(n):
                     u = scale * (i + m) + offset_x
@@ -238,7 +238,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
                     left_sum = up * depth[0, cell] + down * depth[1, cell]
                     right_sum = up * depth[0, cell + 1] + down * depth[1, cell + 1]
                     long = np.float32(math.sqrt(max(c + u * (cx + u * cxx), 0.0))) * LOG2E
-                    passed = _left((left_sum + right * (right_sum - left_sum) + before * own[m]) * long)
+                    passed = _transmit((left_sum + right * (right_sum - left_sum) + before * own[m]) * long)
                     if lit is not None:
                         left_lit = up * lit[0, cell] + down * lit[1, cell]
                         right_lit = up * lit[0, cell + 1] + down * lit[1, cell + 1]
@@ -249,7 +249,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
 
 
 @kernel(inline="always")
-def _left(tau2):
+def _transmit(tau2):
     """2 ** -tau2 for tau2 >= 0; absolute error at most about 2e-7."""
     tau2 = min(tau2, MOST)
     whole = np.int32(tau2 + _HALF)

@@ -145,7 +145,7 @@ def normal_light(falling: Lighting, shape_xyz) -> NormalLight | None:
     return NormalLight(falling, bounds.channels, bounds.most_light, bounds.most_highlight)
 
 
-def coded_normals(normals: np.ndarray, *, threads: int = 0) -> np.ndarray:
+def code_normals(normals: np.ndarray, *, threads: int = 0) -> np.ndarray:
     """Code unit normals.
 
     Parameters
@@ -171,7 +171,7 @@ def coded_normals(normals: np.ndarray, *, threads: int = 0) -> np.ndarray:
 
 @kernel
 def _code(normals, codes):
-    """Kernel of ``coded_normals``; ``normals``: (3, m)."""
+    """Kernel of ``code_normals``; ``normals``: (3, m)."""
     share_out(_code_part, codes.shape[1], (normals, codes))
 
 

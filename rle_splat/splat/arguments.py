@@ -274,7 +274,7 @@ class Lookup(NamedTuple):
     last: np.int32
 
 
-class Light(NamedTuple):
+class LightPlanes(NamedTuple):
     """The planes of a sheet of the scalar behind the scalar itself, by number; kernels are compiled for each count.
 
     Attributes

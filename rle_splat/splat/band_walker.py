@@ -34,7 +34,7 @@ from ..runtime.jit import inner_loop
 from ..runtime.parallel import taken
 from ..view.depth_rules import BEGINS, BETWEEN, OWN
 from .band import begin_band, live_voxels, slice_ahead, write_rows
-from .interval_blocks import NO_MORE, SOME, bound_blocks, reached_blocks
+from .interval_blocks import NO_MORE, SOME, bound_blocks, find_reached_blocks
 from .rays_in_box import NO_ROW
 from .scratch import BAND, SPREAD, BlockScratch, Rows, Scanlines, Scratch, VoxelLine, WaitingBlocks
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
@@ -299,7 +299,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
                     here, there = there, here
             some = SOME
             if shortened:
-                some = reached_blocks(bounds, sheets.begin[first], sheets.far[first], band_alive, reached)
+                some = find_reached_blocks(bounds, sheets.begin[first], sheets.far[first], band_alive, reached)
                 if some == NO_MORE:
                     break
             found = opaque = False

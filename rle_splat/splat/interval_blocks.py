@@ -63,7 +63,7 @@ def bound_blocks(intervals, top_row, rows, bounds):
 
 
 @inner_loop
-def reached_blocks(bounds, begin, far, alive, reached):
+def find_reached_blocks(bounds, begin, far, alive, reached):
     """The blocks of a band with a ray within its interval somewhere between ``begin`` and ``far``.
 
     ``bounds``: of ``bound_blocks``.  ``alive``: (words,) a bit for each block that is not opaque yet.  Out:

@@ -39,7 +39,7 @@ def place_inside(typing, cells, fractions, to, start, scale, top):
     return types.void(cells, fractions, types.intp, *numbers), generate
 
 
-def _joined(parts):
+def _join(parts):
     """Four vectors of four lanes, one after the other."""
     a, b, c, d = parts
     first, second = a.shuffle(b.value, range(8)), c.shuffle(d.value, range(8))
@@ -69,7 +69,7 @@ def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
 
         # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
         low, high = (
-            _joined([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
+            _join([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
             for n in (0, 2)
         )
         lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
@@ -84,7 +84,7 @@ def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
     return types.void(*arguments), generate
 
 
-def mixed_block(context, builder, sheet_type, sheet, upper, lower, down, plane):
+def mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, plane):
     """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``resample_plane``)."""
     above, below = (
         Vector.load(
@@ -127,7 +127,7 @@ def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, en
     def generate(context, builder, signature, arguments):
         sheet, upper, lower, down, low, high, origin, rate, last, entries, shares = arguments
         down = Vector.spread(builder, down, BLOCK)
-        value = mixed_block(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        value = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
         low, high, origin, rate = (Vector.spread(builder, n, BLOCK) for n in (low, high, origin, rate))
         inside = builder.and_(value.at_least(low), high.at_least(value))
         final = Vector.spread(builder, last, BLOCK)
@@ -166,8 +166,8 @@ def look_between(
             signature.args[n] for n in (0, 4, 16, 17, 18)
         )
         down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-        here = mixed_block(context, builder, sheet_type, sheet, upper, lower, down, 0)
-        there = mixed_block(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
+        here = mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, 0)
+        there = mix_blocks(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
         least, low, high, nearest, furthest, origin, rate = (
             Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
         )
@@ -221,7 +221,7 @@ def rows_of(context, builder, table_type, table, indices_type, indices, number, 
         return Vector.load(builder, builder.bitcast(start, whole.type), 4)
 
     # Every fourth row in one vector, so that transposing them needs no lane to cross from group to group.
-    return transpose4([_joined([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
+    return transpose4([_join([row(i) for i in range(first, BLOCK, 4)]) for first in range(4)])
 
 
 @intrinsic
@@ -314,8 +314,8 @@ def composite_classified(
             offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
             now = (builder.add(at, offset) for at in (upper, lower))
             then = (builder.add(at, offset) for at in (upper_before, lower_before))
-            now = mixed_block(context, builder, sheet_type, sheet, *now, down, 0)
-            then = mixed_block(context, builder, before_type, before, *then, down_before, 0)
+            now = mix_blocks(context, builder, sheet_type, sheet, *now, down, 0)
+            then = mix_blocks(context, builder, before_type, before, *then, down_before, 0)
             return now * here + then * there
 
         colors = lit(colors, samples, counts, (matt, gloss), light)

@@ -16,7 +16,7 @@ from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
 from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
-from .arguments import Box, Light, Lookup, ScalarTables
+from .arguments import Box, LightPlanes, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
 from .mist_block import MistRays
 from .pixel_block import BLOCK
@@ -38,7 +38,7 @@ class ScalarMedium(NamedTuple):
     tables : ScalarTables
     box : Box
     lookup : Lookup
-    light : Light
+    light : LightPlanes
     sign : float32 or None
         Which value of a ray is wanted in place of compositing: 1 the largest, -1 the smallest, 0 the mean; of
         ``lookup`` only origin and least count then.
@@ -55,7 +55,7 @@ class ScalarMedium(NamedTuple):
     tables: ScalarTables
     box: Box
     lookup: Lookup
-    light: Light
+    light: LightPlanes
     sign: np.float32 | None
     absorbs: bool | None
     mist: MistRays
@@ -63,7 +63,7 @@ class ScalarMedium(NamedTuple):
     least: np.float32
 
 
-class Slab(NamedTuple):
+class SheetGroup(NamedTuple):
     """One sheet, or a group of ``together`` sheets from number ``first`` on: ``kind`` of ``view.depth_rules``; from
     where (``front``) to where (``behind``) they reach along the viewing direction, voxels."""
 
@@ -74,7 +74,7 @@ class Slab(NamedTuple):
     behind: float
 
 
-class Row(NamedTuple):
+class ScalarRow(NamedTuple):
     """A row of the band: where its rays ``enter`` and ``leave`` the box sideways, voxels along the viewing direction;
     ``slot`` of its first scanline and the fraction ``down`` (float32) towards the next one, in this sheet and in the
     one before; slots are NO_ROW where there is none."""
@@ -197,7 +197,7 @@ def _slab_of(medium, sheets, first, together, waiting):
     """See ``band_walker.row_walker``."""
     for number in range(together):
         waiting.depths[number] = sheets.thickness[first + number]
-    return Slab(first, together, sheets.kind[first], sheets.begin[first], sheets.end[first + together - 1])
+    return SheetGroup(first, together, sheets.kind[first], sheets.begin[first], sheets.end[first + together - 1])
 
 
 @inner_loop
@@ -213,7 +213,7 @@ def _row_of(medium, slab, v, r, here, there, waiting):
         for number in range(slab.together):  # the fraction towards the second of its scanlines in each sheet
             at = BAND * number + r
             waiting.downs[number] = here.row_position[at] - here.row_line[at] if here.row_slot[at] != NO_ROW else 0.0
-    return is_crossed, Row(enter, leave, slot, down, slot_before, down_before)
+    return is_crossed, ScalarRow(enter, leave, slot, down, slot_before, down_before)
 
 
 @inner_loop

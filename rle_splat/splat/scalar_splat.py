@@ -12,7 +12,7 @@ from ..shade.normal_light import NO_LAMPS
 from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import Sheets
-from .arguments import Light, Lookup, ScalarTables, StoredScalars, box_of, rays_of
+from .arguments import LightPlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -108,7 +108,7 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
     rays = rays_of(plane, 1.0, True, intervals)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
     channels = 0 if encoded.lights is None else encoded.lights.shape[1]
-    light = Light(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
+    light = LightPlanes(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist_rays(plane, mist))

@@ -87,7 +87,7 @@ class Slab(NamedTuple):
     footprint: Footprint
 
 
-class Row(NamedTuple):
+class BufferRow(NamedTuple):
     """A row of the band: ``slot`` of its first scanline, that scanline's number ``line``, and the row's ``position``
     among scanlines, in voxels."""
 
@@ -234,7 +234,7 @@ def _slab_of(medium, sheets, first, together, waiting):
 @inner_loop
 def _row_of(medium, slab, v, r, here, there, waiting):
     """See ``band_walker.row_walker``."""
-    return True, Row(here.row_slot[r], here.row_line[r], here.row_position[r])
+    return True, BufferRow(here.row_slot[r], here.row_line[r], here.row_position[r])
 
 
 @inner_loop

@@ -88,18 +88,18 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
 
 def sheet_list(encoded, plane: BasePlane) -> SheetList:
     """The sheets of a base plane that the volume's voxels reach.  ``encoded``: a RunLengthVolume or ScalarVolume."""
-    some, placed = _shown(plane.sheets, encoded.filled_slices.tobytes())
+    some, placed = _list_shown(plane.sheets, encoded.filled_slices.tobytes())
     *before, far, kind = placed
     return SheetList(*before, plane.scale[some], plane.offset[some], far, kind)
 
 
 @lru_cache(maxsize=16)
-def _shown(sheets: Sheets, filled_slices: bytes) -> tuple:
+def _list_shown(sheets: Sheets, filled_slices: bytes) -> tuple:
     """The sheets that are reached, as an index, and their columns of SheetList but for ``scale`` and ``offset``.
 
     ``filled_slices``: bytes of (n,) bool, which slices have voxels.  Kept, since most frames have the previous sheets.
     """
-    shown = _reached(np.frombuffer(filled_slices, bool), sheets)
+    shown = _find_reached(np.frombuffer(filled_slices, bool), sheets)
     between = sheets.kind == BETWEEN
     shown[1:] |= shown[:-1] & between[1:]  # the slab behind the last voxels
     kind = sheets.kind.copy()
@@ -112,7 +112,7 @@ def _shown(sheets: Sheets, filled_slices: bytes) -> tuple:
     return some, [column[some] for column in columns]
 
 
-def _reached(filled: np.ndarray, sheets: Sheets) -> np.ndarray:
+def _find_reached(filled: np.ndarray, sheets: Sheets) -> np.ndarray:
     """(n,) bool: which sheets the footprint of any slice with voxels reaches; the first, where none does.
 
     ``filled``: which slices have voxels.

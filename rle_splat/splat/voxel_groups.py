@@ -15,7 +15,7 @@ MANY, FEW = 16, 4  # voxels of a group
 CODE_BITS = np.uint32(12)  # a 16-bit code of light becomes float32 by a shift and a product: encode/records.py
 
 
-def _loaded(builder, pointer, count):
+def _load(builder, pointer, count):
     """``count`` lanes of whatever the pointer is of, from memory of any alignment."""
     kind = pointer.type.pointee
     value = builder.load(builder.bitcast(pointer, ir.VectorType(kind, count).as_pointer()))
@@ -51,7 +51,7 @@ def _mixer_of_scalars(count):
             line_type, _, scalars_type = signature.args[:3]
             near, far = (
                 _as_single(
-                    builder, _loaded(builder, place(context, builder, scalars_type, scalars, at), count),
+                    builder, _load(builder, place(context, builder, scalars_type, scalars, at), count),
                     scalars_type.dtype,
                 )
                 for at in (near, far)
@@ -88,7 +88,7 @@ def _mixer_of_lights(count):
 
             def numbers(voxel, channel):
                 first = place(context, builder, lights_type, lights, builder.mul(voxel, number(channels)))
-                codes = _loaded(builder, first, count * channels)
+                codes = _load(builder, first, count * channels)
                 lanes = [channel + channels * n for n in range(count)]
                 mask = ir.Constant(ir.VectorType(INTEGER, count), lanes)
                 codes = builder.shuffle_vector(codes, codes, mask)

@@ -54,9 +54,9 @@ def composite_waiting(queued, r, word, window, first, sheets, table, light, leas
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 
     ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``, ``light``: of
-    ``arguments.Lookup`` and ``arguments.Light``.  ``least``: transmittance at which a pixel is opaque.  ``samples``:
-    of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.  ``half``: (H, W)
-    float32, see ``sheet_row.note_half_depth``.
+    ``arguments.Lookup`` and ``arguments.LightPlanes``.  ``least``: transmittance at which a pixel is opaque.
+    ``samples``: of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.
+    ``half``: (H, W) float32, see ``sheet_row.note_half_depth``.
     """
     queue, places, starts, downs, depths = waiting
     state, length, alive, bright, _, _ = rows

@@ -122,7 +122,7 @@ def _clip_rows(column_rate, column_zero, row_rate, row_zero, bodies, intervals, 
 
 
 @kernel(inline="always", exact=True)
-def _held(position):
+def _clamp(position):
     """Clamp to the range of float32."""
     return np.float32(min(max(position, -MOST), MOST))
 
@@ -154,11 +154,11 @@ def _clip_some(first_row, last_row, column_rate, column_zero, row_rate, row_zero
             _take_holes(begin, end, has_hole[v])
         for u in range(width):
             some = begin[0, u] < end[0, u]
-            found[0, v, u] = _held(begin[0, u]) if some else np.float32(-MOST)
-            found[1, v, u] = _held(end[0, u]) if some else np.float32(-MOST)
+            found[0, v, u] = _clamp(begin[0, u]) if some else np.float32(-MOST)
+            found[1, v, u] = _clamp(end[0, u]) if some else np.float32(-MOST)
         for hole in range(1, 1 + holes):
             for u in range(width):
-                found[2 * hole, v, u], found[2 * hole + 1, v, u] = _held(begin[hole, u]), _held(end[hole, u])
+                found[2 * hole, v, u], found[2 * hole + 1, v, u] = _clamp(begin[hole, u]), _clamp(end[hole, u])
 
 
 @kernel(inner=True, exact=True)

@@ -17,7 +17,7 @@ def find_intervals(columns, rows, nearest, furthest, layer, left, top, last_colu
     at_zero, per_voxel = (columns[n] + rows[n][:, None] for n in (3, 4))
     end = np.full(at_zero.shape, furthest)
     if layer is not None:
-        end = np.minimum(end, _sampled(layer, (left, top), *picture_positions(last_column, last_row, columns, rows)))
+        end = np.minimum(end, _sample(layer, (left, top), *picture_positions(last_column, last_row, columns, rows)))
     with np.errstate(divide="ignore", invalid="ignore"):
         intervals[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
     sideways = ~(per_voxel > 0.0)  # never visible: the ray runs across or against the camera's axis
@@ -36,7 +36,7 @@ def picture_positions(last_column, last_row, columns, rows) -> tuple[np.ndarray,
     return column, row
 
 
-def _sampled(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
+def _sample(layer: np.ndarray, first_pixel, column, row) -> np.ndarray:
     """The layer at positions in the picture: bilinear within one surface, the nearest pixel elsewhere."""
     height, width = layer.shape
     left, top = first_pixel

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.steps import within
+from ..runtime.steps import step_within
 from ..scene import RleSplatError, Scene
 
 
@@ -22,7 +22,7 @@ def whole_steps(steps, scene: Scene):
         in memory.
     """
     files = [(Path(one.filename), one.offset + one.nbytes) for one in map(_file_of, _arrays(scene)) if one is not None]
-    return within(steps, lambda: _check_ends(files)) if files else steps
+    return step_within(steps, lambda: _check_ends(files)) if files else steps
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..runtime.steps import portion
+from ..runtime.steps import announce
 from .counts import count_steps, counts_values
 from .volume import Volume, key_steps, range_steps
 
@@ -23,5 +23,5 @@ def measure_steps(volume: Volume):
     }
     for i, (name, steps) in enumerate(works.items()):
         if name not in volume.measured:
-            steps = portion(steps, i / len(works), (i + 1) / len(works), "measuring the values")
+            steps = announce(steps, i / len(works), (i + 1) / len(works), "measuring the values")
             volume.measured[name] = yield from steps

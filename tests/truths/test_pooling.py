@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.encode.pooling import pooled_steps
+from rle_splat.encode.pooling import pool_steps
 from rle_splat.pipeline.scan_source import scan_source
 from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
@@ -20,7 +20,7 @@ def test_a_node_is_the_average_of_its_cube(stage, level, way):
     quality = Quality(classification="pre", threads=2)
     lit = drain(scan_source(scene, quality).medium_steps(Work(StageCache(0).job(), Clock()))).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
-    means = drain(pooled_steps(voxels, write, level, threads=2))
+    means = drain(pool_steps(voxels, write, level, threads=2))
     side, extinction = 2**level, -np.log1p(-field.astype(np.float64))
     emission = np.concatenate((extinction[..., None] * stage.color(field), extinction[..., None]), axis=3)
     padded = np.pad(emission, [(0, -n % side) for n in field.shape] + [(0, 0)])

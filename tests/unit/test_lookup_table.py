@@ -21,7 +21,7 @@ def volume(dtype=np.uint8, slope=1.0, intercept=0.0):
     return Volume(np.zeros((2, 2, 2), dtype), np.eye(4), slope=slope, intercept=intercept)
 
 
-def looked_up(table, values):
+def look_up(table, values):
     """(n, 4) float64 entries that stored ``values`` get: the rule written down once more."""
     values = np.asarray(values, np.float64)
     with np.errstate(invalid="ignore"):
@@ -65,9 +65,9 @@ def test_whole_numbers_get_what_the_function_says(dtype, curve):
         if whole:
             little = min(1e-4, 0.4 / table.rate)
             for aside in (0.0, little, -little):
-                np.testing.assert_allclose(looked_up(table, values + aside), right, rtol=2e-6, atol=1e-12)
+                np.testing.assert_allclose(look_up(table, values + aside), right, rtol=2e-6, atol=1e-12)
         else:
-            off = np.abs(looked_up(table, values) - right)[~np.isin(values, [v for v, _ in CURVES[curve]])]
+            off = np.abs(look_up(table, values) - right)[~np.isin(values, [v for v, _ in CURVES[curve]])]
             assert off.max() < 0.02
         assert table.entries.dtype == np.float32 and len(table.entries) <= MOST + 2
         assert not table.entries[-1].any() and np.isfinite(table.entries).all()
@@ -80,7 +80,7 @@ def test_between_numbers_too(curve, dtype):
     grid, tf = volume(dtype), function(*CURVES[curve], color=((0, 1, 1, 1),))
     table = lookup_table(grid, tf, (0, 255), DISTANCE)
     values = np.random.default_rng(1).uniform(0.0, 255.0, 20000)
-    alpha, right = (-np.expm1(-DISTANCE * found[:, 3]) for found in (looked_up(table, values), true(tf, grid, values)))
+    alpha, right = (-np.expm1(-DISTANCE * found[:, 3]) for found in (look_up(table, values), true(tf, grid, values)))
     assert np.abs(alpha - right).max() < 1.1e-3
     assert abs((alpha - right).mean()) < 5e-5  # none is taken from one side
 
@@ -107,7 +107,7 @@ def test_a_step_of_whole_numbers_is_where_it_is():
             table = lookup_table(volume(dtype), tf, (0, last), DISTANCE)
             before, on = np.ceil(step) - 1, np.ceil(step)
             little = min(1e-4, 0.4 / table.rate)
-            found = looked_up(table, [at + aside for at in (before, on) for aside in (-little, 0.0, little)])[:, 3]
+            found = look_up(table, [at + aside for at in (before, on) for aside in (-little, 0.0, little)])[:, 3]
             assert not found[:3].any() and (found[3:] > 0.27).all()
 
 
@@ -116,7 +116,7 @@ def test_one_far_value_shows_nothing_beyond_a_step(far):
     """What rounding may take from a value is in proportion to the function's points, not to the volume's largest."""
     tf = function((30, 0.0), (30, 0.5), (60, 0.5), (60, 0.0), color=((0, 1, 1, 1),))
     table = lookup_table(volume(np.float32), tf, (min(0.0, far), max(255.0, far)), DISTANCE)
-    found = looked_up(table, (29.9, 29.99999, 30.0, 59.9, 60.1))[:, 3]
+    found = look_up(table, (29.9, 29.99999, 30.0, 59.9, 60.1))[:, 3]
     assert not found[0] and found[1:4].all() and not found[4]
 
 
@@ -126,7 +126,7 @@ def test_any_slope_gives_the_same_entries(slope):
         lookup_table(volume(slope=by), function((10 * by, 0.0), (200 * by, 0.8), color=((0, 1, 1, 1),)), (0, 255), 1.0)
         for by in (1.0, slope)
     )
-    np.testing.assert_allclose(looked_up(scaled, np.arange(256)), looked_up(plain, np.arange(256)), rtol=1e-6)
+    np.testing.assert_allclose(look_up(scaled, np.arange(256)), look_up(plain, np.arange(256)), rtol=1e-6)
 
 
 def test_values_that_are_too_close_for_a_table_are_refused():
@@ -144,7 +144,7 @@ def test_it_converges_with_its_size(dtype):
     for entries in (50, 100, 200, 400, 800):
         table = lookup_table(grid, tf, (0, 60000), DISTANCE, entries)
         assert 0.8 * entries < len(table.entries) < 1.3 * entries
-        errors.append(np.sqrt(((looked_up(table, values) - right) ** 2).mean()))
+        errors.append(np.sqrt(((look_up(table, values) - right) ** 2).mean()))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (np.abs(orders - 1.0) < 0.25).all(), orders
 
@@ -156,8 +156,8 @@ def test_nothing_is_shown_where_the_function_shows_nothing():
         table = lookup_table(volume(dtype), tf, (-200.0, 200.0), DISTANCE)
         values = np.concatenate(([-1e9, -3e38, 1e30, 3e38], np.linspace(-200, -100.5), np.linspace(-79.5, 79.5),
                                  np.linspace(100.5, 200)))  # fmt: skip
-        assert not looked_up(table, values).any()
-        assert looked_up(table, (-90.0, 90.0))[:, 3].all()
+        assert not look_up(table, values).any()
+        assert look_up(table, (-90.0, 90.0))[:, 3].all()
 
 
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32, np.float64))
@@ -168,7 +168,7 @@ def test_what_is_not_kept_is_transparent_whatever_is_shown(dtype):
         table = lookup_table(volume(dtype), function(*points), (0.0, 200.0), DISTANCE)
         missing = -3e38 * 2.0 ** -np.arange(0.0, 25.0)
         assert (missing < table.low).all()
-        assert not looked_up(table, missing).any() and looked_up(table, (0.0, 10.0))[:, 3].all()
+        assert not look_up(table, missing).any() and look_up(table, (0.0, 10.0))[:, 3].all()
 
 
 def test_ranges_of_one_value_and_of_none():
@@ -179,10 +179,10 @@ def test_ranges_of_one_value_and_of_none():
                 grid, tf = volume(dtype), function(*CURVES[curve])
                 with np.errstate(all="raise"):
                     table = lookup_table(grid, tf, (value, value), DISTANCE)
-                np.testing.assert_allclose(looked_up(table, [value]), true(tf, grid, [value]), rtol=2e-6)
+                np.testing.assert_allclose(look_up(table, [value]), true(tf, grid, [value]), rtol=2e-6)
         hidden = lookup_table(volume(dtype), function((500, 0.0), (600, 0.5)), (0.0, 100.0), DISTANCE)
         assert not hidden.entries.any() and hidden.most_color == 0.0
-        assert not looked_up(hidden, np.linspace(-1e3, 1e3)).any()
+        assert not look_up(hidden, np.linspace(-1e3, 1e3)).any()
 
 
 def test_an_opaque_medium_is_capped_and_distances_count():

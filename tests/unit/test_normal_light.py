@@ -9,7 +9,7 @@ from rle_splat.classify.transfer_function import Shade
 from rle_splat.runtime.jit import compiled, kernel, use_reference
 from rle_splat.scene import Light
 from rle_splat.shade.lighting import Shadows, lighting
-from rle_splat.shade.normal_light import ONE, SHARPEST, coded_normals, normal_light
+from rle_splat.shade.normal_light import ONE, SHARPEST, code_normals, normal_light
 from rle_splat.splat.reference.lamps import light_of_normals
 from rle_splat.splat.scalar_scanline import put_lamps
 from rle_splat.splat.scalar_splat import kernel_light_planes
@@ -74,7 +74,7 @@ def made(light, lamps, to, count, voxel, far_voxel, weights):
 @pytest.mark.parametrize("name", CASES)
 def test_the_kernel_makes_the_light_of_the_reference(name):
     light = normal_light(falling_of(name), SHAPE)
-    lamps = light.lamps(coded_normals(unit_vectors()), 1)
+    lamps = light.lamps(code_normals(unit_vectors()), 1)
     assert lamps.is_near == (CASES[name][3] is NEAR_EYE)
     for to, count, voxel, far_voxel, weights in (
         (0, 37, 11, 200, (1.0, 0.0)), (5, 16, 3, 120, (0.3, 0.7)), (70, 15, 31, 77, (0.75, 0.25)),
@@ -95,7 +95,7 @@ def test_the_kernel_makes_the_light_of_the_reference(name):
 @pytest.mark.parametrize("name", CASES)
 def test_a_voxel_has_the_same_bits_in_whichever_group(name):
     light = normal_light(falling_of(name), SHAPE)
-    lamps = light.lamps(coded_normals(unit_vectors()), 2)
+    lamps = light.lamps(code_normals(unit_vectors()), 2)
     for weights in ((1.0, 0.0), (0.3, 0.7)):
         whole = made(light, lamps, 4, 45, 20, 150, weights)
         for piece in (1, 4, 7, 16, 19):
@@ -108,10 +108,10 @@ def test_a_voxel_has_the_same_bits_in_whichever_group(name):
 
 def test_coded_normals():
     normals = unit_vectors(1001)
-    codes = coded_normals(normals)
+    codes = code_normals(normals)
     assert codes.dtype == np.int16 and codes.shape == (3, 1001)
     with use_reference():
-        np.testing.assert_array_equal(codes, coded_normals(normals))
+        np.testing.assert_array_equal(codes, code_normals(normals))
     assert np.abs(codes.T / ONE - normals).max() <= 0.5 / ONE * (1.0 + 1e-4)
     np.testing.assert_array_equal(codes.any(axis=0), normals.any(axis=1))
 

@@ -1,8 +1,16 @@
 """The stage cache: content keys, eviction by bytes, and jobs that are all or nothing."""
 
+import importlib
+
+import numpy as np
 import pytest
 
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
+from rle_splat.scene import Quality, RleSplatError, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 
 
 def keep(cache, stage, key, result, size=10):
@@ -91,3 +99,18 @@ def test_what_a_job_has_found_stays_at_hand_whatever_becomes_of_the_store():
     assert (job.get("s", "one", None), job.get("s", "two", None)) == ("first", "second")
     job.keep()
     assert cache.contents == (("s", "three"), ("s", "one"), ("s", "two")) and cache.nbytes == 30
+
+
+@pytest.mark.parametrize("stage", ["choose_plan", "begin_picture"])
+def test_memory_that_runs_out_at_any_stage_is_a_sentence(monkeypatch, stage):
+    volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
+    camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+    shown = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 1, 1, 1),))
+    scene = Scene(volume, shown, camera, 12, 12, matrix)
+
+    def run_out(*_):
+        raise MemoryError("8 TiB")
+
+    monkeypatch.setattr(importlib.import_module("rle_splat.pipeline.render"), stage, run_out)
+    with pytest.raises(RleSplatError, match=r"Memory ran out half-way through the picture \(8 TiB\)"):
+        render(scene, Quality.preset("draft"))

@@ -167,7 +167,7 @@ def sweep_steps(
     if tolerances:
         remarks = _why_no_tolerance(chosen)
         if not remarks:
-            wished = yield from _wished_steps(scene, chosen, tolerances, cache)
+            wished = yield from _choose_steps(scene, chosen, tolerances, cache)
             plans, remarks = _with_choices(plans, wished.choices)
     plans, chosen_name = with_plan(plans, chosen)
     # The last plan's picture is the most accurate one: it decides where all are measured.
@@ -178,7 +178,7 @@ def sweep_steps(
     measured, picture = [], finest
     for number, plan in enumerate(plans, start=1):
         part = begin + share * number, begin + share * (number + 1)
-        one, first = yield from _measured_steps(scene, plan, wished, cache, where, window, repeats, *part)
+        one, first = yield from _measure_steps(scene, plan, wished, cache, where, window, repeats, *part)
         measured.append(one)
         if plan.name == chosen_name:
             picture = first
@@ -253,7 +253,7 @@ def _why_no_tolerance(quality: Quality) -> list[str]:
     return []
 
 
-def _wished_steps(scene: Scene, base: Quality, tolerances, cache: StageCache):
+def _choose_steps(scene: Scene, base: Quality, tolerances, cache: StageCache):
     """Generator of Progress up to PILOTS_END: choose a plan for each tolerance, in levels; returns a _Wished."""
     session = yield from session_steps(scene, base, cache, PILOTS_END)
     choices, rays = {}, {}
@@ -305,7 +305,7 @@ def _frame_steps(scene: Scene, plan: Quality, wished: _Wished, cache: StageCache
     return replace(rendering, report={**rendering.report, "stages_ms": stages})
 
 
-def _measured_steps(
+def _measure_steps(
     scene: Scene, plan: Quality, wished: _Wished, cache: StageCache, where: Probes, window: PictureWindow, repeats: int,
     begin: float, end: float,
 ):  # fmt: skip

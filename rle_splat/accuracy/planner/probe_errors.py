@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.mesh_depth import mesh_depth
-from ...runtime.steps import Progress, portion
+from ...runtime.steps import Progress, announce
 from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
@@ -26,7 +26,7 @@ def true_pixel_steps(scene: Scene, name: str, columns, rows, begin: float, end: 
     ``columns``, ``rows``: (n,) float positions, pixel centers at + 0.5.  Returns (n, 4) float64.
     """
     steps = truth_steps(scene, name, columns, rows, TRUTH_TOLERANCE, **shading_of(scene, name))
-    return portion(steps, begin, end, f"Integrating the truth {name}")
+    return announce(steps, begin, end, f"Integrating the truth {name}")
 
 
 class ProbeErrors:

@@ -15,7 +15,7 @@ from ...pipeline.plan_model import Features, Model
 from ...pipeline.render import render_steps
 from ...pipeline.single_rays import can_trace
 from ...pipeline.stage_cache import StageCache
-from ...runtime.steps import Progress, map_steps, part, portion
+from ...runtime.steps import Progress, announce, map_steps, rescale
 from ...scene import Quality, Rendering, Scene
 from .choose import NEARLY_BEST, STAGES, Choice, Speed, choose, choose_with_rays
 from .error_estimate import ErrorEstimate
@@ -159,12 +159,12 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
         for name, plan in plans.items()
     }
     features, shown = features_of(scene, quality, drawn), analyze_effects(scene, quality)[1]
-    machine = yield from part(profile_steps(quality), end, end)
+    machine = yield from rescale(profile_steps(quality), end, end)
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, timed)
     if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
         steps = ray_cost_steps(shown, quality, session.estimate, machine.cell_us, machine.slab_us, cache)
-        session.ray_cost = yield from portion(steps, end, end, TRACING)
+        session.ray_cost = yield from announce(steps, end, end, TRACING)
     return session
 
 

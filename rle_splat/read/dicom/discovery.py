@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...runtime.steps import Progress, map_steps, within
+from ...runtime.steps import Progress, map_steps, step_within
 from ..library_import import library_steps
 from . import elements as read
 from .pictures import is_segmentation, picture_steps, series_key
@@ -182,7 +182,7 @@ def _pictures(found: read.Elements | None):
         return (yield from picture_steps(found))
 
     try:
-        steps = within(sort_out(), read.quiet)
+        steps = step_within(sort_out(), read.quiet)
         return (yield from map_steps(steps, lambda _: Progress(0.0, f"Reading the header of {found.path.name}")))
     except Refused as problem:
         problem.series = read.quietly(series_key, found)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...runtime.memory import bytes_text, refuse_beyond
-from ...runtime.steps import Progress, part
+from ...runtime.steps import Progress, rescale
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, Volume
 from ..header import check_frame, frame_remark
@@ -118,11 +118,11 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     RleSplatError
         If the path holds no volume, or several and none is chosen.
     """
-    found = yield from part(find_pictures(path), 0.0, HEADERS)
+    found = yield from rescale(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
         if (series, frame, spacing) != (None, None, None):
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
-        return (yield from part(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
+        return (yield from rescale(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     groups = groups_in(found)
     group = choose_group(groups, series, group_title, series_key)
     number = check_frame(path, frame, len(group.frames))
@@ -133,7 +133,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     for storage in {picture.storage.path: picture.storage for picture in pictures}.values():
         check_size(storage)
     mapping = common_mapping(pictures)
-    voxels, padded = yield from part(_voxel_steps(pictures, stack, mapping), HEADERS, 1.0)
+    voxels, padded = yield from rescale(_voxel_steps(pictures, stack, mapping), HEADERS, 1.0)
     slope, intercept = mapping or (1.0, 0.0)
     first = pictures[0]
     return Volume(
@@ -168,7 +168,7 @@ def _voxel_steps(pictures, stack: Stack, mapping):
     if apart:
         refuse_beyond(2 * needed, f"{what} with irregular distances need", "choose a smaller series")
     read = np.empty((len(pictures), *shape[1:]), dtype=dtype) if apart else voxels[stack.slices - len(pictures) :]
-    padded = yield from part(_stored_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
+    padded = yield from rescale(_stored_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
     for k in range(stack.slices if stack.kind != "even" else 0):
         j, weight = int(stack.below[k]), float(stack.weight[k])
         voxels[k] = between(read[j], read[j + 1], weight) if weight > 0.0 else read[j]

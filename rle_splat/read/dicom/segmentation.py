@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ...runtime.memory import bytes_text, refuse_beyond
-from ...runtime.steps import Progress, map_steps, within
+from ...runtime.steps import Progress, map_steps, step_within
 from ...scene import RleSplatError
 from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
@@ -47,7 +47,8 @@ def read_segmentation_steps(found: read.Elements):
     """
     try:
         doing = Progress(0.0, f"Reading the header of {found.path.name}")
-        pictures, segments, labels, threshold = yield from map_steps(within(_facts(found), read.quiet), lambda _: doing)
+        steps = map_steps(step_within(_facts(found), read.quiet), lambda _: doing)
+        pictures, segments, labels, threshold = yield from steps
         stacked, at = read.quietly(_stack, pictures, found)
     except read.problems():
         raise damage_error(found.path) from None

@@ -60,7 +60,7 @@ def _between(slices, first: int, weights) -> np.ndarray | None:
     return mixed
 
 
-def _resampled(samples, count: int, scale: float, offset: float) -> np.ndarray:
+def _resample(samples, count: int, scale: float, offset: float) -> np.ndarray:
     """The first axis of ``samples`` at ``count`` sheet pixels, linearly, none beyond its ends."""
     last = len(samples) - 1
     position = np.clip((np.arange(count) - offset) / scale, 0.0, last)
@@ -187,8 +187,8 @@ def splat_scalar_sheets_numpy(
         here = absent
         if mixed is not None:
             (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
-            along = _resampled(mixed.transpose(1, 0, 2), width, scale_u, offset_u)
-            here = _resampled(along.transpose(1, 0, 2), height, scale_v, offset_v)
+            along = _resample(mixed.transpose(1, 0, 2), width, scale_u, offset_u)
+            here = _resample(along.transpose(1, 0, 2), height, scale_v, offset_v)
         if sheets.kind[sheet] == BEGINS or (here is absent and there is absent):
             continue
         slab = np.maximum(sheets.begin[sheet], enter), np.minimum(sheets.end[sheet], leave)
