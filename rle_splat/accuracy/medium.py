@@ -205,7 +205,7 @@ class ScalarField(_Field):
     def occupied(self, corners: np.ndarray) -> np.ndarray:
         """(P,) bool: whether the transfer function is above zero anywhere in the cell's range of values."""
         scalar = corners[..., 0]
-        return self._segments.seen_between(scalar.min(axis=1), scalar.max(axis=1))
+        return self._segments.show_between(scalar.min(axis=1), scalar.max(axis=1))
 
     def split(self, poly: np.ndarray):
         """Cut the scalar's cubics at the transfer function's points and leave out transparent pieces.

@@ -110,7 +110,7 @@ class Segments:
         """The segment of each value; a value on a knot belongs to the segment above."""
         return np.searchsorted(self.knots, values, side="right")
 
-    def seen_between(self, low, high) -> np.ndarray:
+    def show_between(self, low, high) -> np.ndarray:
         """Whether the opacity is above zero anywhere from ``low`` to ``high``; False where one of them is NaN."""
         # A value on a knot may belong to the segment above it, the limit from below to the one under it.
         first, last = np.searchsorted(self.knots, low), np.searchsorted(self.knots, high, side="right")

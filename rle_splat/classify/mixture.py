@@ -181,7 +181,7 @@ class _Part:
         extinction = optical_depth(alpha) / step
         return -np.expm1(-extinction * distance), extinction, colors, np.ones(count, bool)
 
-    def seen_beside(self, edges: EdgeShares, offset: int) -> np.ndarray:
+    def find_visible_beside(self, edges: EdgeShares, offset: int) -> np.ndarray:
         """Which voxels beside edges are visible; ``offset`` as in ``blend``."""
         stored = self.stored[edges.source + offset]
         if self.has_tables:
@@ -413,5 +413,5 @@ class Mixture:
                 seen |= part.look_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
             if part.is_smooth:  # the first one, so that nothing else is marked yet
                 edges = part.edges(first, last, threads)
-                seen[edges.at] = part.seen_beside(edges, flat.start)
+                seen[edges.at] = part.find_visible_beside(edges, flat.start)
         return seen.reshape(-1, nx)

@@ -63,7 +63,7 @@ def roughness(volume, transfer_function) -> float | None:
     beside = np.array((-1.0, 0.0, 1.0))[:, None, None]
     positions = (middle + beside * aside)[:, None] + along * ahead
     lengths = STEP * np.linalg.norm(ahead * spacing, axis=1)
-    left, here, right = medium.seen(_interpolate(volume, transfer_function, positions), lengths)
+    left, here, right = medium.composite(_interpolate(volume, transfer_function, positions), lengths)
     off = np.abs(0.5 * (left + right) - here).max(axis=1)
     return LEVELS * float(np.mean(off**4)) ** 0.25
 
@@ -82,7 +82,7 @@ class _FunctionTables:
         self.sums = np.zeros_like(self.rates)
         np.cumsum(0.5 * (self.rates[1:] + self.rates[:-1]), axis=0, out=self.sums[1:])
 
-    def seen(self, samples, lengths) -> np.ndarray:
+    def composite(self, samples, lengths) -> np.ndarray:
         """Premultiplied color and opacity (rays, n, 4) of ``samples`` (rays, m, n) of the scalar, linear in between.
 
         ``lengths`` (n,): between two samples, in the volume's unit.

@@ -103,7 +103,7 @@ class BasePlane:
         u1, v1 = self.origin + size - 1
         # Rays go through pixel centers, half a pixel inside: enough margin for rounding of this polygon.
         corners = np.array(((u0, v0), (u1, v0), (u1, v1), (u0, v1))) / self.density
-        polygon = _seen_through(self.homography.tolist(), corners.tolist(), left, top, right, bottom)
+        polygon = _clip_to_rectangle(self.homography.tolist(), corners.tolist(), left, top, right, bottom)
         if len(polygon) < 3:
             return None
         pixels = np.array([corner[:2] for corner in polygon]) * self.density - self.origin
@@ -196,7 +196,7 @@ class BasePlane:
         return at_zero, per_voxel
 
 
-def _seen_through(homography: list, polygon: list, left, top, right, bottom) -> list:
+def _clip_to_rectangle(homography: list, polygon: list, left, top, right, bottom) -> list:
     """The part of a convex base-plane polygon that is visible through a rectangle of the picture, given in its pixels.
 
     Sutherland and Hodgman's algorithm, in plain Python, because numpy's overhead per call is larger for four corners.
@@ -357,7 +357,7 @@ def base_plane(
                 return []
         polygon = [(least[0], least[1]), (most[0], least[1]), (most[0], most[1]), (least[0], most[1])]
         margin = pixel_margin
-        return _seen_through(homography, polygon, -margin, -margin, view.width + margin, view.height + margin)
+        return _clip_to_rectangle(homography, polygon, -margin, -margin, view.width + margin, view.height + margin)
 
     polygon = window(0.0, 0.0)
     if len(polygon) < 3:
@@ -411,7 +411,7 @@ def _outline(eye: list, axes, sign: int, reference: float, sheets: Sheets, count
 def _density(homography: list, polygon: list, sheet_density: float) -> list:
     """Two: sheet pixels per voxel along X and Y that give ``sheet_density`` sheet pixels per image pixel.
 
-    ``polygon``: of ``_seen_through``.
+    ``polygon``: of ``_clip_to_rectangle``.
     """
     if sheet_density == 0.0:
         return [1.0, 1.0]

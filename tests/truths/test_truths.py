@@ -280,7 +280,7 @@ def test_segments_are_the_transfer_function():
     np.testing.assert_allclose(color[seen, :, 0], expected[seen], atol=1e-12)
     low = np.array((0.0, 0.0, 0.36, 0.36, 0.52, 0.95, np.nan))
     high = np.array((0.09, 0.1, 0.49, 0.501, 0.69, 2.0, 1.0))
-    assert segments.seen_between(low, high).tolist() == [False, True, False, True, False, True, False]
+    assert segments.show_between(low, high).tolist() == [False, True, False, True, False, True, False]
 
 
 @pytest.mark.parametrize("matrix", (np.eye(4), OBLIQUE), ids=("unit", "sheared"))
