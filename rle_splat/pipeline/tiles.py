@@ -144,8 +144,8 @@ def render_tiles_steps(
     for number, tile in enumerate(tiles):
         steps = render_steps(replace(scene, crop=tile), quality, cache, refuse_empty_view=False)
         # The first tile makes what all have in common.
-        told = f"Tile {number + 1} of {len(tiles)}" if number else ""
-        found = yield from rescale(steps, number / len(tiles), (number + 1) / len(tiles), told)
+        message = f"Tile {number + 1} of {len(tiles)}" if number else ""
+        found = yield from rescale(steps, number / len(tiles), (number + 1) / len(tiles), message)
         if strip is None:
             strip = Strip(scene.region, tile)
         strip.put(tile, found.rgba, found.depth)
