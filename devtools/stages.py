@@ -15,8 +15,9 @@ from .places import OUT, ROOT, say
 
 REPORTS = OUT / "test"  # what each stage printed, and pytest's reports
 
-# A stage is stopped when no test begins or ends and nothing is printed for this long.  A test of a minute takes ten
-# beside six busy processes.
+# A stage is stopped when no test begins or ends and nothing is printed for this long.  Each test has its limit
+# (pytest-timeout, in pyproject.toml), which is shorter: this one is for scripts without pytest, and for a test that
+# hangs where no signal reaches it.
 SILENT_SECONDS = 2700
 LOOK_SECONDS = 0.2  # between looks at what a stage has printed
 

@@ -83,7 +83,7 @@ class MappedTables:
 
     def check_sizes(self) -> None:
         """RleSplatError if a mapped member was removed or cut since: a read beyond its end would end the program."""
-        for name in self._mapped:
+        for name in tuple(self._mapped):  # another thread may map one meanwhile
             with self._reading(name):
                 self._check_size(name)
 
@@ -319,16 +319,18 @@ class StoredVolume:
             If a file is missing, cut short or damaged.
         """
         wanted = self.planes if axis == 2 and self.mapped is not None else None
-        if axis not in self.opened or self.opened[axis][0] != wanted:
+        planes, made = self.opened.get(axis, (None, None))
+        if made is None or planes != wanted:
             try:
                 chunks = yield from self._chunks_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
-                self.opened[axis] = wanted, self._of_axis(axis, chunks)
+                made = self._of_axis(axis, chunks)
             except DAMAGE as problem:
                 raise damaged(self.path, f"they do not fit together ({problem})") from None
+            self.opened[axis] = wanted, made  # shared with ``of_planes``, which other threads may draw meanwhile
         elif self.mapped is not None:
             self.mapped.check_sizes()
         yield 1.0
-        return self.opened[axis][1]
+        return made
 
     def _names(self, order: str) -> dict:
         """Name -> file of the tables of voxels of an order."""

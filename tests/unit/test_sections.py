@@ -70,6 +70,40 @@ def test_sections_along_each_axis(scene, name, axis):
 
 
 @pytest.mark.parametrize("name", QUALITIES)
+def test_sections_that_are_drawn_at_the_same_time(scene, name):
+    """As by the threads of a worker, which share the volume: each of them takes a step in turn."""
+    quality, shared = replace(QUALITIES[name], termination=0.0), scene(name, 2)
+    alone = [drain(section_steps(scene(name, 2), quality, number, 3)) for number in range(3)]
+    ends, running = {}, {number: section_steps(shared, quality, number, 3) for number in range(3)}
+    while running:
+        for number, steps in list(running.items()):
+            try:
+                next(steps)
+            except StopIteration as end:
+                ends[number] = end.value
+                del running[number]
+    for number, section in enumerate(alone):
+        for mine, its in zip(ends[number].pixels, section.pixels, strict=True):
+            np.testing.assert_array_equal(mine, its)
+
+
+def test_tables_are_mapped_while_others_are_checked(scene, monkeypatch):
+    """As when two threads draw along different axes."""
+    mapped = scene("post").volume.mapped
+    mapped.table("rows.runs")
+    size_of = mapped._members.size
+
+    def size(name):
+        if name == "rows.runs":
+            mapped.table("across.runs")
+        return size_of(name)
+
+    monkeypatch.setattr(mapped._members, "size", size)
+    mapped.check_sizes()
+    assert set(mapped._mapped) == {"rows.runs", "across.runs"}
+
+
+@pytest.mark.parametrize("name", QUALITIES)
 def test_what_ends_a_ray_early_is_lost_and_no_more(scene, name):
     quality = replace(QUALITIES[name], termination=1 / 64)
     whole = render(scene(name), quality).rgba

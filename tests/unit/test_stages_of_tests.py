@@ -185,7 +185,13 @@ def test_a_run_that_never_begins_is_a_failure(tmp_path):
     assert stage.verdict == "FAILED" and stage.remarks == ["it ended with code 0 before it reported"]
 
 
-def test_a_test_that_hangs_is_named_and_the_results_are_kept(run_tests, monkeypatch, tmp_path):
+def test_each_test_has_a_limit_that_comes_first(pytestconfig):
+    """Then the test fails by its name, and the stage goes on."""
+    assert pytestconfig.pluginmanager.hasplugin("timeout")
+    assert 0.0 < float(pytestconfig.getini("timeout")) < stages_module.SILENT_SECONDS
+
+
+def test_a_test_that_hangs_where_no_signal_reaches_it_is_named_and_the_results_are_kept(run_tests, monkeypatch, tmp_path):
     report, now = tmp_path / "report.jsonl", [0.0]
 
     def pass_hours():
