@@ -13,6 +13,7 @@ from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from .camera_clip import CLIPPING
 from .clips import CLIP_OBJECTS
+from .glass import GLASS
 from .gradient_opacity import GRADIENT_OPACITY
 from .kind import Kind
 from .lens import DEPTH_OF_FIELD
@@ -37,6 +38,7 @@ EFFECTS: dict[str, Kind] = {
     "shadows": SHADOWS,
     "ambient occlusion": AMBIENT_OCCLUSION,
     "mesh occlusion": MESH_OCCLUSION,
+    "glass": GLASS,
     "clipping": CLIPPING,
     "depth of field": DEPTH_OF_FIELD,
     "motion blur": MOTION_BLUR,

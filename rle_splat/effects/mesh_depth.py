@@ -46,6 +46,8 @@ def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: in
         Planar depth of the vertices, world units.
     bounds : (n, 4) ndarray of float64
         First column and row, last column and row (inclusive); infinite for triangles that reach behind the camera.
+    kept : (m,) ndarray of bool
+        Which of the triangles these are.
 
     Raises
     ------
@@ -71,13 +73,13 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
 
     Returns
     -------
-    edges, depths, bounds
+    edges, depths, bounds, kept
     """
     size = np.abs(pixels).max(axis=(1, 2))
     determinant = np.linalg.det(pixels / np.where(size > 0.0, size, 1.0)[:, None, None])
     in_front = (pixels[..., 2] > 0.0).any(axis=1)
-    keep = (np.abs(determinant) > 1e-14) & in_front
-    pixels, depths = pixels[keep], depths[keep]
+    kept = (np.abs(determinant) > 1e-14) & in_front
+    pixels, depths = pixels[kept], depths[kept]
     edges = np.linalg.inv(pixels).transpose(0, 2, 1)
     bounds = np.empty((len(pixels), 4))
     whole = (pixels[..., 2] > 1e-9 * np.abs(pixels[..., 2]).max(axis=1, keepdims=True)).all(axis=1)
@@ -85,7 +87,7 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
         position = pixels[..., :2] / pixels[..., 2:]
     bounds[:, :2] = np.where(whole[:, None], position.min(axis=1), -np.inf)
     bounds[:, 2:] = np.where(whole[:, None], position.max(axis=1), np.inf)
-    return np.ascontiguousarray(edges), np.ascontiguousarray(depths), bounds
+    return np.ascontiguousarray(edges), np.ascontiguousarray(depths), bounds, kept
 
 
 @kernel(inline="always")
@@ -166,7 +168,7 @@ def mesh_depth(triangles, camera: Camera, width: int, height: int, *, region=Non
     RleSplatError
         If the triangles have another shape, or are not finite.
     """
-    edges, depths, bounds = edge_functions(triangles, camera, width, height)
+    edges, depths, bounds, _ = edge_functions(triangles, camera, width, height)
     left, top, right, bottom = region or (0, 0, width, height)
     out = np.full((bottom - top, right - left, SAMPLES), np.inf, np.float32)
     _rasterize(edges, depths, bounds, (camera.clip_start, camera.clip_end), left, top, out, threads)
@@ -193,7 +195,8 @@ def sheet_depth(pixels, depths, clips, width: int, height: int, *, threads=0) ->
         Inf where there is none.
     """
     out = np.full((height, width, SAMPLES), np.inf, np.float32)
-    _rasterize(*edges_of(pixels, depths), clips, 0, 0, out, threads)
+    edges, depths, bounds, _ = edges_of(pixels, depths)
+    _rasterize(edges, depths, bounds, clips, 0, 0, out, threads)
     return out
 
 

@@ -1,6 +1,6 @@
 """The kernels of this folder once more in numpy, to be read, to run where numba is missing, and to test against.
 
-Depths of meshes and their silhouettes (algorithm.md 4.2).
+Depths of meshes and their silhouettes, and glass (algorithm.md 4.2).
 """
 
 from __future__ import annotations
@@ -32,6 +32,22 @@ def rasterize(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
         met = (total > 0.0) & (a >= slack) & (b >= slack) & (c >= slack) & (depth >= nearest) & (depth <= furthest)
         part = out[r0 - above : r1 - above, c0 - left : c1 - left]
         np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
+
+
+def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, sample_rows, left, above, rgba) -> None:
+    """Pixels (H, W, 4) seen through panes, as ``glass.pass_through``: one pane at a time."""
+    height, width = ends.shape
+    x = left + np.arange(width)[None, :, None] + sample_columns
+    y = above + np.arange(height)[:, None, None] + sample_rows
+    passed = np.ones((height, width, len(sample_columns), 4), np.float32)
+    for t in range(len(edges)):
+        a, b, c = (e[0] * x + e[1] * y + e[2] for e in edges[t])
+        total = a + b + c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+        met = (total > 0.0) & (a >= 0.0) & (b >= 0.0) & (c >= 0.0) & (depth >= nearest) & (depth < ends[..., None])
+        passed[met] *= shares[t]
+    rgba *= passed.mean(axis=2)
 
 
 def find_layers(samples, step: float, layers, spread) -> None:

@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
+from ..effects.glass import tint
 from ..runtime.steps import Clock, Progress, announce, drain, step_within, time_steps
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
@@ -120,6 +121,9 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
     # Rays: where the quality asks for it, the pixels that differ most from their neighbors are integrated one by one.
     rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
+    # Glass of the scene tints what is seen through it.
+    with clock.stage("glass"):
+        rgba = tint(picture.wanted, picture.source.quality, rgba, depth)
     # Report: what was made, how, and in which time.
     report = make_report(picture, medium, tables, (rgba, depth), traced)
     picture.work.job.keep()

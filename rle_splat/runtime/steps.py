@@ -10,7 +10,7 @@ SETUP = "setup"  # what belongs to no other stage: settling effects, the view, m
 # "kernels" is loading the splat kernel, and compiling it the first time ever: once in a process, not per picture.
 STAGES = (
     SETUP, "plan", "classify", "mixing", "gradients", "shadows", "ambient occlusion", "shade", "encode", "occlusion",
-    "clipping", "clip objects", "kernels", "splat", "warp", "rays", "report",
+    "clipping", "clip objects", "kernels", "splat", "warp", "rays", "glass", "report",
 )  # fmt: skip
 FRAME = ("splat", "warp", "rays")  # what every frame takes; rays where it has pixels by single ones
 

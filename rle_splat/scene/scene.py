@@ -83,6 +83,11 @@ class Scene:
     ray_ends : (height, width) ndarray of float32 or None
         Planar depth in world units at which the ray of each pixel of the whole frame ends, inf for one that does not,
         such as the depth that a viewport has drawn. Rays then end there and not at triangles, which only cast shadows.
+    panes : (n, 3, 3) ndarray of float64 or None
+        Triangles of glass, as ``triangles``. Rays go straight through them, and they cast no shadow.
+    pane_shares : (n, 4) array_like of float or None
+        Given with ``panes``, 0 to 1: the share of scene-linear red, green and blue that passes each of them, and of
+        alpha, which is 1 for clear or colored glass and less for a surface that hides a part by itself.
     crop : (4,) tuple of int or None
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
         rendered, with the same bits as in the whole frame. None for the whole frame.
@@ -114,8 +119,8 @@ class Scene:
     Raises
     ------
     RleSplatError
-        If a value is out of range, labels or a channel are on another grid, or a scene with ray ends has motion or
-        depth of field.
+        If a value is out of range, panes and their shares do not match, labels or a channel are on another grid, or a
+        scene with ray ends has motion or depth of field.
     """
 
     volume: object
@@ -130,6 +135,8 @@ class Scene:
     background: tuple | None = None
     triangles: np.ndarray | None = None
     ray_ends: np.ndarray | None = None
+    panes: np.ndarray | None = None
+    pane_shares: np.ndarray | None = None
     crop: tuple | None = None
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
@@ -162,6 +169,8 @@ class Scene:
             raise RleSplatError("The scene's effects must be a dict of effect names to true (on) or false (off).")
         if self.ray_ends is not None:
             self._check_ray_ends()
+        if self.panes is not None or self.pane_shares is not None:
+            self._check_panes()
         if len(self.motion) == 1:
             raise RleSplatError("Motion needs no pose or at least two, from the opening to the closing of the shutter.")
         if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
@@ -188,6 +197,15 @@ class Scene:
             raise RleSplatError(
                 "Ray ends are the depths of one sharp view; leave motion and depth of field out, or give triangles."
             )
+
+    def _check_panes(self) -> None:
+        panes, shares = np.shape(self.panes), np.shape(self.pane_shares)
+        if panes[1:] != (3, 3) or shares != (panes[0], 4):
+            raise RleSplatError("The scene's panes must be triangles of shape (n, 3, 3), with shares of shape (n, 4).")
+        held = np.asarray(self.pane_shares, np.float64)
+        if not ((held >= 0.0) & (held <= 1.0)).all():
+            raise RleSplatError("The shares of light that pass the scene's panes must be numbers from 0 to 1.")
+        object.__setattr__(self, "pane_shares", held)
 
     def _check_grid(self, other, what: str) -> None:
         """Refuse a volume ``other`` whose grid has another shape or another place in the patient."""

@@ -34,6 +34,8 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
     if scene.ray_ends is not None:
         raise RleSplatError("A tolerance cannot be kept where ray ends stand for meshes; give triangles.")
+    if scene.panes is not None:
+        raise RleSplatError("A tolerance cannot be kept through glass, of which there is no truth; take the glass out.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
     if shadow_count(scene):
@@ -66,7 +68,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
         )
     scene = analyze_effects(scene, quality)[1]
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
-    if scene.hides_volume:
+    if scene.hides_volume or scene.panes is not None:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
     if shadow_count(scene):
         raise RleSplatError("Accuracy is measured without shadows; turn off shadows and ambient occlusion.")
