@@ -1,8 +1,8 @@
-"""The surfaces of the evaluated scene as one array of triangles, for the occlusion of the volume by meshes.
+"""The surfaces of the evaluated scene as arrays of triangles: those that hide the volume, and glass, which tints it.
 
-Everything that a render engine draws as a mesh counts as an opaque surface: meshes with their modifiers, instances of
-collections, particles and geometry nodes, text, curves, surfaces and metaballs.  Glass and other transparent materials
-are opaque here.  Holdouts and shadow catchers count too.  Hair, point clouds and Blender's own volumes do not.
+Everything that a render engine draws as a mesh counts: meshes with their modifiers, instances of collections, particles
+and geometry nodes, text, curves, surfaces and metaballs.  Holdouts and shadow catchers count too.  Hair, point clouds
+and Blender's own volumes do not.
 
 The viewport's depsgraph includes collections that are hidden only from renders, and modifiers with their viewport
 settings.  The depsgraph of a render has neither limitation.
@@ -10,10 +10,31 @@ settings.  The depsgraph of a render has neither limitation.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from .glass import share_of
 
-def read_triangles(depsgraph, without=(), instead=None) -> np.ndarray:
+
+class Surfaces(NamedTuple):
+    """The surfaces that the camera sees, in world space; fields of Scene.
+
+    Attributes
+    ----------
+    triangles : (n, 3, 3) ndarray of float64
+        Triangle, corner, and x, y, z of opaque surfaces; n may be 0.
+    panes : (m, 3, 3) ndarray of float64 or None
+        Of surfaces that let light through; None where there are none.
+    pane_shares : (m, 4) ndarray of float64 or None
+    """
+
+    triangles: np.ndarray
+    panes: np.ndarray | None
+    pane_shares: np.ndarray | None
+
+
+def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
     """The triangles of all surfaces that the camera sees.
 
     Objects hidden from renders or from camera rays, and collections set to Indirect Only, are left out.
@@ -25,35 +46,46 @@ def read_triangles(depsgraph, without=(), instead=None) -> np.ndarray:
     without : collection of bpy.types.Object
         Objects to leave out.
     instead : dict of bpy.types.Object to ndarray, optional
-        Triangles of some objects in their own space, in place of those of their meshes.
+        Triangles of some objects in their own space, in place of those of their meshes; they are opaque.
 
     Returns
     -------
-    ndarray, shape (n, 3, 3), float64
-        Triangle, corner, and x, y, z in world space; n may be 0.
+    Surfaces
     """
-    local_triangles: dict[int, np.ndarray] = {}
-    pieces = []
+    local: dict[int, tuple] = {}
+    shares: dict[int, np.ndarray | None] = {}
+    pieces, shares_of_pieces = [], []
     for instance in seen_meshes(depsgraph, without):
         evaluated = instance.object
-        triangles = (instead or {}).get(evaluated.original)
+        triangles, materials = (instead or {}).get(evaluated.original), None
         if triangles is None:
             data_pointer = evaluated.data.as_pointer()
-            triangles = local_triangles.get(data_pointer)
-            if triangles is None:
-                triangles = _object_triangles(evaluated, depsgraph)
-                local_triangles[data_pointer] = triangles
-        if len(triangles):
-            matrix = np.array(instance.matrix_world, dtype=np.float64)
-            pieces.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])
+            if data_pointer not in local:
+                local[data_pointer] = _object_triangles(evaluated, depsgraph)
+            triangles, materials = local[data_pointer]
+        if not len(triangles):
+            continue
+        matrix = np.array(instance.matrix_world, dtype=np.float64)
+        pieces.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])
+        shares_of_pieces.append(np.zeros((len(triangles), 4)))
+        for number, slot in enumerate(evaluated.material_slots if materials is not None else ()):
+            key = slot.material.as_pointer() if slot.material is not None else 0
+            if key not in shares:
+                shares[key] = share_of(slot.material)
+            if shares[key] is not None:
+                # Blender draws an index beyond the slots by the last of them.
+                shares_of_pieces[-1][np.minimum(materials, len(evaluated.material_slots) - 1) == number] = shares[key]
     if not pieces:
-        return np.empty((0, 3, 3), dtype=np.float64)
-    world = np.concatenate(pieces)
-    return world[np.isfinite(world).all(axis=(1, 2))]
+        return Surfaces(np.empty((0, 3, 3), dtype=np.float64), None, None)
+    world, passing = np.concatenate(pieces), np.concatenate(shares_of_pieces)
+    finite, glass = np.isfinite(world).all(axis=(1, 2)), passing.any(axis=1)
+    if not (finite & glass).any():
+        return Surfaces(world[finite & ~glass], None, None)
+    return Surfaces(world[finite & ~glass], world[finite & glass], passing[finite & glass])
 
 
 def seen_meshes(depsgraph, without=()):
-    """Generator of the instances that ``read_triangles`` takes, in the depsgraph's order; parameters as of it."""
+    """Generator of the instances that ``read_surfaces`` takes, in the depsgraph's order; parameters as of it."""
     for instance in depsgraph.object_instances:
         # Curves, text, metaballs and geometry nodes that evaluate to a mesh are listed as separate MESH instances.
         if instance.object.type == "MESH" and _is_seen(instance, depsgraph.view_layer):
@@ -71,8 +103,8 @@ def _is_seen(instance, view_layer) -> bool:
     return owner is None or not owner.indirect_only_get(view_layer=view_layer)
 
 
-def _object_triangles(evaluated, depsgraph) -> np.ndarray:
-    """(n, 3, 3) float64: the triangles of an object in its own space."""
+def _object_triangles(evaluated, depsgraph) -> tuple[np.ndarray, np.ndarray]:
+    """As ``mesh_triangles``, of an object."""
     # In the viewport a Subdivision modifier may exist on the GPU only, and a mesh in edit mode in its edit data only;
     # to_mesh evaluates both.
     copied = depsgraph.mode == "VIEWPORT" and (evaluated.mode == "EDIT" or len(evaluated.modifiers) > 0)
@@ -84,7 +116,7 @@ def _object_triangles(evaluated, depsgraph) -> np.ndarray:
             evaluated.to_mesh_clear()
 
 
-def mesh_triangles(mesh) -> np.ndarray:
+def mesh_triangles(mesh) -> tuple[np.ndarray, np.ndarray]:
     """The triangles of a mesh.
 
     Parameters
@@ -94,12 +126,16 @@ def mesh_triangles(mesh) -> np.ndarray:
 
     Returns
     -------
-    ndarray, shape (n, 3, 3), float64
+    triangles : (n, 3, 3) ndarray of float64
         Triangle, corner, and x, y, z in the mesh's own space.
+    materials : (n,) ndarray of int32
+        The slot of each triangle's material.
     """
     mesh.calc_loop_triangles()
     corners = np.empty(len(mesh.loop_triangles) * 3, dtype=np.int32)
     mesh.loop_triangles.foreach_get("vertices", corners)
+    materials = np.empty(len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("material_index", materials)
     positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
     mesh.vertices.foreach_get("co", positions)
-    return positions.astype(np.float64).reshape(-1, 3)[corners.reshape(-1, 3)]
+    return positions.astype(np.float64).reshape(-1, 3)[corners.reshape(-1, 3)], materials

@@ -20,7 +20,7 @@ from .drafts import drafted_steps
 from .effects import overrides_of
 from .labels import read_labels
 from .lights import read_lights
-from .meshes import read_triangles
+from .meshes import read_surfaces
 from .mist import read_mist
 from .motion import read_motion
 from .presence import is_kept_up
@@ -74,10 +74,9 @@ def read_scene(
     """
     check_kept_up(volume_object, depsgraph)
     view = read_camera(depsgraph, camera)
-    triangles = read_occluders(depsgraph) if with_meshes else None
+    surfaces = read_occluders(depsgraph) if with_meshes else {}
     plain = _in_picture(
-        volume_object, depsgraph, view, in_region, moving, camera, triangles=triangles, with_shadows=with_shadows,
-        warn=warn)
+        volume_object, depsgraph, view, in_region, moving, camera, with_shadows=with_shadows, warn=warn, **surfaces)
     return plain, encoded.suited(settings.quality_of(depsgraph.scene_eval), plain.volume)
 
 
@@ -103,11 +102,10 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
         The knobs.
     """
     view = read_camera(depsgraph)
-    triangles = read_occluders(depsgraph) if with_meshes else None
+    surfaces = read_occluders(depsgraph) if with_meshes else {}
     plain = [
         _in_picture(
-            one.owner, depsgraph, view, True, one.matrix is None, None, triangles=triangles, matrix=one.matrix,
-            warn=warn,
+            one.owner, depsgraph, view, True, one.matrix is None, None, matrix=one.matrix, warn=warn, **surfaces
         )
         for one in placed
     ]
@@ -138,10 +136,10 @@ def check_kept_up(volume_object, depsgraph) -> None:
         )
 
 
-def read_occluders(depsgraph) -> np.ndarray | None:
-    """Triangles of the meshes that hide the volume, (n, 3, 3) float64 in world space; None without any."""
-    triangles = read_triangles(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
-    return triangles if len(triangles) else None
+def read_occluders(depsgraph) -> dict:
+    """The meshes that hide or tint the volume, as fields of Scene; ``triangles`` is None without any that hides it."""
+    surfaces = read_surfaces(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
+    return surfaces._replace(triangles=surfaces.triangles if len(surfaces.triangles) else None)._asdict()
 
 
 def seen_by(
@@ -164,7 +162,7 @@ def seen_by(
     matrix : (4, 4) ndarray of float64, optional
         The matrix of an instance of the volume; left out, that of the object.
     **of_view
-        Further fields of Scene: triangles, crop, motion.
+        Further fields of Scene: triangles, panes, crop, motion.
 
     Returns
     -------

@@ -13,6 +13,7 @@ from ...rle_splat.scene import Camera
 from ...rle_splat.view.box_order import box_of
 from .. import encoded, freshness, preferences, render_scene, settings
 from ..decimals import typed
+from ..glass import has_glass
 from ..loop import work
 from . import shown
 from .floor import without_floor
@@ -118,11 +119,13 @@ class BlenderSurface:
             return dict.fromkeys(request.volumes)
         owners = {key: owner for key in request.volumes if (owner := shown.find(key)) is not None}
         read = {key: owner for key, owner in owners.items() if not work.want(owner, self._depsgraph)}
-        triangles = None
+        surfaces = {}
         if read and self.hides() and (with_triangles or self._casts_shadows()):
-            triangles = render_scene.read_occluders(self._depsgraph)
+            surfaces = render_scene.read_occluders(self._depsgraph)
+            if not with_triangles:  # rays end at the depth of glass, too
+                surfaces = {"triangles": surfaces["triangles"]}
         return {
-            key: self._contents_of(owner, shown.matrix_of(key), triangles) if key in read else None
+            key: self._contents_of(owner, shown.matrix_of(key), surfaces) if key in read else None
             for key, owner in owners.items()
         }
 
@@ -131,21 +134,23 @@ class BlenderSurface:
         held = self._scene.rle_splat
         return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
 
-    def _contents_of(self, owner, matrix, triangles) -> Contents:
+    def _contents_of(self, owner, matrix, surfaces: dict) -> Contents:
         if matrix is None:
             render_scene.check_kept_up(owner, self._depsgraph)
-        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, triangles=triangles, matrix=matrix)
+        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, matrix=matrix, **surfaces)
         overrides = {name: on for name, on in plain.effects.items() if not (on and name in ELSEWHERE)}
         if overrides != plain.effects:
             plain = replace(plain, effects=overrides)
         quality = encoded.suited(settings.quality_of(self._depsgraph.scene_eval), plain.volume)
-        digest = freshness.made_of(plain, quality, None, triangles is not None).digest
+        digest = freshness.made_of(plain, quality, None, plain.triangles is not None).digest
         return Contents(plain, quality, digest, box_of(plain.index_to_world, plain.volume.shape_xyz, BEYOND))
 
     def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
         if self._framebuffer is None or not has_depth(self._request) or _are_slow(self._waits):
             return None
+        if self._request.drawn[0] in ("MATERIAL", "RENDERED") and has_glass(self._depsgraph):
+            return None  # the depth is that of the glass: triangles end rays
         left, top, right, bottom = part
         _, _, width, height = self._framebuffer.viewport_get()
         if (width, height) != (view.width, view.height):

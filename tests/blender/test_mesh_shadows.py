@@ -234,11 +234,11 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
 def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid, bridge):
     shadow, depsgraph = grid(), bpy.context.evaluated_depsgraph_get()
     assert not shadow.visible_get() and shadow.hide_select and not shadow.visible_camera and shadow.parent == cube
-    triangles = bridge("render_scene").read_occluders(depsgraph)
+    triangles = bridge("render_scene").read_occluders(depsgraph)["triangles"]
     assert len(triangles) == 2, "the floor's"
     force("OFF")
     update()
-    assert grid() is None and len(bridge("render_scene").read_occluders(bpy.context.evaluated_depsgraph_get())) == 2
+    assert grid() is None and len(bridge("render_scene").read_occluders(bpy.context.evaluated_depsgraph_get())["triangles"]) == 2
     left = *bpy.data.volumes, *bpy.data.materials, *bpy.data.meshes, *bpy.data.objects
     assert not [one for one in left if "Shadow" in one.name]
     force("AUTO")

@@ -34,8 +34,6 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
     if scene.ray_ends is not None:
         raise RleSplatError("A tolerance cannot be kept where ray ends stand for meshes; give triangles.")
-    if scene.panes is not None:
-        raise RleSplatError("A tolerance cannot be kept through glass, of which there is no truth; take the glass out.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
     if shadow_count(scene):

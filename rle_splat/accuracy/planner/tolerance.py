@@ -12,11 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...effects.analyze import analyze
+from ...effects.analyze import analyze, analyze_effects
+from ...effects.glass import GLASS, tint
 from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
-from ...runtime.steps import Progress, drain, forward
+from ...runtime.steps import Clock, Progress, drain, forward
 from ...scene import Quality, Rendering, Scene
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
@@ -107,6 +108,7 @@ def _tolerance_steps(
     left_out = []
     if leave_out_shadows:
         scene, left_out = without_shadows_of(scene, quality)
+    through_glass, scene = scene, GLASS.without(scene)  # of which there is no truth; it makes no error larger
     check_tolerance_applies(scene, quality)
     session = yield from session_steps(scene, quality, cache, PILOTS_END, refuse_empty_view)
     probe_errors = ProbeErrors(session.shown, quality, probes, seed) if probes else None
@@ -121,7 +123,20 @@ def _tolerance_steps(
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
     gave_up = len(rounds) > MOST_ESCALATIONS
-    return with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier)
+    return _tinted(with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier), through_glass, quality)
+
+
+def _tinted(rendering: Rendering, scene: Scene, quality: Quality) -> Rendering:
+    """The rendering of a scene without its glass, seen through it."""
+    effects, seen = analyze_effects(scene, quality)
+    if not effects["glass"].on:
+        return rendering
+    clock = Clock()
+    with clock.running(), clock.stage("glass"):
+        rgba = tint(seen, quality, rendering.rgba, rendering.depth)
+    (row,) = (row for row in effects.report(clock) if row["name"] == "glass")
+    rows = [row if other["name"] == "glass" else other for other in rendering.report["effects"]]
+    return replace(rendering, rgba=rgba, report={**rendering.report, "effects": rows})
 
 
 def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]]:
