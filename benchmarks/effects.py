@@ -88,6 +88,11 @@ def _with_shade(scene: Scene, **more) -> Scene:
     return replace(scene, transfer_function=replace(function, shade=shade), headlight=not scene.lights)
 
 
+def _behind_glass(scene: Scene) -> Scene:
+    panes = _implant(scene)
+    return replace(scene, panes=panes, pane_shares=np.full((len(panes), 4), 0.9))
+
+
 def _implant(scene: Scene) -> np.ndarray:
     """(n, 3, 3) triangles of a curved plate around the volume's center, 16 x 16 squares."""
     middle, reach = _box(scene)
@@ -198,6 +203,7 @@ PRICES = {
     "world light": Price("world light", "lights", lambda scene: replace(scene, world=(0.2, 0.25, 0.3))),
     "ambient occlusion": Price("ambient occlusion", "lights", lambda scene: replace(scene, ambient_occlusion=1.0)),
     "mesh occlusion": Price("mesh occlusion", None, lambda scene: replace(scene, triangles=_implant(scene))),
+    "glass": Price("glass", None, _behind_glass),
     "clipping": Price("clipping", None, lambda scene: _seen(scene, clip_start=0.95 * _distance(scene))),
     "clip objects": Price("clip objects", None, lambda scene: replace(scene, clips=_clip_box(scene))),
     "clip plane": Price("clip objects", None, lambda scene: replace(scene, clips=_clip_plane(scene))),
@@ -274,8 +280,8 @@ def _ct_head():
 
 def settings() -> tuple[Setting, ...]:
     on_lights = (
-        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "clipping", "clip objects",
-        "clip plane", "depth of field",
+        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "glass", "clipping",
+        "clip objects", "clip plane", "depth of field",
     )  # fmt: skip
     on_plain = (
         "shading", "specular", "clipping", "clip objects", "clip plane", "gradient opacity", "labels", "channels"

@@ -20,13 +20,36 @@ from ..view.projection import depth_row
 from . import reference
 from .camera_clip import slab_depths
 from .kind import Kind
-from .mesh_depth import BAND, SAMPLE_COLUMNS, SAMPLE_ROWS, edge_functions
+from .mesh_depth import BAND, SAMPLE_COLUMNS, SAMPLE_ROWS, depth_at, edge_functions
 
 BEHIND = "all glass is behind the volume"
 
 
+@kernel(inline="always")
+def _pass_pane(edges, depths, shares, t, column, row, nearest, end, sample_columns, sample_rows, passed):
+    """Multiply what passes on the rays of a pixel (SAMPLES, 4) by the share of pane ``t``; whether any ray meets it."""
+    met = False
+    for s in range(sample_columns.size):
+        depth = depth_at(edges, depths, t, column + sample_columns[s], row + sample_rows[s], 0.0)
+        if nearest <= depth < end:
+            met = True
+            for channel in range(4):
+                passed[s, channel] *= shares[t, channel]
+    return met
+
+
+@kernel(inline="always")
+def _tint_pixel(passed, pixel):
+    """Multiply a pixel (4,) by the mean of what passes on its rays (SAMPLES, 4)."""
+    for channel in range(4):
+        mean = np.float32(0.0)
+        for s in range(passed.shape[0]):
+            mean += passed[s, channel]
+        pixel[channel] *= mean / np.float32(passed.shape[0])
+
+
 @kernel(parallel=True, exact=True)
-def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, sample_rows, left, above, rgba):
+def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, sample_rows, corner, rgba):
     """Multiply the pixels of a part of the picture by what the panes before them let through.
 
     Parameters
@@ -41,17 +64,17 @@ def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, s
         Planar depth up to which panes count for a pixel.
     sample_columns, sample_rows : (SAMPLES,) ndarray of float64
         Positions of a pixel's rays in it, 0 to 1.
-    left, above : int
+    corner : (int, int)
         Column and row in the picture of the first pixel of ``rgba``.
     rgba : (H, W, 4) ndarray of float32
         Premultiplied; changed in place.
     """
     height, width, _ = rgba.shape
-    samples = sample_columns.size
+    left, above = corner
     for band in prange((height + BAND - 1) // BAND):
         top = band * BAND
         bottom = min(top + BAND, height)
-        passed = np.ones((bottom - top, width, samples, 4), np.float32)
+        passed = np.ones((bottom - top, width, sample_columns.size, 4), np.float32)
         met = np.zeros((bottom - top, width), np.bool_)
         for t in range(edges.shape[0]):
             first_row = int(max(float(top), math.floor(bounds[t, 1]) - above))
@@ -60,27 +83,14 @@ def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, s
             last_column = int(min(float(width), math.floor(bounds[t, 2]) + 1.0 - left))
             for row in range(first_row, last_row):
                 for column in range(first_column, last_column):
-                    for s in range(samples):
-                        x, y = left + column + sample_columns[s], above + row + sample_rows[s]
-                        a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
-                        b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
-                        c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
-                        total = a + b + c
-                        if total <= 0.0 or a < 0.0 or b < 0.0 or c < 0.0:
-                            continue
-                        depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
-                        if nearest <= depth < ends[row, column]:
-                            met[row - top, column] = True
-                            for channel in range(4):
-                                passed[row - top, column, s, channel] *= shares[t, channel]
+                    met[row - top, column] |= _pass_pane(
+                        edges, depths, shares, t, left + column, above + row, nearest, ends[row, column],
+                        sample_columns, sample_rows, passed[row - top, column],
+                    )  # fmt: skip
         for row in range(top, bottom):
             for column in range(width):
                 if met[row - top, column]:
-                    for channel in range(4):
-                        mean = np.float32(0.0)
-                        for s in range(samples):
-                            mean += passed[row - top, column, s, channel]
-                        rgba[row, column, channel] *= mean / np.float32(samples)
+                    _tint_pixel(passed[row - top, column], rgba[row, column])
 
 
 def tint(scene: Scene, quality: Quality, rgba: np.ndarray, depth: np.ndarray) -> np.ndarray:
@@ -108,7 +118,7 @@ def tint(scene: Scene, quality: Quality, rgba: np.ndarray, depth: np.ndarray) ->
     ends = np.where(depth < NO_DEPTH, depth, np.float32(sum(_depths(scene, quality)) / 2.0)).astype(np.float32)
     tinted = np.array(rgba, order="C")
     samples = SAMPLE_COLUMNS, SAMPLE_ROWS
-    arguments = (edges, depths, bounds, shares, scene.camera.clip_start, ends, *samples, left, top, tinted)
+    arguments = (edges, depths, bounds, shares, scene.camera.clip_start, ends, *samples, (left, top), tinted)
     if compiled():
         with parallel_call(quality.threads):
             pass_through(*arguments)
@@ -135,4 +145,4 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
 GLASS = Kind(
     "tints what is seen through glass, by its transmission and color", _judge,
     lambda scene: change(scene, panes=None, pane_shares=None), stage="glass",
-)
+)  # fmt: skip

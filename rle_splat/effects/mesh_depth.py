@@ -91,19 +91,25 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
 
 
 @kernel(inline="always")
+def depth_at(edges, depths, t, x, y, crack):
+    """Planar depth of triangle ``t`` on the ray through a point of the picture; NaN where it misses the triangle by
+    more than ``crack`` parts of it."""
+    a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
+    b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
+    c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
+    total = a + b + c
+    slack = -crack * total
+    if total <= 0.0 or a < slack or b < slack or c < slack:
+        return np.nan
+    return (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+
+
+@kernel(inline="always")
 def _cover(edges, depths, t, column, row, nearest, furthest, sample_columns, sample_rows, pixel):
     """Put the planar depth of triangle ``t`` into those samples (SAMPLES,) of a pixel that it covers and is nearer to
     than what is there."""
     for s in range(sample_columns.size):
-        x, y = column + sample_columns[s], row + sample_rows[s]
-        a = edges[t, 0, 0] * x + edges[t, 0, 1] * y + edges[t, 0, 2]
-        b = edges[t, 1, 0] * x + edges[t, 1, 1] * y + edges[t, 1, 2]
-        c = edges[t, 2, 0] * x + edges[t, 2, 1] * y + edges[t, 2, 2]
-        total = a + b + c
-        slack = -CRACK * total
-        if total <= 0.0 or a < slack or b < slack or c < slack:
-            continue
-        depth = (a * depths[t, 0] + b * depths[t, 1] + c * depths[t, 2]) / total
+        depth = depth_at(edges, depths, t, column + sample_columns[s], row + sample_rows[s], CRACK)
         if nearest <= depth <= furthest and depth < pixel[s]:
             pixel[s] = depth
 

@@ -34,11 +34,11 @@ def rasterize(edges, depths, bounds, nearest, furthest, sample_columns, sample_r
         np.copyto(part, np.where(met, np.minimum(part, depth), part), casting="same_kind")
 
 
-def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, sample_rows, left, above, rgba) -> None:
+def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, sample_rows, corner, rgba) -> None:
     """Pixels (H, W, 4) seen through panes, as ``glass.pass_through``: one pane at a time."""
     height, width = ends.shape
-    x = left + np.arange(width)[None, :, None] + sample_columns
-    y = above + np.arange(height)[:, None, None] + sample_rows
+    x = corner[0] + np.arange(width)[None, :, None] + sample_columns
+    y = corner[1] + np.arange(height)[:, None, None] + sample_rows
     passed = np.ones((height, width, len(sample_columns), 4), np.float32)
     for t in range(len(edges)):
         a, b, c = (e[0] * x + e[1] * y + e[2] for e in edges[t])

@@ -238,7 +238,8 @@ def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid,
     assert len(triangles) == 2, "the floor's"
     force("OFF")
     update()
-    assert grid() is None and len(bridge("render_scene").read_occluders(bpy.context.evaluated_depsgraph_get())["triangles"]) == 2
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    assert grid() is None and len(bridge("render_scene").read_occluders(depsgraph)["triangles"]) == 2
     left = *bpy.data.volumes, *bpy.data.materials, *bpy.data.meshes, *bpy.data.objects
     assert not [one for one in left if "Shadow" in one.name]
     force("AUTO")
