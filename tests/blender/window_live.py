@@ -29,6 +29,7 @@ from tests.blender.window_driver import (
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_live_"))
 COLOR = (0.5, 0.18, 0.05)  # linear; Standard shows it as DISPLAYED
 DISPLAYED = (188, 118, 63)
+BEHIND_GREEN = (137, 118, 29)  # through glass of the color (0.5, 1, 0.25)
 NEAR = 3  # levels: two conversions to half precision, and a screen of 8 bits
 MIDDLE = (0.5 * (N - 1),) * 3
 ALIGNED = 0.6  # pixels between the middles of the volume and of the box around it, on pixels of a screen
@@ -226,6 +227,38 @@ def check_mesh_hides_in_every_shading():
             assert np.abs(left - DISPLAYED).max() > 40.0, f"{name}: the box hides nothing: {left}"
     space.overlay.show_overlays, space.shading.type = True, "SOLID"
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    yield from settled()
+
+
+def check_glass():
+    """A volume in a box of green glass is seen tinted where materials are shown, and hidden in Solid shading."""
+    box = add_box((-2.0, -2.0, -1.0), (MIDDLE[0], N + 1.0, N + 1.0))
+    glass = bpy.data.materials.new("glass")
+    tree = glass.node_tree
+    shader = tree.nodes.new("ShaderNodeBsdfGlass")
+    shader.inputs["Color"].default_value = (0.5, 1.0, 0.25, 1.0)
+    tree.links.new(shader.outputs[0], tree.get_output_node("ALL").inputs["Surface"])
+    box.data.materials.append(glass)
+    space = area_of("VIEW_3D").spaces.active
+    look()
+    for shading, engine in (
+        ("MATERIAL", "BLENDER_EEVEE"), ("RENDERED", "BLENDER_EEVEE"), ("RENDERED", "CYCLES"),
+        ("SOLID", "BLENDER_WORKBENCH"),
+    ):  # fmt: skip
+        bpy.context.scene.render.engine, space.shading.type = engine, shading
+        for _ in range(3):
+            yield from settled()
+        name = f"glass_{shading.lower()}_{engine.lower()}"
+        yield from photograph(name)
+        pixels = screen(name)
+        left, right = at(pixels, (1.5, 4.4, N + 1.0)), at(pixels, (6.5, 4.4, N - 1.0))
+        np.testing.assert_allclose(right, DISPLAYED, atol=NEAR, err_msg=name)
+        if shading == "SOLID":
+            assert left[2] > 120 and left[0] < 100, f"{name}: solid glass hides nothing: {left}"
+        else:
+            np.testing.assert_allclose(left, BEHIND_GREEN, atol=NEAR, err_msg=name)
+    bpy.data.objects.remove(box)
+    bpy.data.materials.remove(glass)
     yield from settled()
 
 
@@ -455,8 +488,8 @@ def scenario():
     yield from settled()
     yield from photograph("first")
     for check in (
-        check_shadings, check_alignment, check_mesh_inside, check_equals_render_image, check_unchanged,
-        check_orbit, check_inside, check_edit, check_quad_view, check_local_view, check_switch,
+        check_shadings, check_alignment, check_mesh_inside, check_glass, check_equals_render_image,
+        check_unchanged, check_orbit, check_inside, check_edit, check_quad_view, check_local_view, check_switch,
         check_failure, check_closed, check_render, check_without_volumes,
     ):
         wants = check.__code__.co_argcount
