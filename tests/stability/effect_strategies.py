@@ -103,11 +103,6 @@ def with_meshes(draw, scene, random):
     return replace(scene, triangles=corners)
 
 
-def with_glass(draw, scene, random):
-    panes = with_meshes(draw, scene, random).triangles
-    return replace(scene, panes=panes, pane_shares=random.random((len(panes), 4)))
-
-
 def with_clips(draw, scene, random):
     clips = tuple(
         Clip(kind, pose_near(scene, random, draw(st.floats(0.2, 1.0))), draw(st.sampled_from(CLIP_SIDES)))
@@ -158,7 +153,7 @@ def with_motion(draw, scene, random):
 # Effects by the names that people know them by; what an effect rests on comes with it.
 GIVEN = {
     "mode": with_mode, "gradient opacity": with_gradient_opacity, "lights": with_lights, "shadows": with_shadows,
-    "world light": with_world, "ambient occlusion": with_occlusion, "mesh occlusion": with_meshes, "glass": with_glass,
+    "world light": with_world, "ambient occlusion": with_occlusion, "mesh occlusion": with_meshes,
     "clip objects": with_clips, "mist": with_mist, "labels": with_labels, "channels": with_channels,
     "depth of field": with_lens, "motion blur": with_motion,
 }  # fmt: skip
