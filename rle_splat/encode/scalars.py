@@ -32,26 +32,24 @@ class ScalarVolume(OnAxis):
     scalars : (m,) ndarray
         Stored values minus ``center``, in the order of ``tables``.
     center : float
-    lights : (m, channels) ndarray of uint16 or None
-        Codes as of ``shade.voxel_light``, of no voxel where there are lamps; None without light.
-    light_unit : float
-        Scale of the codes.
+    codes : (m, channels) ndarray of int16 or None
+        ``shade.sample_light.ONE`` times the planes of ``light``, and a factor of extinction after them if it is
+        ``thinned``; in the order of ``tables``.
+    light : shade.sample_light.SampleLight or None
+        None where nothing shines.
     thinned : bool
-        Whether the last channel of ``lights`` is a factor of the extinction.
-    lamps : shade.normal_light.Lamps or None
-        Where light is made of normals when it is needed: these, in the order of ``tables``, and the light.
+        Whether the last channel of ``codes`` is a factor of the extinction.
     """
 
     tables: RunTables
     scalars: np.ndarray
     center: float
-    lights: np.ndarray | None = None
-    light_unit: float = 1.0
+    codes: np.ndarray | None = None
+    light: object | None = None
     thinned: bool = False
-    lamps: object | None = None
 
     def __post_init__(self):
-        for array in (self.scalars, self.lights):
+        for array in (self.scalars, self.codes):
             if array is not None:
                 array.setflags(write=False)
 
@@ -73,8 +71,7 @@ class ScalarVolume(OnAxis):
     @property
     def record(self) -> int:
         """Bytes of a voxel record."""
-        light = 0 if self.lights is None else 2 * self.lights.shape[1]
-        return self.scalars.itemsize + (light if self.lamps is None else 2 * len(self.lamps.normals))
+        return self.scalars.itemsize + (0 if self.codes is None else 2 * self.codes.shape[1])
 
     @property
     def table_bytes(self) -> dict[str, int]:
