@@ -5,13 +5,10 @@ What each stage result depends on, so that a change redoes no more than it must:
     blocks    the voxels
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept; there short gaps are closed, too
-    normals   relevant, and how the volume lies in the world
     revealed  the voxels, and where labels hide
     factor    relevant, where labels hide, and the transfer function
-    gradients relevant, where opacity depends on them; thinned, from gradients and light
-    shadows   relevant, the transfer function, where a light is, meshes: one for each light that casts them
-    light     normals, lights and shadows; the view too if a highlight or a headlight follows it, unless that light is
-              made where it is read: then normal codes, from normals
+    gradients relevant, where opacity depends on them; thinned, from gradients and codes
+    codes     relevant, and what ``scalar_light`` says; the light itself is made where a sheet reads them
     runs      relevant, and the principal axis
     scalars   relevant, and the principal axis
     table     the transfer function: nothing else depends on it
@@ -43,15 +40,15 @@ from ..runtime.memory import bytes_text
 from ..runtime.steps import Progress, announce, time_steps
 from ..scene import preintegrated_of
 from ..shade.lighting import Lighting
-from ..shade.normal_light import NormalLight, code_normals, normal_light
-from ..shade.shading import normals, refuse_too_bright
-from ..shade.voxel_light import VoxelLight, voxel_light, with_factor
-from ..view.depth_rules import sheets_per_cell, value_rule
+from ..shade.sample_light import SampleLight
+from ..shade.shading import refuse_too_bright
+from ..view.depth_rules import value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
-from .lighting import follows_view, lighting_key, scene_lighting, shadow_lighting_steps
+from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
+from .scalar_light import code_steps, light_of, with_factor
 from .shadows import shadow_count
 from .source import Source, Work, array_key
 
@@ -111,15 +108,15 @@ class LitScalars:
     estimate : MemoryEstimate
         What all of it and its tables take.
     falling : Lighting or None
-        With shadows once it is shaded; None where nothing shines.
-    shadows_key : tuple
-        All that the shadows depend on.
-    light : VoxelLight, NormalLight or None
-        None where nothing shines and nothing thins.  Before it is shaded, it is only the light that is made of normals.
-    light_key : tuple
-        Of a VoxelLight, its own; of a NormalLight, that of the normals.
+        None where nothing shines.
+    light : SampleLight or None
+        Once it is shaded; None where nothing shines.
+    codes : (m, channels) ndarray of int16 or None
+        As ``encode.scalars.ScalarVolume`` has them, in rows, once it is shaded; None where nothing shines or thins.
+    codes_key : tuple
+        All that they depend on.
     thinned : bool
-        Whether the light's last channel is a factor of extinction.
+        Whether their last channel is a factor of extinction.
     """
 
     source: ScalarSource
@@ -133,9 +130,9 @@ class LitScalars:
     transfer: LookupTable | ValueMap
     estimate: MemoryEstimate
     falling: Lighting | None
-    shadows_key: tuple = ()
-    light: VoxelLight | NormalLight | None = None
-    light_key: tuple = ()
+    light: SampleLight | None = None
+    codes: np.ndarray | None = None
+    codes_key: tuple = ()
     thinned: bool = False
 
     @property
@@ -150,30 +147,6 @@ class LitScalars:
     def center(self) -> float:
         """What is taken from stored values before they are splatted."""
         return center_of(self.volume.voxels.dtype, self.ends)
-
-    @property
-    def normals_key(self) -> tuple:
-        return self.key, array_key(self.source.scene.index_to_world[:3, :3])
-
-    @property
-    def coded_key(self) -> tuple:
-        """Key of the coded light."""
-        scene = self.source.scene
-        return (self.key, *lighting_key(scene, scene.index_to_world, self.falling), self.shadows_key)
-
-    def normals(self) -> np.ndarray:
-        """(m, 3) float32 of the voxels, world space."""
-        scene = self.source.scene
-        made = partial(normals, self.voxels, scene.volume, scene.index_to_world, threads=self.source.threads)
-        return self.work.job.get("normals", self.normals_key, made)
-
-    def code_light(self) -> VoxelLight:
-        """The light as a VoxelLight, where something shines, whatever ``light`` is."""
-
-        def made():
-            return voxel_light(self.voxels, self.normals(), self.falling, threads=self.source.threads)
-
-        return self.work.job.get("light", self.coded_key, made)
 
     def extinction(self) -> np.ndarray:
         """(m,) float32 of the voxels by the transfer function alone, 1 / world length."""
@@ -196,40 +169,26 @@ class LitScalars:
 
         steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
         placed = yield from time_steps(steps, clock, "encode")
-        if self.light is None:
+        if self.codes is None:
             return ScalarVolume(tables, placed, self.center)
-        if isinstance(self.light, NormalLight):
-            steps = job.steps("normal codes", (self.light_key, order), lambda: self._normal_steps(place_steps))
-            codes = yield from time_steps(steps, clock, "shade")
-            none = self.light.no_codes
-            return ScalarVolume(tables, placed, self.center, none, lamps=self.light.lamps(codes, axis))
-        steps = job.steps("lights", (self.light_key, order), lambda: place_steps(self.light.codes))
+        steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
         codes = yield from time_steps(steps, clock, "shade")  # as with classified voxels, whose records are lit already
-        return ScalarVolume(tables, placed, self.center, codes, self.light.unit, self.thinned)
-
-    def _normal_steps(self, place_steps):
-        """Generator of fractions done: the coded normals (3, m) in the order of ``place_steps(words)``."""
-        codes = code_normals(self.normals(), threads=self.source.threads)
-        for component in codes.view(np.uint16):
-            component[:] = yield from place_steps(component)
-        return codes
+        return ScalarVolume(tables, placed, self.center, codes.view(np.int16), self.light, self.thinned)
 
     def trace(self, rays, slabs: int, counts=None):
         """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
         scene, voxels, job = self.source.scene, self.voxels, self.work.job
-        light = self.code_light() if isinstance(self.light, NormalLight) else self.light
         shape, ends = scene.volume.shape_xyz, (self.infinite, self.center)
         bricks = job.get("bricks", self.key, lambda: bricks_of(voxels.bits, shape))
         key = (self.key, *ends, IN_ROWS)
         scalars = job.get("scalars", key, lambda: scalars_of(voxels, scene.volume.voxels.dtype, *ends))
-        lights = (None, np.float32(1.0)) if light is None else (read_only(light.codes), np.float32(light.unit))
+        codes = None if self.codes is None else read_only(self.codes)
         # Of the function as it is: what is kept may be more.
         reach = Reach.of_values(scene.volume, shown_values(scene.transfer_function, scene.mode))
         with np.errstate(over="ignore"):
             shown = np.clip(reach.ends.astype(np.float64) - self.center, -LARGEST, LARGEST)
-        records = read_only(scalars), *lights
-        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, *records, shown, shape[::-1])
-        return trace_rays(rows, self.center, self.transfer, rays, slabs, self.source.quality, counts)
+        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1])
+        return trace_rays(rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,15 +233,13 @@ class ScalarSource(Source):
         steps = time_steps(steps, clock, "classify")
         blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         falling = scene_lighting(scene, scene.index_to_world)
-        by_normal = self._normal_light(falling)
-        lit = falling is not None, by_normal is not None
-        relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, *lit)
+        relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, falling is not None)
         with clock.stage("classify"):
             ends, infinite = value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
         key = voxels_key, relevant.key
         return LitScalars(
-            self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling, light=by_normal
+            self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling
         )  # fmt: skip
 
     def shade_steps(self, voxels: LitScalars, work: Work):
@@ -310,27 +267,26 @@ class ScalarSource(Source):
             unlit.voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True,
             threads=self.threads,
         )  # fmt: skip
-        falling, shadows_key = yield from shadow_lighting_steps(scene, unlit.falling, work, occluders)
-        if falling is not None:
+        codes, codes_key = None, ()
+        if unlit.falling is not None:
             yield Progress(0.1, "Shading")
-        lit = replace(unlit, falling=falling, shadows_key=shadows_key)
-        with clock.stage("shade"):
-            light, light_key = self._light(lit)
+            codes, codes_key = yield from code_steps(scene, unlit.voxels, key, occluders, work, self.threads)
         if factor is not None:
-            light_key = (light_key, hidden_key, key, tf.gradient_opacity)
-            light = job.get("thinned", light_key, lambda: with_factor(light, factor))
-        lit = replace(lit, light=light, light_key=light_key, thinned=factor is not None)
+            codes_key = (codes_key, hidden_key, key, tf.gradient_opacity)
+            codes = job.get("thinned", codes_key, lambda: with_factor(codes, factor))
+        light = light_of(scene, unlit.falling)
+        lit = replace(unlit, light=light, codes=codes, codes_key=codes_key, thinned=factor is not None)
         return ScalarVoxels(
             lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray"
         )  # fmt: skip
 
-    def _relevant_steps(self, work: Work, volume, blocks: Blocks, voxels_key, lit: bool, by_normal: bool):
+    def _relevant_steps(self, work: Work, volume, blocks: Blocks, voxels_key, lit: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
         job, clock = work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
-        tables = PlannedTables(0, work.axes, lit or labeled, by_normal, shadows, labeled)
+        tables = PlannedTables(0, work.axes, lit or labeled, shadows, labeled)
 
         def needed_by(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)
@@ -389,40 +345,13 @@ class ScalarSource(Source):
         sizes = work.job.get("gradients", placed_key, lambda: gradient_sizes(volume, *rows, threads=self.threads))
         return self.scene.transfer_function.gradient_opacity.factor(sizes)
 
-    def _normal_light(self, falling: Lighting | None) -> NormalLight | None:
-        """The light, if it is to be made of normals where they are read.
-
-        It is if it changes with every view, as far as it can be; but not where several sheets read each voxel, which
-        takes longer than coded light for all (measured with gauss2 and midpoint-4: a tenth of the picture), nor where
-        single rays need coded light anyway.
-        """
-        scene, quality = self.scene, self.quality
-        if falling is None or not follows_view(scene, falling) or shadow_count(scene):
-            return None
-        if scene.transfer_function.gradient_opacity is not None or scene.labels is not None or quality.rays > 0.0:
-            return None
-        if sheets_per_cell(self.depth_rule) > 1:
-            return None
-        return normal_light(falling, scene.volume.shape_xyz)
-
-    def _light(self, lit: LitScalars) -> tuple:
-        """``light`` and ``light_key`` of LitScalars."""
-        if lit.falling is None:
-            return None, ()
-        if lit.light is not None:
-            return lit.light, lit.normals_key
-        lit.normals()  # kept though the coded light may be there: another light is made of them
-        return lit.code_light(), lit.coded_key
-
     def _most_color(self, lit: LitScalars) -> float:
         scene, light = self.scene, lit.light
         if self.shows_values:
             return lit.transfer.most
         if scene.mode != "composite":
             return 1.0
-        # A volume of a single value has no normal anywhere, and shows the colors as they are.
-        is_lit = light is not None and lit.ends[0] < lit.ends[1]
-        shine = (light.most_light, light.most_highlight) if is_lit else (1.0, 0.0)
+        shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
         brightest = refuse_too_bright(lit.transfer.most_color * shine[0] + shine[1])
         return max(brightest, *mist_color(scene.mist))
 

@@ -35,25 +35,45 @@ def without_shadows(scene: Scene) -> Scene:
     return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
 
 
+def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, offsets=None, offsets_key=()):
+    """Generator of fractions done: what arrives of a scene's lights.
+
+    ``offsets``: as ``effects.shadows.light_steps`` takes them, which ``offsets_key`` names.
+
+    Returns
+    -------
+    lamps : list of (m,) ndarray of uint16
+        FULL times the share that arrives, for each light of ``casting``.
+    sky : (m,) ndarray of uint16 or None
+        The same of ambient light; None without ambient occlusion.
+    key : tuple
+        Of all of it.
+    """
+    lamps, keys, sky = [], [], None
+    for number in casting(scene):
+        light = scene.lights[number]
+        key = (occluders.key, offsets_key, _light_key(light))
+        steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders, offsets))
+        lamps.append((yield from time_steps(steps, clock, "shadows")))
+        keys.append((number, key))
+    if scene.ambient_occlusion > 0.0:
+        key = (occluders.key, offsets_key)
+        steps = job.steps("ambient occlusion", key, lambda: sky_steps(occluders, offsets))
+        left = yield from time_steps(steps, clock, "ambient occlusion")
+        sky = np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16)
+        keys.append((scene.ambient_occlusion, key))
+    return lamps, sky, tuple(keys)
+
+
 def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
     """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
-    numbers, sky = casting(scene), scene.ambient_occlusion > 0.0
+    lamps, sky, key = yield from arriving_steps(scene, occluders, job, clock)
     row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
-    found, keys = [], []
-    for number in numbers:
-        light = scene.lights[number]
-        key = (occluders.key, _light_key(light))
-        steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders))
-        row_of[number] = len(found)
-        found.append((yield from time_steps(steps, clock, "shadows")))
-        keys.append((number, key))
-    if sky:
-        steps = job.steps("ambient occlusion", occluders.key, lambda: sky_steps(occluders))
-        left = yield from time_steps(steps, clock, "ambient occlusion")
-        row_of[-1] = len(found)
-        found.append(np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16))
-        keys.append((scene.ambient_occlusion, occluders.key))
-    return Shadows(np.stack(found), row_of), tuple(keys)
+    row_of[casting(scene)] = np.arange(len(lamps))
+    if sky is not None:
+        row_of[-1] = len(lamps)
+        lamps = [*lamps, sky]
+    return Shadows(np.stack(lamps), row_of), key
 
 
 def _light_key(light: Light) -> tuple:

@@ -21,8 +21,8 @@ FEW = 1.0 / 16.0  # of the free memory is far less
 # How many results of a stage are kept while a light, a camera or a transfer function is dragged about.  (Memory of
 # those that leave is used again, see ``runtime.buffer_pool``.)
 MOST_RESULTS = {
-    "visible": 6, "relevant": 6, "properties": 6, "normals": 6, "normal codes": 6, "light": 6, "runs": 6, "records": 6,
-    "scalars": 6, "lights": 6, "bricks": 6, "table": 6, "gradients": 6, "thinned": 6, "revealed": 2,
+    "visible": 6, "relevant": 6, "properties": 6, "surfaces": 2, "normals": 6, "codes": 6, "runs": 6, "records": 6,
+    "scalars": 6, "bricks": 6, "table": 6, "gradients": 6, "thinned": 6, "revealed": 2,
     "factor": 6, "shadows": 12, "ambient occlusion": 6, "roughness": 12,
 }  # fmt: skip
 

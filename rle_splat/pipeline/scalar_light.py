@@ -1,0 +1,109 @@
+"""Codes of kept voxels, of which their samples are lit: normals, what arrives of each lamp, and factors of extinction.
+
+What each depends on, so that a lamp that moves or an object that turns redoes no more than it must:
+
+    surfaces  the kept voxels, and how far normals are smoothed
+    normals   surfaces, how the volume lies in the world, what clips cut, where the transfer function shows nothing
+    shadows   normals, the extinction, and where each lamp is
+    codes     normals, shadows and factors
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..effects.shadows import Occluders
+from ..runtime.buffer_pool import empty
+from ..runtime.steps import announce, time_steps
+from ..scene import Scene
+from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
+from ..shade.surface_normals import automatic_sigma, surface_steps
+from ..shade.surface_points import faces_of, place_surfaces
+from .shadows import arriving_steps, casting, shadow_count
+from .source import Work, array_key
+
+
+def smoothness_of(scene: Scene) -> float:
+    """Standard deviation, in mm, of the Gaussian of which normals are the gradient's."""
+    asked = scene.transfer_function.shade.smoothness
+    return automatic_sigma(scene.volume.spacing) if asked is None else asked
+
+
+def light_of(scene: Scene, falling) -> SampleLight | None:
+    """The light of a scene on samples; None where nothing shines."""
+    if falling is None:
+        return None
+    return sample_light(falling, scene.volume.shape_xyz, casting(scene), scene.ambient_occlusion > 0.0)
+
+
+def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Work, threads: int):
+    """Generator of Progress: the codes of the voxels of a lit scene, and their key.
+
+    Parameters
+    ----------
+    voxels : VisibleVoxels
+        Those that are kept, which ``voxels_key`` names.
+    occluders : Occluders
+        What casts shadows.
+
+    Returns
+    -------
+    (m, channels) ndarray of int16
+        ONE times the planes of ``light_of``.
+    tuple
+    """
+    job, clock, volume, matrix = work.job, work.clock, scene.volume, scene.index_to_world
+    rows, sigma = (voxels.row_start, voxels.column), smoothness_of(scene)
+    surfaces_key = voxels_key, sigma
+    steps = job.steps("surfaces", surfaces_key, lambda: surface_steps(volume, *rows, sigma, threads=threads))
+    surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
+    shaded = shadow_count(scene) > 0
+    cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
+    normals_key = surfaces_key, array_key(matrix), cuts, scene.transfer_function.opacity, shaded
+
+    def place():
+        faces = faces_of(scene.clips, matrix, volume.shape_xyz)
+        function = scene.transfer_function
+        made = place_surfaces(surfaces, voxels, volume, function, matrix, faces, with_points=shaded, threads=threads)
+        return Placed(*made)
+
+    with clock.stage("shade"):
+        placed = job.get("normals", normals_key, place)
+    if not shaded:
+        return placed.codes, normals_key
+    steps = arriving_steps(scene, occluders, job, clock, placed.offsets, normals_key)
+    lamps, sky, key = yield from announce(steps, 0.1, 0.1, "Casting shadows")
+    planes = lamps if sky is None else [*lamps, sky]
+    key = normals_key, key
+    with clock.stage("shade"):
+        return job.get("codes", (key, "rows"), lambda: _joined(placed.codes, planes)), key
+
+
+class Placed:
+    """Codes of the normals of voxels, (m, 3) int16, and how far beside each shadows begin; see ``place_surfaces``."""
+
+    def __init__(self, codes: np.ndarray, offsets: np.ndarray | None):
+        self.codes, self.offsets = codes, offsets
+
+    @property
+    def nbytes(self) -> int:
+        return self.codes.nbytes + (0 if self.offsets is None else self.offsets.nbytes)
+
+
+def with_factor(codes: np.ndarray | None, factor: np.ndarray) -> np.ndarray:
+    """Codes with one more channel, the last: ``factor`` (m,) in [0, 1], which multiplies each voxel's extinction."""
+    channels = 0 if codes is None else codes.shape[1]
+    found = empty((len(factor), channels + 1), np.int16)
+    if codes is not None:
+        found[:, :channels] = codes
+    found[:, channels] = np.rint(factor * ONE)
+    return found
+
+
+def _joined(normals: np.ndarray, arriving: list[np.ndarray]) -> np.ndarray:
+    """Codes of normals (m, 3) and, halved to 15 bits, of what arrives (m,) each."""
+    found = empty((len(normals), NORMAL + len(arriving)), np.int16)
+    found[:, :NORMAL] = normals
+    for plane, share in enumerate(arriving):
+        found[:, NORMAL + plane] = share >> 1
+    return found
