@@ -26,7 +26,7 @@ MOST_SMOOTHED = 2.0  # mm, by itself: slices 5 mm apart must not erase vessels
 NOISE = 40.0  # times E: gradients from 13 E on are trusted wholly
 FLOAT_STEPS = 8.0  # machine epsilons that a computed constant may carry
 ONE = np.float32(32767.0)
-AT_ONCE = 1 << 21  # voxels that are smoothed between two steps of the generator: 20 ms on one core
+AT_ONCE = 1 << 20  # voxels that are looked at between two steps of the generator: 20 to 30 ms on one core
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
