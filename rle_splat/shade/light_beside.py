@@ -14,6 +14,7 @@ there, by the worker that has them.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -152,8 +153,11 @@ def _sort_parts(begin, end, first, lists, ends, sheet, to, voxel, found):
         own = to[part]
         for row in range(ends[part], ends[part + 1]):
             y0, z0 = np.float64(row % n_y), np.float64(row // n_y)
-            for i in range(row_start[row], row_start[row + 1]):
-                x, y, z = column[i] + step * offsets[i, 0], y0 + step * offsets[i, 1], z0 + step * offsets[i, 2]
+            begin_row = row_start[row]
+            # Slices start at zero, so the compiler knows that no index is negative.
+            xs, moved = column[begin_row : row_start[row + 1]], offsets[begin_row : row_start[row + 1]]
+            for i in range(xs.size):
+                x, y, z = xs[i] + step * moved[i, 0], y0 + step * moved[i, 1], z0 + step * moved[i, 2]
                 if side >= 0 and _pyramid_of(x - source[0], y - source[1], z - source[2]) != side:
                     continue
                 along = 1.0
@@ -164,12 +168,12 @@ def _sort_parts(begin, end, first, lists, ends, sheet, to, voxel, found):
                 s = m[12] * x + m[13] * y + m[14] * z + m[15]
                 # Rays beside the sheet pass no voxel, nor do those on its border.
                 u, v = min(max(u, _ZERO), right), min(max(v, _ZERO), bottom)
-                n = min(max(np.int64(np.floor(s)), 0), slices - 1)
-                bucket = min(np.int64(v), height - 2) // BAND * slices + n
-                k = own[bucket]
-                own[bucket] = k + 1
+                n = np.int64(min(max(s, 0.0), slices - 1.0))
+                bucket = np.uint64(min(np.int64(v), height - 2) // BAND * slices + n)
+                k = np.uint64(own[bucket])
+                own[bucket] += 1
                 if filling:
-                    voxel[k] = i
+                    voxel[k] = begin_row + i
                     found[k, 0], found[k, 1], found[k, 2] = u, v, np.float32(s - n)
 
 
@@ -245,29 +249,35 @@ def _read(begin, end, n, most, top, height, sheets, length, meshes, points, code
     """Codes of entries [begin, end) of ``points``, which lie behind slice ``n``, by at most ``most`` as far as voxels
     are concerned; ``sheets``: D(n), D(n + 1), D(n + 2)."""
     a, b, c = sheets
-    width = a.shape[1]
-    for k in range(begin, end):
-        u, v, f = points.place[k, 0], points.place[k, 1], points.place[k, 2]
-        x, y = min(np.int64(u), width - 2), min(np.int64(v), height - 2)
-        right, down, at = u - np.float32(x), v - np.float32(y), y - top
+    # Of unsigned indices the compiler knows that they are not negative.
+    width, last_y, top_y, one = np.uint64(a.shape[1]), np.uint64(height - 2), np.uint64(top), np.uint64(1)
+    alike = not length[1:].any()  # parallel light: all rays have the same length
+    long = np.float32(math.sqrt(length[0])) * LOG2E
+    places, voxels = points.place[begin:end], points.voxel[begin:end]
+    for k in range(voxels.size):
+        u, v, f = places[k, 0], places[k, 1], places[k, 2]
+        x, y = min(np.uint64(u), width - np.uint64(2)), min(np.uint64(v), last_y)
+        right, down, i, j = u - np.float32(x), v - np.float32(y), y - top_y, x + one
         g = min(max(f, _ZERO), most)
         wa, wc = _HALF * (_ONE - g) * (_ONE - g), _HALF * g * g
         wb = _ONE - wa - wc
-        upper = wa * a[at, x] + wb * b[at, x] + wc * c[at, x]
-        upper += right * (wa * a[at, x + 1] + wb * b[at, x + 1] + wc * c[at, x + 1] - upper)
-        lower = wa * a[at + 1, x] + wb * b[at + 1, x] + wc * c[at + 1, x]
-        lower += right * (wa * a[at + 1, x + 1] + wb * b[at + 1, x + 1] + wc * c[at + 1, x + 1] - lower)
+        upper = wa * a[i, x] + wb * b[i, x] + wc * c[i, x]
+        upper += right * (wa * a[i, j] + wb * b[i, j] + wc * c[i, j] - upper)
+        i += one
+        lower = wa * a[i, x] + wb * b[i, x] + wc * c[i, x]
+        lower += right * (wa * a[i, j] + wb * b[i, j] + wc * c[i, j] - lower)
         tau = max(upper + down * (lower - upper), _ZERO) if f >= _ZERO else _ZERO
-        square = (
-            length[0] + u * (length[1] + u * length[3]) + v * (length[2] + u * length[4] + v * length[5])
-        )  # fmt: skip
-        passed = transmit(tau * np.float32(np.sqrt(max(square, 0.0))) * LOG2E)
+        if not alike:
+            linear = length[0] + u * (length[1] + u * length[3])
+            long = np.float32(math.sqrt(max(linear + v * (length[2] + u * length[4] + v * length[5]), 0.0))) * LOG2E
+        passed = transmit(tau * long)
         if meshes is not None:
-            one, other = _share(meshes, y, x, n + f), _share(meshes, y + 1, x, n + f)
-            one += right * (_share(meshes, y, x + 1, n + f) - one)
-            other += right * (_share(meshes, y + 1, x + 1, n + f) - other)
-            passed *= one + down * (other - one)
-        codes[points.voxel[k]] = np.uint16(passed * _FULL + _HALF)
+            s = n + f
+            near, far = _share(meshes, y, x, s), _share(meshes, y + one, x, s)
+            near += right * (_share(meshes, y, j, s) - near)
+            far += right * (_share(meshes, y + one, j, s) - far)
+            passed *= near + down * (far - near)
+        codes[np.uint64(voxels[k])] = np.uint16(passed * _FULL + _HALF)
 
 
 @kernel(inline="always")
