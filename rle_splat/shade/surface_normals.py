@@ -373,7 +373,7 @@ def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, fl
     line, shares, gradient = _row_scratch(n_x)
     gx, gy, gz = gradient
     sums = np.zeros(n_x + 2, np.float32)  # begins with voxel -1
-    inside, scale = sums[1 : n_x + 1], np.empty(n_x, np.float32)
+    inside, size_of, mm = sums[1 : n_x + 1], np.empty(n_x, np.float32), 1.0 / per_mm
     west, east = sums[:n_x], sums[2:]
     for row in range(begin, end):
         z, y = first + row // n_y, row % n_y
@@ -396,10 +396,10 @@ def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, fl
             least = noise + error * np.abs(values[x] + middle)
             size = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
             whole = max(around + least * least, size)
-            scale[x] = ONE / np.sqrt(whole) if _ZERO < whole < np.inf else _ZERO
+            scale = ONE / np.sqrt(whole) if _ZERO < whole < np.inf else _ZERO
+            gx[x], gy[x], gz[x] = np.rint(gx[x] * scale), np.rint(gy[x] * scale), np.rint(gz[x] * scale)
+            size_of[x] = np.sqrt(size)
         for i in range(xs.size):
             x = np.uint64(xs[i])
-            ax, ay, az, times = gx[x], gy[x], gz[x], scale[x]
-            found[i, 0], found[i, 1] = np.int16(np.rint(ax * times)), np.int16(np.rint(ay * times))
-            found[i, 2] = np.int16(np.rint(az * times))
-            slope[i] = np.float64(np.sqrt(ax * ax + ay * ay + az * az)) / per_mm
+            found[i, 0], found[i, 1], found[i, 2] = np.int16(gx[x]), np.int16(gy[x]), np.int16(gz[x])
+            slope[i] = np.float64(size_of[x]) * mm
