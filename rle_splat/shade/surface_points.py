@@ -18,7 +18,7 @@ import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from . import reference
 from .sample_light import ONE, TRUSTED
@@ -169,13 +169,13 @@ def _place(
     )  # fmt: skip
 
 
-@kernel(inner=True)
+@inner_loop
 def _smoothstep(t):
     t = min(max(t, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@kernel(inner=True)
+@inner_loop
 def _side(value, ranges):
     """1 where extinction falls towards lower values, -1 towards higher ones, between them where both are as near; and
     the distance to the nearest value on that side that shows nothing, 0 where there is none or it is this one."""
@@ -201,7 +201,7 @@ def _side(value, ranges):
     return 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
 
 
-@kernel(inner=True)
+@inner_loop
 def _balance(one, other, has_one, has_other):
     """(one - other) / (one + other) of two distances, of which one may be infinite; 1 where both are 0."""
     if not has_one:
@@ -242,7 +242,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
     return keep, fx, fy, fz, nearest
 
 
-@kernel(inner=True)
+@inner_loop
 def _width(nx, ny, nz, matrix):
     """Extent of a voxel along a unit vector, world; ``matrix``: three rows of four."""
     return (
@@ -252,7 +252,7 @@ def _width(nx, ny, nz, matrix):
     )
 
 
-@kernel(inner=True)
+@inner_loop
 def _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest):
     """As ``_clip_faces``, of the box of voxel centers, whose faces count on the two outermost layers; ``box``: (3, 4)
     unit normals of the faces of x, y, z, upwards, and the distance of two layers."""
@@ -275,11 +275,12 @@ def _place_rows(
     to_index, world_per_mm, faces, box, codes, offsets,
 ):  # fmt: skip
     """``_place`` for rows [begin, end)."""
-    n_y = shape_xyz[1]
+    n_x, n_y, n_z = shape_xyz
     one, steep_unit = np.float64(ONE), abs(slope) / world_per_mm
     cut = faces.widths.size > 0 or faces.removed.shape[0] > 0
     for row in range(begin, end):
         y, z = row % n_y, row // n_y
+        outer_row = min(min(y, n_y - 1 - y), min(z, n_z - 1 - z)) <= BOX_NEAR
         for i in range(row_start[row], row_start[row + 1]):
             x = np.int64(column[i])
             ax, ay, az = np.float64(vectors[i, 0]), np.float64(vectors[i, 1]), np.float64(vectors[i, 2])
@@ -290,7 +291,9 @@ def _place_rows(
             size = math.sqrt(mx * mx + my * my + mz * mz)
             scale = side * math.sqrt(ax * ax + ay * ay + az * az) / (one * size) if size > 0.0 else 0.0
             mx, my, mz = mx * scale, my * scale, mz * scale
-            keep, fx, fy, fz, nearest = _box_faces(x, y, z, shape_xyz, box, 1.0, 0.0, 0.0, 0.0, LARGEST)
+            keep, fx, fy, fz, nearest = 1.0, 0.0, 0.0, 0.0, LARGEST
+            if outer_row or x <= BOX_NEAR or x >= n_x - 1 - BOX_NEAR:
+                keep, fx, fy, fz, nearest = _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest)
             if cut:
                 px = matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[3]
                 py = matrix[4] * x + matrix[5] * y + matrix[6] * z + matrix[7]
@@ -315,6 +318,12 @@ def _place_rows(
             if keep < 1.0:
                 depth = keep * depth + (1.0 - keep) * nearest
             b = _smoothstep(size / TRUSTED) * min(depth + width, most)
-            for axis in range(3):
-                moved = b * (nx * to_index[3 * axis] + ny * to_index[3 * axis + 1] + nz * to_index[3 * axis + 2])
-                offsets[i, axis] = np.int16(np.rint(min(max(moved, -FURTHEST), FURTHEST) * STEPS))
+            offsets[i, 0] = _moved(b, nx * to_index[0] + ny * to_index[1] + nz * to_index[2])
+            offsets[i, 1] = _moved(b, nx * to_index[3] + ny * to_index[4] + nz * to_index[5])
+            offsets[i, 2] = _moved(b, nx * to_index[6] + ny * to_index[7] + nz * to_index[8])
+
+
+@inner_loop
+def _moved(b, way):
+    """Code of an offset of ``b`` times ``way`` voxels."""
+    return np.int16(np.rint(min(max(b * way, -FURTHEST), FURTHEST) * STEPS))
