@@ -218,7 +218,7 @@ def _job(scene: Scene, quality: Quality, axes) -> dict:
     described = {
         "volume": scene.volume.key, "function": scene.transfer_function.to_json(),
         "lighting": describe_lighting(scene), "matrix": scene.index_to_world.tolist(), "mode": scene.mode,
-        "clips": [(clip.kind, clip.keep, clip.matrix_world.tolist()) for clip in scene.clips], "version": RELEASE,
+        "version": RELEASE,
         "quality": [quality.classification, quality.model, quality.record], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)
@@ -377,7 +377,8 @@ class _ScalarChunks(_Chunks):
         self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
         self.center = center_of(volume.voxels.dtype, self.ends)
         light_of(scene, self.falling)  # which refuses light that is too bright
-        self.faces = faces_of(scene.clips, scene.index_to_world, volume.shape_xyz)
+        # Clip objects are not those of the folder, but of whoever draws it.
+        self.faces = faces_of((), scene.index_to_world, volume.shape_xyz)
 
     def _keep_voxels(self, first: int, last: int) -> VisibleVoxels:
         """The voxels of a chunk that its own cells and those that it shares with its neighbors need."""
