@@ -37,6 +37,7 @@ def _number(value, what: str) -> float:
 
 
 HIGHLIGHTS = ("blinn-phong", "phong")
+SMOOTHEST = 100.0  # mm
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,9 @@ class Shade:
         "phong" uses r.v, with the mirrored light direction r and the view direction v, in place of |n.h|.
     two_sided : bool
         If False, only the side toward falling values is lit: there is no light where n.l is below zero.
+    smoothness : float or None
+        Standard deviation, in mm, of the Gaussian that the values are smoothed with before normals are taken of them;
+        ``post`` only. None for the largest voxel spacing, at most 2 mm; 0 for no smoothing.
 
     Raises
     ------
@@ -64,6 +68,7 @@ class Shade:
     shininess: float = 20.0
     highlight: str = "blinn-phong"
     two_sided: bool = True
+    smoothness: float | None = None
 
     def __post_init__(self):
         if self.highlight not in HIGHLIGHTS:
@@ -72,6 +77,14 @@ class Shade:
             )
         if not isinstance(self.two_sided, bool):
             raise RleSplatError(f"The shading's two_sided must be true or false, not {short(self.two_sided)}.")
+        if self.smoothness is not None:
+            smoothness = _number(self.smoothness, "The shading's smoothness")
+            if not 0.0 <= smoothness <= SMOOTHEST:
+                raise RleSplatError(
+                    f"The shading's smoothness must be from 0 to {SMOOTHEST:g} mm, not {smoothness:g}; leave it out "
+                    "for an automatic one."
+                )
+            object.__setattr__(self, "smoothness", smoothness)
         for entry in fields(self)[:4]:
             value = _number(getattr(self, entry.name), f"The shading's {entry.name}")
             if value < 0.0:
@@ -79,6 +92,13 @@ class Shade:
             if value > MOST_REFLECTED and entry.name != "shininess":
                 raise RleSplatError(f"The shading's {entry.name} must not be above {MOST_REFLECTED:g}, not {value:g}.")
             object.__setattr__(self, entry.name, value)
+
+    def to_json(self) -> dict:
+        """JSON object; ``smoothness`` only if it is set."""
+        mapping = asdict(self)
+        if self.smoothness is None:
+            del mapping["smoothness"]
+        return mapping
 
 
 @dataclass(frozen=True)
@@ -338,7 +358,7 @@ class TransferFunction:
     @cached_property
     def key(self) -> str:
         """Hash of everything on which a picture depends; the name is not included."""
-        return _digest((self.classification_key, None if self.shade is None else asdict(self.shade)))
+        return _digest((self.classification_key, None if self.shade is None else self.shade.to_json()))
 
     @classmethod
     def from_json(cls, source) -> TransferFunction:
@@ -385,7 +405,7 @@ class TransferFunction:
         }
         if self.opacity_unit_distance is not None:
             mapping["opacity_unit_distance"] = self.opacity_unit_distance
-        mapping["shade"] = False if self.shade is None else asdict(self.shade)
+        mapping["shade"] = False if self.shade is None else self.shade.to_json()
         if self.gradient_opacity is not None:
             mapping["gradient_opacity"] = asdict(self.gradient_opacity)
         return mapping

@@ -157,3 +157,60 @@ def _interpolate(table, y, x) -> np.ndarray:
     upper = table[row, column] * (1.0 - right) + table[row, column + 1] * right
     lower = table[row + 1, column] * (1.0 - right) + table[row + 1, column + 1] * right
     return upper * (1.0 - down) + lower * down
+
+
+def smooth(values, first, low, _wanted, along, across, deep, found):
+    """All rows of smoothed planes, as ``surface_normals._smooth``."""
+    sums, weight = values.astype(np.float64), np.ones(values.shape)
+    for axis, taps in enumerate((deep, across, along)):
+        sums, weight = _convolved(sums, taps, axis), _convolved(weight, taps, axis)
+    found[:] = (sums / weight)[low - first : low - first + len(found)]
+
+
+def _convolved(values, taps, axis: int) -> np.ndarray:
+    """Values convolved along an axis; nothing lies outside."""
+    found, reach, count = np.zeros_like(values), len(taps) // 2, values.shape[axis]
+    values, to = np.moveaxis(values, axis, 0), np.moveaxis(found, axis, 0)
+    for tap in range(-min(reach, count - 1), min(reach, count - 1) + 1):
+        to[max(-tap, 0) : count - max(tap, 0)] += taps[reach + tap] * values[max(tap, 0) : count + min(tap, 0)]
+    return found
+
+
+def find_surfaces(
+    smoothed, low, n_z, first, last, _wanted, lists, slopes, noise, error, center, per_mm, vectors, steep
+):
+    """Vectors and steepness of the voxels of planes [first, last), as ``surface_normals._find``."""
+    row_start, column = lists
+    values, (_, n_y, _) = smoothed.astype(np.float64), smoothed.shape
+    by_voxel = [_differences(values, axis) for axis in (2, 1, 0)]
+    if low > 0:
+        by_voxel[2][0] = 0.0  # its neighbor is not at hand, and it is not asked for
+    gradient = np.stack(by_voxel, axis=-1) @ np.reshape(slopes, (3, 3)).T
+    size = (gradient**2).sum(axis=-1)
+    around, count = size[max(first - 1, 0) - low : min(last + 1, n_z) - low], 1.0
+    own = slice(first - max(first - 1, 0), last - max(first - 1, 0))
+    for axis in range(3):
+        count = count * _convolved(np.ones(around.shape), np.ones(3), axis)
+        around = _convolved(around, np.ones(3), axis)
+    begin, end = row_start[first * n_y], row_start[last * n_y]
+    row = np.searchsorted(row_start, np.arange(begin, end), side="right") - 1
+    at = row // n_y - first, row % n_y, column[begin:end].astype(np.int64)
+    mean, there = (around / count)[own][at], (at[0] + first - low, at[1], at[2])
+    least = noise + error * np.abs(np.nan_to_num(values[there]) + center * per_mm)
+    whole = np.maximum(mean + least**2, size[there])
+    usable = (whole > 0.0) & (whole < np.inf)
+    scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)
+    vectors[begin:end] = np.rint(gradient[there] * scale[:, None])
+    steep[begin:end] = np.sqrt(size[there]) / per_mm
+
+
+def _differences(values, axis: int) -> np.ndarray:
+    """Central differences per voxel, one-sided at the ends; a neighbor that is not finite counts as the voxel itself,
+    and such a voxel has none."""
+    own, last = np.moveaxis(values, axis, 0), values.shape[axis] - 1
+    index = np.arange(last + 1)
+    before, after = np.maximum(index - 1, 0), np.minimum(index + 1, last)
+    steps = np.maximum(after - before, 1).reshape(-1, 1, 1)
+    around = [np.where(np.isfinite(own[which]), own[which], own) for which in (before, after)]
+    found = np.where(np.isfinite(own), around[1] - around[0], 0.0) / steps
+    return np.ascontiguousarray(np.moveaxis(np.nan_to_num(found), 0, axis))
