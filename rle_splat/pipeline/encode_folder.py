@@ -34,14 +34,14 @@ from ..encode.members import (
     words_of_entry,
 )
 from ..encode.records import decoding_of, words_of
-from ..encode.scalars import center_of, in_scanlines, scalars_of
+from ..encode.scalars import OWN_TYPES, center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Clock, Progress, announce, drain, rescale, time_steps
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.shading import DENSITY
-from ..shade.surface_normals import surface_steps
+from ..shade.surface_normals import BEYOND, gaussian, surface_steps
 from ..shade.surface_points import faces_of, place_surfaces
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
@@ -58,9 +58,6 @@ VOXEL_WORK = 96  # bytes that a visible voxel of a chunk takes at most while it 
 COARSE_VOXELS = 1 << 24  # a volume of more is stored in larger voxels, too: with so many a viewport turns smoothly
 DENSER = 1.5  # times as dense as a chunk the next one may be
 LEAST_DENSITY = 1.0 / 32.0  # so that a chunk of hidden planes does not become the whole volume
-# Planes beside a chunk that its normals depend on: standard deviations at which a Gaussian is cut, and what gradients
-# and their means reach beyond it.
-CUT, AROUND = 3.0, 3
 SHARE = 0.25  # of the free memory that a chunk may take: the rest is for the fixed costs and the picture
 RECORDS, SCALARS = "records", "scalars"  # tables of voxels, with SURFACE
 
@@ -412,10 +409,12 @@ class _ScalarChunks(_Chunks):
     def _surface(self, local: VisibleVoxels, first: int, last: int) -> np.ndarray:
         """(m, 3) int16: codes of the normals of voxels of a chunk, of planes around it too."""
         scene, volume, sigma = self.scene, self.volume, smoothness_of(self.scene)
-        reach = int(CUT * sigma / volume.spacing[2]) + AROUND
+        reach = gaussian(sigma, volume.spacing[2]).size // 2 + BEYOND
         begin, end = max(first - reach, 0), min(last + reach, volume.shape_xyz[2])
-        rows = self._rows_among(local, first - begin, end - begin)
-        surfaces = drain(surface_steps(self.part(begin, end), rows, local.column, sigma, threads=self.threads))
+        around, rows = self.part(begin, end), self._rows_among(local, first - begin, end - begin)
+        if volume.voxels.dtype.name not in OWN_TYPES[:-1]:
+            around.measured["value_range"] = volume.value_range  # by which values are scaled: as in the whole volume
+        surfaces = drain(surface_steps(around, rows, local.column, sigma, threads=self.threads))
         function, matrix, voxels = scene.transfer_function, scene.index_to_world, self.in_volume(local, first)
         return place_surfaces(
             surfaces, voxels, volume, function, matrix, self.faces, with_points=False, threads=self.threads

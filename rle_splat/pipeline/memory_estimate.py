@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.work_sizes import MESH_SAMPLES, MIXED_AT_ONCE, RAYS_AT_ONCE, RECORDS_AT_ONCE
+from ..runtime.work_sizes import MESH_SAMPLES, MIXED_AT_ONCE, RAYS_AT_ONCE, RECORDS_AT_ONCE, SMOOTHED_AT_ONCE
 from ..scene import RECORDS, Quality, RleSplatError, TooLargeError
 from ..volume.axes import AXES
 from ..volume.counts import counts_values
@@ -121,7 +121,9 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
         # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.
         MemoryRow("shade", "normals", tables.lit * count, 6 + 4 + 6 if scalars else 12),
-        MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what reaches a voxel of each light
+        # Planes that are smoothed: as float32, smoothed, and squares of gradients.
+        MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
+        MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what arrives of each light
         MemoryRow("shade", "normals", (scalars and shaded) * count, 6),  # where its shadows begin
         MemoryRow("shade", "normals", shaded * count, 10),  # while shadows are made
         MemoryRow("shade", "visible", (scalars and (shaded or thinned)) * count, codes),  # all planes of a voxel joined
