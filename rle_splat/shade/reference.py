@@ -15,6 +15,7 @@ from .environment import light_by_normal
 from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
+ONE = 32767.0  # of codes of components
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
 
@@ -214,3 +215,75 @@ def _differences(values, axis: int) -> np.ndarray:
     around = [np.where(np.isfinite(own[which]), own[which], own) for which in (before, after)]
     found = np.where(np.isfinite(own), around[1] - around[0], 0.0) / steps
     return np.ascontiguousarray(np.moveaxis(np.nan_to_num(found), 0, axis))
+
+
+def place_surfaces(
+    vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix, to_index,
+    world_per_mm, faces, box, codes, offsets,
+):  # fmt: skip
+    """Codes and offsets of kept voxels, as ``surface_points._place``, of all of them at a time."""
+    matrix, to_index = np.reshape(matrix, (3, 4)), np.reshape(to_index, (3, 3))
+    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
+    index = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
+    m = vectors.astype(np.float64) / ONE
+    side, away = _sides(stored.astype(np.float64) * slope + intercept, ranges)
+    m = unit_vectors(m @ np.reshape(covector, (3, 3)).T) * (side * np.linalg.norm(m, axis=1))[:, None]
+    keep, part, nearest = np.ones(len(m)), np.zeros(m.shape), np.full(len(m), np.inf)
+
+    def meet(distance, share, normal):
+        nonlocal keep, part, nearest
+        keep, part = keep * (1.0 - share), part + share[:, None] * normal
+        nearest = np.where(share > 0.0, np.minimum(nearest, distance), nearest)
+
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            layers = index[:, axis] if sign < 0.0 else shape_xyz[axis] - 1.0 - index[:, axis]
+            meet(layers * box[axis, 3], (layers <= 1.0) * float(shape_xyz[axis] > 1), sign * box[axis, :3])
+    points = index @ matrix[:, :3].T + matrix[:, 3]
+    for normal, offset, width in zip(faces.normals, faces.offsets, faces.widths):
+        distance = np.abs(offset - points @ normal)
+        meet(distance, 1.0 - smoothstep(distance / width - 1.0), normal)
+    for own, back in faces.removed:
+        at = points @ own[:3, :3].T + own[:3, 3]
+        towards = (np.clip(at, -1.0, 1.0) - at) @ back[:3, :3].T
+        distance, normal = np.linalg.norm(towards, axis=1), unit_vectors(towards)
+        width = np.maximum(np.abs(normal @ matrix[:, :3]).sum(axis=1), 1e-300)
+        meet(distance, np.where(distance > 0.0, 1.0 - smoothstep(distance / width - 1.0), 0.0), normal)
+    m = keep[:, None] * m + part
+    size = np.linalg.norm(m, axis=1)
+    m, size = m / np.maximum(size, 1.0)[:, None], np.minimum(size, 1.0)
+    codes[:] = np.rint(m * ONE)
+    if not len(offsets):
+        return
+    n = unit_vectors(m)
+    width = np.abs(n @ matrix[:, :3]).sum(axis=1)
+    steep = steepness.astype(np.float64) * abs(slope) / world_per_mm
+    depth = np.divide(away, steep, out=np.where(away > 0.0, np.inf, 0.0), where=steep > 0.0)
+    inside = np.where(keep < 1.0, nearest, 0.0)
+    depth = keep * np.minimum(depth, 3.0 * width) + (1.0 - keep) * np.where(np.isfinite(inside), inside, 0.0)
+    b = smoothstep(size / 0.3) * np.minimum(depth + width, 3.0 * width)
+    offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * 1024.0, -32767.0, 32767.0))
+
+
+def smoothstep(t) -> np.ndarray:
+    """3 t^2 - 2 t^3 of numbers that are limited to [0, 1]."""
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _sides(values, ranges) -> tuple[np.ndarray, np.ndarray]:
+    """See ``surface_points._side``."""
+    ends = np.concatenate(([-np.inf], np.where(np.abs(ranges.ravel()) < 1e299, ranges.ravel(), np.nan), [np.inf]))
+    at = np.searchsorted(ranges.ravel(), values, side="left")
+    inside = at % 2 == 1
+    if len(ranges):
+        starts = np.isin(values, ranges[:, 0]) & ~inside
+        at, inside = at + starts, inside | starts
+    down, up = (np.where(np.isfinite(d), d, np.inf) for d in (values - ends[at], ends[at + 1] - values))
+    rises, falls = np.where(inside, up, down), np.where(inside, down, up)
+    with np.errstate(invalid="ignore"):
+        balance = (rises - falls) / (rises + falls)
+    balance = np.where(np.isinf(rises) | (rises + falls == 0.0), 1.0, np.where(np.isinf(falls), -1.0, balance))
+    side = 2.0 * smoothstep(balance + 0.5) - 1.0
+    away = np.where(side >= 0.0, down, up)
+    return side, np.where(inside & np.isfinite(away), away, 0.0)
