@@ -108,10 +108,21 @@ def composite_group(
         kind = kind_of(state_type)
         least = Vector.spread(builder, least, BLOCK).widened(kind)
         first = builder.mul(waiting, _whole(GROUP * BLOCK))
-        rows = [
-            rows_of(context, builder, table_type, table, entries_type, entries, number, first)
-            for number in range(GROUP)
-        ]
+        if isinstance(entries_type, types.NoneType):  # classified, and lit, before
+            rows = [
+                [
+                    Vector.load(
+                        builder, place(context, builder, table_type, table, _whole(BLOCK * (4 * number + plane))), BLOCK
+                    )
+                    for plane in range(4)
+                ]
+                for number in range(GROUP)
+            ]
+        else:
+            rows = [
+                rows_of(context, builder, table_type, table, entries_type, entries, number, first)
+                for number in range(GROUP)
+            ]
         *colors, samples = (_joined(planes) for planes in zip(*rows, strict=True))
         down = _spread_each(context, builder, downs_type, downs) if any(counts) else None
 

@@ -21,6 +21,7 @@ from .band_walker import band_walker, row_walker, scanline_walker
 from .mist_block import MistRays
 from .pixel_block import BLOCK
 from .rays_in_box import NO_ROW, block_at
+from .sample_block import clear_light
 from .scalar_block import place_inside, resample_plane
 from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, fetch_normals, fetch_scalars, put_scanline
@@ -135,7 +136,7 @@ def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, l
         line.line, line.line.size // plane_count(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, tables.lights, tables.light_unit, tables.lamps, scanline, near, weight,
         int(tables.pointers[near, scanline]), tables.data_starts[near, scanline], far_weight, far_run, far_voxel,
-        tables.width, line.live, live_count, light.matt, light.gloss + light.thinning,
+        tables.width, line.live, live_count, light.matt + light.normal, light.gloss + light.thinning,
     )
 
 
@@ -356,6 +357,7 @@ def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, i
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
     planes = plane_count(medium.light)
+    clear_light(medium.light.lamps, own.rows.light)
     line = own.line.line
     stride = line.size // planes
     line[:stride] = NOT_KEPT

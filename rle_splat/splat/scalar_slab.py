@@ -16,6 +16,7 @@ from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .rays_in_box import inside_box, interval_in_box
+from .sample_block import light_between, light_own
 from .scalar_block import classify_spans, classify_values, composite_classified, look_between, look_up
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
@@ -48,7 +49,7 @@ class Pixels(NamedTuple):
 @inner_loop
 def plane_count(light):
     """Numbers that a sheet holds of a pixel."""
-    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
+    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning) + len(light.normal)
 
 
 @inner_loop
@@ -106,8 +107,29 @@ def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, 
 
 
 @inner_loop
+def _light_samples(lamps, kind, lookup, here, there, length, deep, thickness, pixels, block, rows, at):
+    """Light a classified block sample by sample, block number ``at`` of the band; nothing without ``lamps``."""
+    if lamps is not None:
+        sheet, upper, lower, down = here
+        before, upper_before, lower_before, down_before = there
+        held = at * BLOCK * (1 + len(lamps.matt) + len(lamps.gloss))
+        if kind == OWN:
+            light_own(
+                block.samples, 0, sheet, upper, lower, down, sheet, upper, lower, down, block.shares, lookup.low,
+                lookup.high, length, deep, thickness, rows.state, 4 * BLOCK * at + TRANSMITTANCE, rows.light, held,
+                lamps, pixels.first, pixels.v,
+            )
+        else:
+            light_between(
+                block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
+                block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state,
+                4 * BLOCK * at + TRANSMITTANCE, rows.light, held, lamps, pixels.first, pixels.v,
+            )
+
+
+@inner_loop
 def _composite_classified(
-    intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+    intervals, mist, medium, here, there, length, deep, kind, begin, end, thickness, cut, pixels, rows, block, half
 ):  # fmt: skip
     """Composite a classified block; how many of its pixels are not opaque."""
     r, b, v, first_pixel, count = pixels
@@ -117,6 +139,10 @@ def _composite_classified(
     if mist is not None:
         if mist.place.size > 0:
             copy_colors(state, to, block.colors)
+    _light_samples(
+        medium.light.lamps, kind, medium.lookup, here, there, length, deep, thickness, pixels, block, rows,
+        r * rows.bright.shape[1] + b,
+    )
     found = composite_classified(
         block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
         medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
@@ -189,5 +215,5 @@ def composite_slab(
         return LIVE
     _classify(lookup, seen, block)
     return _composite_classified(
-        intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+        intervals, mist, medium, here, there, length, deep, kind, begin, end, thickness, cut, pixels, rows, block, half
     )

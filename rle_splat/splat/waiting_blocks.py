@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, TRANSMITTANCE
 from .rays_in_box import NO_ROW
+from .sample_block import classify_member, light_own
 from .scalar_group import GROUP, composite_group, look_up_group
+from .scalar_slab import NO_SHARE
 from .scratch import BAND
 from .sheet_row import note_half_depth
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
@@ -50,6 +52,32 @@ def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
 
 
 @inner_loop
+def _composite_group(lamps, number, table, light, least, samples, waiting, length, at, state, held, block, pixel, row):
+    """Composite one block that waits, lit voxel by voxel, or sample by sample where there are ``lamps``."""
+    _, places, starts, downs, depths = waiting
+    before, classified = block.before, block.classified
+    if lamps is not None:
+        for member in range(GROUP):
+            first = 4 * BLOCK * member
+            classify_member(table, starts, (number * GROUP + member) * BLOCK, member, classified)
+            upper, lower = places[2 * (GROUP * number + member)], places[2 * (GROUP * number + member) + 1]
+            light_own(
+                classified, first, samples, upper, lower, downs[member], samples, upper, lower, downs[member],
+                block.shares, NO_SHARE, NO_SHARE, length, BLOCK * at, depths[member], state,
+                4 * BLOCK * at + TRANSMITTANCE, held, at * BLOCK * (1 + len(lamps.matt) + len(lamps.gloss)), lamps,
+                pixel, row,
+            )
+        return composite_group(
+            classified, None, samples, places, number, downs, (), (), length, BLOCK * at, depths, least, state,
+            4 * BLOCK * at, before,
+        )
+    return composite_group(
+        table, starts, samples, places, number, downs, light.matt, light.gloss, length, BLOCK * at, depths, least,
+        state, 4 * BLOCK * at, before,
+    )
+
+
+@inner_loop
 def composite_waiting(queued, r, word, window, first, sheets, table, light, least, samples, waiting, rows, block, half):
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 
@@ -58,17 +86,17 @@ def composite_waiting(queued, r, word, window, first, sheets, table, light, leas
     ``samples``: of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.
     ``half``: (H, W) float32, see ``sheet_row.note_half_depth``.
     """
-    queue, places, starts, downs, depths = waiting
-    state, length, alive, bright, _, _ = rows
+    queue = waiting.queue
+    state, length, alive, bright, _, _, held = rows
     before = block.before
     blocks = bright.shape[1]
     died = False
     for number in range(queued):
         b = queue[number]
         at = r * blocks + b
-        pixels = composite_group(
-            table, starts, samples, places, number, downs, light.matt, light.gloss, length, BLOCK * at, depths, least,
-            state, 4 * BLOCK * at, before,
+        pixels = _composite_group(
+            light.lamps, number, table, light, least, samples, waiting, length, at, state, held, block, b * BLOCK,
+            window.top_row + r,
         )
         if pixels >> 8 != bright[r, b]:
             bright[r, b] = pixels >> 8

@@ -29,7 +29,7 @@ def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = 
     far : float or (H, W) float
         Planar depth at which rays end.
     **shading
-        ``colors``, or ``light`` and ``highlight``, as ``truths.truth`` takes them.
+        ``colors`` or ``light``, as ``truths.truth`` takes them.
 
     Returns
     -------

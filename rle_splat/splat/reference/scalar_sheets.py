@@ -11,6 +11,7 @@ from ..ray_sums import HALF
 from ..scalar_block import SPAN
 from ..scalar_scanline import NOT_KEPT
 from .lamps import light_of_normals
+from .sample_light import light_of_samples, share_here
 from .sheet_buffer import composite_numpy, fade_added_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
@@ -38,6 +39,8 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
             if tables.lights is not None and len(tables.lights) == 0:
                 normals = tables.lamps.normals[:, voxel : voxel + count]
                 dense[j, x : x + count, 1:] = light_of_normals(tables.lamps, channels - 1, normals, (x, j, k))
+            elif tables.lights is not None and tables.lights.dtype == np.int16:
+                dense[j, x : x + count, 1:] = tables.lights[voxel : voxel + count] * np.float32(tables.light_unit)
             elif tables.lights is not None:
                 bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
                 dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
@@ -160,7 +163,7 @@ def splat_scalar_sheets_numpy(
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does."""
     height, width = half.shape
-    matt, gloss, thinning = light
+    matt, gloss, thinning, normal, lamps = light
     half[...] = np.inf
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
@@ -171,7 +174,7 @@ def splat_scalar_sheets_numpy(
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
     n_slices = tables.pointers.shape[0]
-    channels = 1 + len(matt) + len(gloss) + len(thinning)
+    channels = 1 + len(matt) + len(gloss) + len(thinning) + len(normal)
     absent = np.zeros((height, width, channels), np.float32)
     absent[..., 0] = NOT_KEPT
     slices: dict = {}
@@ -218,7 +221,15 @@ def splat_scalar_sheets_numpy(
             _add_depths_numpy(sampled[..., 0] * (in_slab * counted), slab, state, half)
             continue
         color, sigma = sampled[..., :3], sampled[..., 3]
-        if matt:
+        if lamps is not None:
+            if sheets.kind[sheet] != OWN:
+                both = (here[..., 0] > NOT_KEPT) & (there[..., 0] > NOT_KEPT)
+                usual = np.where(both, 0.5, here[..., 0] > NOT_KEPT)
+                share = share_here(here[..., 0], there[..., 0], *lookup[5:7], sigma * in_slab, usual)[..., None]
+                shine = here[..., 1:] * share + there[..., 1:] * (ONE - share)
+            shining, highlight = light_of_samples(lamps, shine)
+            color = color * shining + sigma[..., None] * highlight
+        elif matt:
             color = color * shine[..., [plane - 1 for plane in matt]]
         if gloss:
             color = color + sigma[..., None] * shine[..., [plane - 1 for plane in gloss]]
