@@ -375,7 +375,7 @@ class _ScalarChunks(_Chunks):
         self.center = center_of(volume.voxels.dtype, self.ends)
         light_of(scene, self.falling)  # which refuses light that is too bright
         # Clip objects are not those of the folder, but of whoever draws it.
-        self.faces = faces_of((), scene.index_to_world, volume.shape_xyz)
+        self.faces = faces_of((), scene.index_to_world)
 
     def _keep_voxels(self, first: int, last: int) -> VisibleVoxels:
         """The voxels of a chunk that its own cells and those that it shares with its neighbors need."""
