@@ -226,7 +226,7 @@ def picture_bytes(
         "meshes": meshes * (4 * MESH_SAMPLES + 12 + 9) * pixels,
         "splat, warp": drawn + (1 + meshes) * SHEET_PIXEL * sum(sheets) + meshes * 12 * pixels + filtered,
         # How steep a pixel is, which ones are, where if all of them are, and the picture once more with a border.
-        "rays": traced * (drawn + (4 + 1 + 8 + 20) * pixels + 320 * RAYS_AT_ONCE),
+        "rays": traced * (drawn + (4 + 1 + 8 + 20) * pixels + 480 * RAYS_AT_ONCE),
         "write": drawn + WRITTEN * pixels,
     }
     return scratch + max(at_a_time.values())
