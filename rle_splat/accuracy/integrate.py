@@ -19,7 +19,7 @@ NO_DEPTH = 1e10
 TOLERANCE = 1e-10
 # Pieces behind a smaller transmittance are left out; that changes a channel by at most this times its largest color.
 FAINTEST = 1e-12
-HIDDEN = 0.1  # the same of a lit medium, whose light takes long, in tolerances
+HIDDEN = 1.0  # the same of a lit medium, whose light takes long, in tolerances
 _MOST_HALVINGS = 120
 # Pieces of a larger optical depth are always halved: all nodes of the quadrature might lie where nothing is visible.
 _DENSE = 8.0

@@ -20,8 +20,9 @@ from .transfer import Segments, extinction
 
 POINTS = 16  # on a lamp that is not a point
 WIDEST_SUN = 0.5 * np.pi  # angle
-OPAQUE = 18.0  # optical depth behind which nothing arrives: 2e-8 of the light
+OPAQUE = 10.0  # optical depth from which a ray is not followed further: at most 5e-5 of the light arrives
 BLOCK = 4  # cells along a side of what is passed over at once where it is empty
+FURTHEST = 8  # blocks
 RAYS_AT_ONCE = 16384
 RAYS_NEAR_MESHES = 256
 NUDGE = 1e-9  # voxels ahead, where the cell of a position on a face is looked up
@@ -96,43 +97,50 @@ class Tracer:
         # No products of matrices, for the reason given in ``integrate``.
         origin = np.einsum("ni,ji->nj", rays.origin - self._matrix[:3, 3], self._to_index)
         step = np.einsum("ni,ji->nj", rays.direction, self._to_index)
-        depth, last = np.zeros(len(origin)), self._high - 1.0
+        depth = np.zeros(len(origin))
         if not self._high.all():  # a medium without thickness
             return depth
-        at, end = span(origin, step, np.zeros(3), self._high, 0.0, length)
+        begin, end = span(origin, step, np.zeros(3), self._high, 0.0, length)
         clipping = Clipping(self._clips, rays) if self._clips else None
         crossings = None if clipping is None else clipping.crossings()
-        on = np.flatnonzero(end > at)
+        on = np.flatnonzero(end > begin)
+        o, d = np.ascontiguousarray(origin[on].T), np.ascontiguousarray(step[on].T)  # (3, N): several times as quick
+        begin, end, tau = begin[on], end[on], depth[on]
+        last = (self._high - 1.0)[:, None]
         while len(on):
-            o, d, begin = origin[on], step[on], at[on]
-            cell = np.clip(np.floor(o + d * begin[:, None] + NUDGE * np.sign(d)), 0.0, last).astype(np.int64)
-            block = cell // BLOCK
-            empty = self._empty[block[:, 2], block[:, 1], block[:, 0]]
-            low, side = np.where(empty[:, None], block * BLOCK, cell), np.where(empty, BLOCK, 1)[:, None]
+            cell = np.clip(np.floor(o + d * begin + NUDGE * np.sign(d)), 0.0, last).astype(np.int64)
+            x, y, z = cell // BLOCK
+            around = self._empty[z, y, x]  # blocks
+            far = np.where(d > 0.0, np.maximum(around * BLOCK, 1), np.minimum((1 - around) * BLOCK, 0))
+            low = np.where(around > 0, cell // BLOCK * BLOCK, cell)
             with np.errstate(divide="ignore", invalid="ignore"):
-                out = np.where(d != 0.0, (np.where(d > 0.0, low + side, low) - o) / d, np.inf).min(axis=1)
-            until = np.minimum(out, end[on])
+                out = np.where(d != 0.0, (low + far - o) / d, np.inf)
+            until = np.minimum(np.minimum(out[0], out[1]), np.minimum(out[2], end))
+            shown = around == 0
             if crossings is not None:
-                ahead = np.where(crossings[on] > begin[:, None], crossings[on], np.inf).min(axis=1)
-                until = np.minimum(until, ahead)
-                empty = empty | ~clipping.keeps(on, 0.5 * (begin + until))
+                until = np.minimum(until, np.where(crossings[on] > begin[:, None], crossings[on], np.inf).min(axis=1))
+                shown &= clipping.keeps(on, 0.5 * (begin + until))
             until = np.maximum(until, np.nextafter(begin, np.inf))
-            inside = np.flatnonzero(~empty)
-            depth[on[inside]] += self._cell_depth(*(part[inside] for part in (o, d, begin, until, cell)))
-            at[on] = until
-            on = on[(until < end[on]) & (depth[on] < OPAQUE)]
+            here = np.flatnonzero(shown)
+            tau[here] += self._cell_depth(o[:, here], d[:, here], begin[here], until[here], cell[:, here])
+            begin = until
+            going = (until < end) & (tau < OPAQUE)
+            if not going.all():
+                depth[on[~going]] = tau[~going]
+                on, begin, end, tau = (part[going] for part in (on, begin, end, tau))
+                o, d = o[:, going], d[:, going]
         return depth
 
     def _cell_depth(self, origin, step, begin, until, cell):
-        """(N,) optical depth of pieces of rays within their cells, from world length ``begin`` to ``until``."""
+        """(N,) optical depth of pieces of rays within their cells (3, N), from world length ``begin`` to ``until``."""
         nx, ny = self._voxels.shape[2], self._voxels.shape[1]
-        first = (cell[:, 2] * ny + cell[:, 1]) * nx + cell[:, 0]
+        first = (cell[2] * ny + cell[1]) * nx + cell[0]
         # (2, 4, N): by z, by y and x
         apart = np.array((0, nx * ny))[:, None, None] + np.array((0, 1, nx, nx + 1))[:, None]
         corners = self._extinction(first + apart)
         total = 0.0
         for node in NODES:
-            x, y, z = (origin + step * (begin + node * (until - begin))[:, None] - cell).T
+            x, y, z = origin + step * (begin + node * (until - begin)) - cell
             along = corners[:, 0::2] + x * (corners[:, 1::2] - corners[:, 0::2])
             across = along[:, 0] + y * (along[:, 1] - along[:, 0])
             total = total + across[0] + z * (across[1] - across[0])
@@ -151,7 +159,8 @@ def _extinction_lookup(volume, transfer_function, world_distance: float):
 
 
 def _empty_blocks(volume, segments: Segments) -> np.ndarray:
-    """(bz, by, bx) bool: whether all voxels at the corners of a block's cells are transparent."""
+    """(bz, by, bx) distance of each block to the nearest that shows anything at a corner of its cells: 0 for that block
+    itself, 1 for those beside it, at most FURTHEST; as many blocks less one are empty on all sides."""
     found = []
     for combine in (np.fmin, np.fmax):  # which leave out NaN
         ends = volume.voxels
@@ -160,7 +169,15 @@ def _empty_blocks(volume, segments: Segments) -> np.ndarray:
             following = np.take(ends, np.minimum(starts + BLOCK, count - 1), axis)  # at corners of this block, too
             ends = combine(combine.reduceat(ends, starts, axis=axis), following)
         found.append(volume.physical(ends))
-    return ~segments.show_between(*np.sort(np.stack(found), axis=0))
+    shows = segments.show_between(*np.sort(np.stack(found), axis=0))
+    distance = np.where(shows, 0, FURTHEST)
+    for number in range(1, FURTHEST):
+        for axis in range(3):  # a cube further on all sides
+            wide = np.pad(shows, [(1, 1) if other == axis else (0, 0) for other in range(3)])
+            wide = np.moveaxis(wide, axis, 0)
+            shows = np.moveaxis(wide[:-2] | wide[1:-1] | wide[2:], 0, axis)
+        distance = np.where(shows, np.minimum(distance, number), distance)
+    return distance
 
 
 class Meshes:
