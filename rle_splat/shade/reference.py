@@ -16,6 +16,7 @@ from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
 ONE = 32767.0  # of codes of components
+BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
 
@@ -105,7 +106,6 @@ def code_light(voxels, normals, falling, each, scale, codes):
 def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
     """Codes of the light that reaches each voxel, as ``light_sweep._sweep``: slice by slice, with dense slices."""
     depth = np.zeros((sweep.height, sweep.width))
-    columns, rows = np.arange(sweep.width), np.arange(sweep.height)
     for n, k in enumerate(sweep.slices):
         scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
         i, j, data = _voxels_of(tables, starts, k)
@@ -120,15 +120,72 @@ def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
             left = left * _interpolate((meshes > np.float32(n)).mean(axis=2), y, x)
         codes[at] = (left * FULL + 0.5).astype(np.uint16)
         n -= sweep.skipped
-        if n < 0:
-            continue
-        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
-        i, j, data = _voxels_of(tables, starts, sweep.slices[n])
-        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
-        dense[j + 1, i + 1] = extinction[data]
-        v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
-        u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
-        depth += sweep.whole[n] * _interpolate(dense, v[:, None], u[None, :])
+        if n >= 0:
+            depth += sweep.whole[n] * _slice_of_sheet(sweep, tables, starts, extinction, n, False)
+
+
+def light_beside(sweep, tables, starts, extinction, meshes, voxels, offsets, place, codes) -> None:
+    """Codes of the light that reaches points beside voxels, as ``light_beside._light_bands``, with dense slices.
+
+    ``offsets`` (m, 3): voxels; ``place`` (4, 4): voxel indices to the sheet.
+    """
+    n_y, last = voxels.shape_xyz[1], len(sweep.slices) - 1
+    row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
+    points = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1) + offsets
+    own = np.arange(len(voxels))
+    if sweep.source is not None:
+        way = points - sweep.source
+        axis = np.argmax(np.abs(way), axis=1)
+        along = way[own, axis]
+        own = own[(along != 0.0) & (2 * axis + (along > 0.0) == sweep.side)]
+    x, y, w, s = place @ np.concatenate((points[own], np.ones((len(own), 1))), axis=1).T
+    x, y = np.clip(x / w, 0.0, sweep.width - 1.0), np.clip(y / w, 0.0, sweep.height - 1.0)
+    n = np.clip(np.floor(s), 0, last).astype(np.int64)
+    f = np.where(n == last, 0.0, np.clip(s - n, 0.0, 1.0))
+    added = [_slice_of_sheet(sweep, tables, starts, extinction, k, True) for k in range(last + 1)]
+    # Before the first slice there is as much less than nothing as that is nearer to the light than half a slice.
+    depth = (sweep.whole[0] - 1.0) * added[0]
+    tau = np.zeros(len(own))
+    for k in range(last + 1):
+        here, after = n == k, depth + added[k]
+        further = after + added[min(k + 1, last)]
+        before, middle, behind = (_interpolate(sheet, y[here], x[here]) for sheet in (depth, after, further))
+        t, depth = f[here], after
+        tau[here] = 0.5 * (1.0 - t) ** 2 * before + (0.5 + t * (1.0 - t)) * middle + 0.5 * t**2 * behind
+    tau = np.where(s < 0.0, 0.0, np.maximum(tau, 0.0))
+    c = sweep.length
+    square = c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y
+    left = np.exp(-tau * np.sqrt(np.maximum(square, 0.0)))
+    if meshes is not None:
+        rows, columns = (
+            np.minimum(y.astype(np.int64), sweep.height - 2),
+            np.minimum(x.astype(np.int64), sweep.width - 2),
+        )
+        free = np.zeros(len(own))
+        for far_y, far_x in np.ndindex(2, 2):
+            weight = np.abs(1 - far_y - (y - rows)) * np.abs(1 - far_x - (x - columns))
+            free += weight * (meshes[rows + far_y, columns + far_x] > s[:, None]).mean(axis=1)
+        left = left * free
+    codes[own] = (left * FULL + 0.5).astype(np.uint16)
+
+
+def _slice_of_sheet(sweep, tables, starts, extinction, n: int, boxed: bool) -> np.ndarray:
+    """(height, width) extinction of slice ``n`` of a sweep on the rays of the sheet; ``boxed``: none beyond voxels."""
+    scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+    i, j, data = _voxels_of(tables, starts, sweep.slices[n])
+    dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
+    dense[j + 1, i + 1] = extinction[data]
+    v = np.clip((np.arange(sweep.height) - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
+    u = np.clip((np.arange(sweep.width) - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
+    found = _interpolate(dense, v[:, None], u[None, :])
+    if boxed:
+        found *= _within(v - 1.0, tables.n_scanlines)[:, None] * _within(u - 1.0, tables.width)
+    return found
+
+
+def _within(places, count: int) -> np.ndarray:
+    """Which places along an axis lie between the centers of its voxels."""
+    return (places > -BOXED) & (places < count - 1.0 + BOXED)
 
 
 def _voxels_of(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
