@@ -15,11 +15,13 @@ import numpy as np
 
 from ..runtime.jit import compiled, thread_count
 from ..scene import Quality
+from ..shade.sample_light import NORMAL
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import OWN, Sheets
 from ..volume.axes import AXES
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
+from .sample_lamps import HELD
 from .scalar_group import GROUP
 from .voxel_scanline import WORD
 
@@ -30,7 +32,6 @@ SPREAD = 4
 CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
-WHITE = 2  # channels of a voxel's light and highlight, all colors alike
 REACH = (CACHE_LINE // 8,)  # numbers of it
 WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
@@ -231,15 +232,16 @@ def scratch_for(
 def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, shortened: bool) -> int:
     """About the bytes of ``scratch_for`` that are touched, before there are tables; the reference has no scratch.
 
-    Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``shortened``:
-    whether rays have intervals.
+    Sheets of the scalar are taken to be lit, by a lamp that casts shadows.  ``scalars``: whether there are such.
+    ``shortened``: whether rays have intervals.
     """
     if not compiled():
         return 0
     group = GROUP if scalars and not shortened and worth_grouping(plane.sheets) else 1
     sizes = _sizes(
         shape_xyz[AXES[plane.axis][0]], plane.width, _coarsest(plane.scale), len(plane.sheets),
-        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, shortened, group,
+        None if scalars else wide_of(plane, quality), 2 + NORMAL if scalars else 4, scalars, shortened, group,
+        HELD if scalars else 0,
     )
     return thread_count(quality.threads) * _bytes_of(*sizes)
 

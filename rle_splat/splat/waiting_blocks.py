@@ -12,6 +12,7 @@ from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .rays_in_box import NO_ROW
 from .sample_block import classify_member, light_own
+from .sample_lamps import HELD
 from .scalar_group import GROUP, composite_group, look_up_group
 from .scalar_slab import NO_SHARE
 from .scratch import BAND
@@ -52,51 +53,50 @@ def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
 
 
 @inner_loop
-def _composite_group(lamps, number, table, light, least, samples, waiting, length, at, state, held, block, pixel, row):
-    """Composite one block that waits, lit voxel by voxel, or sample by sample where there are ``lamps``."""
+def _composite_group(lamps, number, table, least, samples, waiting, sheets, first, pixel, v, at, rows, block):
+    """Composite block number ``at`` of the band, which waits as ``number``, lit sample by sample if there are
+    ``lamps``; what is returned: see ``composite_group``.
+
+    ``first``: of the group's sheets.  ``pixel``, ``v``: column of the block's first pixel, and row.
+    """
     _, places, starts, downs, depths = waiting
-    before, classified = block.before, block.classified
-    if lamps is not None:
-        for member in range(GROUP):
-            first = 4 * BLOCK * member
-            classify_member(table, starts, (number * GROUP + member) * BLOCK, member, classified)
-            upper, lower = places[2 * (GROUP * number + member)], places[2 * (GROUP * number + member) + 1]
-            light_own(
-                classified, first, samples, upper, lower, downs[member], samples, upper, lower, downs[member],
-                block.shares, NO_SHARE, NO_SHARE, length, BLOCK * at, depths[member], state,
-                4 * BLOCK * at + TRANSMITTANCE, held, at * BLOCK * (1 + len(lamps.matt) + len(lamps.gloss)), lamps,
-                pixel, row,
-            )
+    state, to = rows.state, 4 * BLOCK * at
+    if lamps is None:
         return composite_group(
-            classified, None, samples, places, number, downs, (), (), length, BLOCK * at, depths, least, state,
-            4 * BLOCK * at, before,
+            table, starts, number, rows.length, BLOCK * at, depths, least, state, to, block.before
+        )
+    for member in range(GROUP):
+        classify_member(table, starts, (number * GROUP + member) * BLOCK, member, block.classified)
+        which = 2 * (GROUP * number + member)
+        position = 0.5 * (sheets.begin[first + member] + sheets.end[first + member])
+        upper, lower, down = places[which], places[which + 1], downs[member]
+        light_own(
+            block.classified, 4 * BLOCK * member, samples, upper, lower, down, samples, upper, lower, down,
+            block.shares, NO_SHARE, NO_SHARE, rows.length, BLOCK * at, depths[member], state, to + TRANSMITTANCE,
+            rows.light, HELD * BLOCK * at, lamps, pixel, v, position,
         )
     return composite_group(
-        table, starts, samples, places, number, downs, light.matt, light.gloss, length, BLOCK * at, depths, least,
-        state, 4 * BLOCK * at, before,
+        block.classified, None, number, rows.length, BLOCK * at, depths, least, state, to, block.before
     )
 
 
 @inner_loop
-def composite_waiting(queued, r, word, window, first, sheets, table, light, least, samples, waiting, rows, block, half):
+def composite_waiting(queued, r, word, window, first, sheets, table, lamps, least, samples, waiting, rows, block, half):
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 
-    ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``, ``light``: of
-    ``arguments.Lookup`` and ``arguments.LightPlanes``.  ``least``: transmittance at which a pixel is opaque.
+    ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``: of
+    ``arguments.Lookup``.  ``lamps``: SampleLamps or None.  ``least``: transmittance at which a pixel is opaque.
     ``samples``: of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.
     ``half``: (H, W) float32, see ``sheet_row.note_half_depth``.
     """
-    queue = waiting.queue
-    state, length, alive, bright, _, _, held = rows
-    before = block.before
+    queue, alive, bright, before = waiting.queue, rows.alive, rows.bright, block.before
     blocks = bright.shape[1]
     died = False
     for number in range(queued):
         b = queue[number]
-        at = r * blocks + b
         pixels = _composite_group(
-            light.lamps, number, table, light, least, samples, waiting, length, at, state, held, block, b * BLOCK,
-            window.top_row + r,
+            lamps, number, table, least, samples, waiting, sheets, first, b * BLOCK, window.top_row + r,
+            r * blocks + b, rows, block,
         )
         if pixels >> 8 != bright[r, b]:
             bright[r, b] = pixels >> 8
