@@ -19,6 +19,7 @@ import numpy as np
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from ..runtime.work_sizes import SMOOTHED_AT_ONCE
 from . import reference
 
 CUT = 3.0  # standard deviations at which the Gaussian ends
@@ -26,7 +27,6 @@ MOST_SMOOTHED = 2.0  # mm, by itself: slices 5 mm apart must not erase vessels
 NOISE = 40.0  # times E: gradients from 13 E on are trusted wholly
 FLOAT_STEPS = 8.0  # machine epsilons that a computed constant may carry
 ONE = np.float32(32767.0)
-AT_ONCE = 1 << 20  # voxels that are looked at between two steps of the generator: 20 to 30 ms on one core
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
@@ -97,7 +97,7 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
     wanted = dilated(rows)  # rows whose differences count in the mean of squares
     smoothed_rows = dilated(wanted)
     vectors, steepness = empty((len(column), 3), np.int16), empty(len(column), np.float32)
-    at_once = max(AT_ONCE // (nx * ny), 1)
+    at_once = max(SMOOTHED_AT_ONCE // (nx * ny), 1)
     for first in range(0, nz, at_once):
         yield first / nz
         last = min(first + at_once, nz)

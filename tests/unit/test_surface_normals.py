@@ -48,7 +48,7 @@ def test_kernels_are_as_numpy(dtype, sigma, spacing):
 def test_any_number_of_threads_and_planes_at_once_gives_the_same_bits(monkeypatch):
     voxels, _, _ = ball()
     one, _ = found(voxels, threads=1)
-    monkeypatch.setattr("rle_splat.shade.surface_normals.AT_ONCE", 5 * 24 * 24)
+    monkeypatch.setattr("rle_splat.shade.surface_normals.SMOOTHED_AT_ONCE", 5 * 24 * 24)
     for threads in (1, 2, 4):
         other, _ = found(voxels, threads=threads)
         np.testing.assert_array_equal(one.vectors, other.vectors)
