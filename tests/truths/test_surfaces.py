@@ -21,7 +21,7 @@ from rle_splat.volume.volume import Volume
 
 TURNED = np.array([[0.36, 0.48, -0.8, 10.0], [-0.8, 0.6, 0.0, -3.0], [0.48, 0.64, 0.6, 2.0], [0, 0, 0, 1.0]])
 CUTS = (Clip("plane", np.array([[1, 0, 0, 12], [0, 0.6, -0.8, 1], [0, 0.8, 0.6, 14], [0, 0, 0, 1.0]])),)
-REMOVED = (Clip("box", TURNED @ np.diag((4.0, 3.0, 6.0, 1.0)), "outside"),)
+REMOVED = (Clip("box", TURNED @ np.diag((4.03, 3.07, 6.05, 1.0)), "outside"),)
 OPACITIES = {
     "bone": ((300.0, 0.0), (400.0, 0.5)),
     "air": ((100.0, 0.3), (200.0, 0.0)),
