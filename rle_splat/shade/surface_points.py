@@ -12,6 +12,7 @@ the surface: the distance to the nearest value that shows nothing, over the stee
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..classify.visible import VisibleVoxels
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from ..runtime.work_sizes import PLACED_AT_ONCE
 from . import reference
 from .sample_light import ONE, TRUSTED
 from .surface_normals import Surfaces
@@ -101,10 +103,10 @@ def shown_ranges(opacity) -> np.ndarray:
     return np.array(found, np.float64).reshape(-1, 2)
 
 
-def place_surfaces(
+def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
-) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
+):  # fmt: skip
     """Turn the vectors of kept voxels to where extinction falls, and find where their shadows begin.
 
     Parameters
@@ -120,6 +122,11 @@ def place_surfaces(
         Whether points are asked for.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
 
     Returns
     -------
@@ -145,11 +152,15 @@ def place_surfaces(
         tuple(matrix[:3].ravel().tolist()), tuple(upward.ravel().tolist()), world_per_mm,
         faces, box, codes, offsets,
     )  # fmt: skip
-    if compiled():
-        with parallel_call(threads):
-            _place(*arguments)
-    else:
+    if not compiled():
         reference.place_surfaces(*arguments)
+        return read_only(codes), read_only(offsets) if with_points else None
+    pieces = -(-len(voxels) // PLACED_AT_ONCE)
+    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
+    for piece, (first, last) in enumerate(pairwise(ends)):
+        yield piece / pieces
+        with parallel_call(threads):
+            _place(first, last - first, *arguments)
     return read_only(codes), read_only(offsets) if with_points else None
 
 
@@ -158,13 +169,16 @@ def place_surfaces(
 
 @kernel
 def _place(
-    vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix, to_index,
-    world_per_mm, faces, box, codes, offsets,
+    first, count, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
+    to_index, world_per_mm, faces, box, codes, offsets,
 ):  # fmt: skip
-    """Kernel of ``place_surfaces``; ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers."""
+    """Kernel of ``place_steps`` for ``count`` rows from ``first`` on.
+
+    ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers.
+    """
     share_out(
-        _place_rows, row_start.size - 1,
-        (vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
+        _place_rows, count,
+        (first, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
          to_index, world_per_mm, faces, box, codes, offsets),
     )  # fmt: skip
 
@@ -271,14 +285,14 @@ def _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest):
 
 @kernel(inner=True)
 def _place_rows(
-    begin, end, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
-    to_index, world_per_mm, faces, box, codes, offsets,
+    begin, end, first, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector,
+    matrix, to_index, world_per_mm, faces, box, codes, offsets,
 ):  # fmt: skip
-    """``_place`` for rows [begin, end)."""
+    """``_place`` for rows [first + begin, first + end)."""
     n_x, n_y, n_z = shape_xyz
     one, steep_unit = np.float64(ONE), abs(slope) / world_per_mm
     cut = faces.widths.size > 0 or faces.removed.shape[0] > 0
-    for row in range(begin, end):
+    for row in range(first + begin, first + end):
         y, z = row % n_y, row // n_y
         outer_row = min(min(y, n_y - 1 - y), min(z, n_z - 1 - z)) <= BOX_NEAR
         for i in range(row_start[row], row_start[row + 1]):

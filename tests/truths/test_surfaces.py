@@ -15,7 +15,7 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Clip, Light, Scene
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_normals import surface_steps
-from rle_splat.shade.surface_points import STEPS, faces_of, place_surfaces
+from rle_splat.shade.surface_points import STEPS, faces_of, place_steps
 from rle_splat.volume.blocks import block_steps
 from rle_splat.volume.volume import Volume
 
@@ -52,8 +52,8 @@ def test_surfaces_are_those_of_the_reference(opacity, clips, dtype, smoothness):
     sigma = 1.5 if smoothness is None else smoothness
     surfaces = drain(surface_steps(volume, voxels.row_start, voxels.column, sigma, threads=1))
     matrix = scene.index_to_world
-    place = partial(place_surfaces, surfaces, voxels, volume, function, matrix, faces_of(clips, matrix))
-    codes, offsets = place(with_points=True, threads=1)
+    place = partial(place_steps, surfaces, voxels, volume, function, matrix, faces_of(clips, matrix))
+    codes, offsets = drain(place(with_points=True, threads=1))
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     x, y, z = voxels.column.astype(np.int64), row % 15, row // 15
     m, beside = PostLight(scene, 1.0).surfaces(z, y, x)
