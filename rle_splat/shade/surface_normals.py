@@ -98,13 +98,16 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
     smoothed_rows = dilated(wanted)
     vectors, steepness = empty((len(column), 3), np.int16), empty(len(column), np.float32)
     at_once = max(SMOOTHED_AT_ONCE // (nx * ny), 1)
+    smoothed, reached = np.empty((0, ny, nx), np.float32), 0
     for first in range(0, nz, at_once):
         yield first / nz
         last = min(first + at_once, nz)
         if not rows[first:last].any():
             continue
         low, high = max(first - BEYOND, 0), min(last + BEYOND, nz)
-        smoothed = smoothing.planes(low, high, smoothed_rows, threads)
+        known = smoothed[low - reached :] if reached > low else smoothed[:0]  # by the step before
+        more = smoothing.planes(low + len(known), high, smoothed_rows, threads)
+        smoothed, reached = np.concatenate((known, more)), high
         lists = read_only(row_start), read_only(column)
         arguments = (
             smoothed, low, nz, first, last, read_only(wanted), lists, smoothing.slopes, smoothing.floor,
