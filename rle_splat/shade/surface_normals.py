@@ -98,23 +98,25 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
     smoothed_rows = dilated(wanted)
     vectors, steepness = empty((len(column), 3), np.int16), empty(len(column), np.float32)
     at_once = max(SMOOTHED_AT_ONCE // (nx * ny), 1)
-    smoothed, reached = np.empty((0, ny, nx), np.float32), 0
+    # Used by all steps, because the system clears new memory, which took as long as the work on it.
+    room, squares = np.empty((2, min(at_once + 2 * BEYOND, nz), ny, nx), np.float32)
+    from_, reached = 0, 0  # of the planes in ``room``
     for first in range(0, nz, at_once):
         yield first / nz
         last = min(first + at_once, nz)
         if not rows[first:last].any():
             continue
         low, high = max(first - BEYOND, 0), min(last + BEYOND, nz)
-        known = smoothed[low - reached :] if reached > low else smoothed[:0]  # by the step before
-        more = smoothing.planes(low + len(known), high, smoothed_rows, threads)
-        smoothed, reached = np.concatenate((known, more)), high
+        known = max(reached - low, 0)  # planes of the step before
+        room[:known] = room[low - from_ : low - from_ + known]
+        smoothed, from_, reached = room[: high - low], low, high
+        smoothing.smooth(low + known, smoothed_rows, smoothed[known:], threads)
         lists = read_only(row_start), read_only(column)
         arguments = (
             smoothed, low, nz, first, last, read_only(wanted), lists, smoothing.slopes, smoothing.floor,
             smoothing.per_mm, vectors, steepness,
         )  # fmt: skip
         if compiled():
-            squares = empty(smoothed.shape, np.float32)
             with parallel_call(threads):
                 _find(squares, *arguments)
         else:
@@ -193,15 +195,16 @@ class Smoothing:
             voxels, taps, center, scale, tuple((slopes / steepest).astype(np.float32).ravel()), floor, scale / steepest,
         )  # fmt: skip
 
-    def planes(self, low: int, high: int, wanted: np.ndarray, threads: int) -> np.ndarray:
-        """(high - low, ny, nx) float32: smoothed planes [low, high), of rows that are ``wanted`` (nz, ny); NaN where no
-        voxel is finite.
+    def smooth(self, low: int, wanted: np.ndarray, found: np.ndarray, threads: int) -> None:
+        """Smooth the planes from ``low`` on, rows that are ``wanted`` (nz, ny), into ``found``.
+
+        ``found`` (planes, ny, nx) float32 is NaN where no voxel is finite.
 
         Voxels outside the volume and such that are not finite are left out, and the rest is divided by its weights
         (normalized convolution, Knutsson and Westin 1993).
         """
         reach = self.taps[2].size // 2
-        first, last = max(low - reach, 0), min(high + reach, len(self.voxels))
+        first, last = max(low - reach, 0), min(low + len(found) + reach, len(self.voxels))
         values, holes = self.voxels[first:last], None
         if values.dtype.name not in NATIVE or (values.dtype.kind == "f" and self.scale != 1.0):
             values = ((values.astype(np.float64) - self.center) * self.scale).astype(np.float32)
@@ -209,22 +212,20 @@ class Smoothing:
             finite = np.isfinite(values)
             if not finite.all():
                 values, holes = np.where(finite, values, _ZERO), finite.astype(np.uint8)
-        found = self._smoothed(values, first, low, high, wanted, threads)
+        self._smooth(values, first, low, wanted, found, threads)
         if holes is not None:
-            weights = self._smoothed(holes, first, low, high, wanted, threads)
+            weights = np.empty_like(found)
+            self._smooth(holes, first, low, wanted, weights, threads)
             with np.errstate(invalid="ignore", divide="ignore"):
-                found = np.where(weights > 1e-6, found / weights, np.float32(np.nan))
-        return found
+                found[:] = np.where(weights > 1e-6, found / weights, np.float32(np.nan))
 
-    def _smoothed(self, values, first, low, high, wanted, threads):
-        found = empty((high - low, *values.shape[1:]), np.float32)
+    def _smooth(self, values, first, low, wanted, found, threads) -> None:
         arguments = (read_only(np.ascontiguousarray(values)), first, low, read_only(wanted), *self.taps, found)
         if compiled():
             with parallel_call(threads):
                 _smooth(*arguments)
         else:
             reference.smooth(*arguments)
-        return found
 
 
 def noise_of_gradient(taps, spacing) -> float:
