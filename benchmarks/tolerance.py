@@ -21,10 +21,10 @@ from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.probes import (
     PROBES,
     STEEP_SHARE,
-    TRUTH_TOLERANCE,
     probe_errors,
     steep_pixels,
     stratified_pixels,
+    truth_tolerance,
 )
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
@@ -51,7 +51,7 @@ def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -
     places = [np.concatenate((one, more[some])) for one, more in
               zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]
     centers = tuple(place + 0.5 for place in places)
-    true, _ = truth(scene, which, pixels=centers, tolerance=TRUTH_TOLERANCE, **shading)
+    true, _ = truth(scene, which, pixels=centers, tolerance=truth_tolerance(shading), **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())
 
 

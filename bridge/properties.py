@@ -238,6 +238,13 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Highlight", description="Formula of the highlights", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
                ("PHONG", "Phong", "Use the mirror direction of the light")))
+    smoothness: LiveFloat(
+        name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
+        description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
+        "of thick slices. 0 is off. Not used if the volume is pre-classified")
+    use_automatic_smoothness: BoolProperty(
+        name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
+        **switch("smoothness", -1.0, 1.0))
     two_sided: LiveBool(
         name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans")
 
@@ -336,7 +343,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_shadows: LiveBool(
         name="Shadows", default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used with a Maximum Error")
+        "Not used with a Maximum Error if the volume is pre-classified")
     use_world: LiveBool(
         name="World Light", default=True,
         description="Light the volume from all sides with the world: its color, its environment image or any nodes")
@@ -349,7 +356,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used with a Maximum Error")
+        "Not used with a Maximum Error if the volume is pre-classified")
     clip_objects: LivePointer(
         name="Clip Objects", type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "

@@ -268,7 +268,8 @@ def steps(
     quality : Quality
         The knobs.
     tolerance : float, optional
-        The largest allowed error in levels of 1/255; the planner then chooses the knobs, and shadows are left out.
+        The largest allowed error in levels of 1/255; the planner then chooses the knobs.  With pre
+        shadows are left out.
     earlier : dict, optional
         With a tolerance: the plan of the frame before, from its report.
     refuse_empty_view : bool

@@ -108,6 +108,11 @@ def tolerance_of(scene) -> float | None:
     return typed(scene.rle_splat.max_error) or None
 
 
+def is_pre_classified(settings) -> bool:
+    """Whether pictures are pre-classified.  With a maximum error they then have no shadows, as their truth has none."""
+    return settings.classification == "pre" or settings.quality == "paper"
+
+
 def scene_scale_of(scene, unit: str = "mm") -> float:
     """World units per length unit of a volume.
 

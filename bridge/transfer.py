@@ -75,6 +75,8 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
         for name in ("ambient", "diffuse", "specular", "shininess", "two_sided"):
             setattr(properties, name, getattr(transfer_function.shade, name))
         properties.highlight = _ITEM_OF_HIGHLIGHT[transfer_function.shade.highlight]
+        smoothness = transfer_function.shade.smoothness
+        properties.smoothness = AUTOMATIC if smoothness is None else smoothness
     steep = transfer_function.gradient_opacity
     properties.use_gradient_opacity = steep is not None
     if steep is not None:
@@ -156,7 +158,8 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     if properties.use_shading:
         numbers = (typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess"))
         highlight = next(name for name, item in _ITEM_OF_HIGHLIGHT.items() if item == properties.highlight)
-        shade = Shade(*numbers, highlight, properties.two_sided)
+        smoothness = typed(properties.smoothness)
+        shade = Shade(*numbers, highlight, properties.two_sided, None if smoothness < 0.0 else smoothness)
     steep = None
     if properties.use_gradient_opacity:
         steep = GradientOpacity(typed(properties.gradient_low), typed(properties.gradient_high))
@@ -260,10 +263,11 @@ def own_tree(volume_object) -> None:
     linked.own_action(properties.transfer)
 
 
+AUTOMATIC = -1.0  # smoothness
 _ITEM_OF_HIGHLIGHT = {"blinn-phong": "BLINN_PHONG", "phong": "PHONG"}
 KEYED = (
     "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
-    "shininess", "gradient_low", "gradient_high",
+    "shininess", "smoothness", "gradient_low", "gradient_high",
 )
 
 

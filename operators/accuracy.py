@@ -19,7 +19,7 @@ PROBES, REPEATS = 400, 3
 
 
 class _Measurement(StepwiseOperator):
-    """Base class: reads the volume without meshes, shadows and motion blur, as the truths are defined."""
+    """Base class: reads the volume without meshes and motion blur, as the truths are defined; pre has no shadows."""
 
     @classmethod
     def poll(cls, context):
@@ -30,8 +30,9 @@ class _Measurement(StepwiseOperator):
         volume_object = volumes.volume_object(context)
         self._scene, self._volume = Held(context.scene), Held(volume_object)
         self._camera_name = context.scene.camera.name
+        shadows = quality_of(context.scene).classification == "post"
         return render_scene.read_scene(
-            volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=False, moving=False,
+            volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=shadows, moving=False,
             warn=lambda sentence: self.report({"WARNING"}, sentence))
 
 
@@ -40,7 +41,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_label = "Measure Accuracy"
     bl_description = (
         "Measure the time and the error of several quality settings for this volume and camera. The volume is "
-        "measured alone: without meshes, shadows and motion blur")
+        "measured alone: without meshes and motion blur, and without shadows where it is pre-classified")
 
     probes: IntProperty(
         name="Probes", description="Number of pixels that are compared with the exact result", default=PROBES, min=1,
@@ -97,7 +98,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_label = "Error Map"
     bl_description = (
         "Make an image of the picture's error at the current quality, in levels of 1/255. The volume is measured "
-        "alone: without meshes, shadows and motion blur")
+        "alone: without meshes and motion blur, and without shadows where it is pre-classified")
 
     step: IntProperty(
         name="Every", description="Measure one pixel in each block of this many pixels across and down; 1 measures "

@@ -21,10 +21,11 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         return has_values_and_camera(cls, context)
 
     def prepare(self, context):
-        if tolerance_of(context.scene) is not None:
-            raise RleSplatError(
-                "With a Maximum Error pictures have no shadows; set Maximum Error to 0 to make a shadow pass.")
         plain, quality = self.read_scene(context)
+        if tolerance_of(context.scene) is not None and quality.classification == "pre":
+            raise RleSplatError(
+                "With a Maximum Error and the classification pre, pictures have no shadows; set Maximum Error to 0 to "
+                "make a shadow pass.")
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 
     def commit(self, context, made):

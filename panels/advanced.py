@@ -5,7 +5,7 @@ import bpy
 from ..bridge import facts, transfer, volumes
 from ..bridge.automatic import draw_number
 from ..bridge.camera import image_size
-from ..bridge.settings import OF_PRE, quality_of
+from ..bridge.settings import OF_PRE, is_pre_classified, quality_of
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 
@@ -21,8 +21,9 @@ def taken_away(scene) -> list[str]:
     settings = scene.rle_splat
     casts = settings.use_shadows and settings.lighting == "SCENE" and any(
         one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)
+    pre = is_pre_classified(settings)
     asked = {
-        "shadows": casts, "ambient occlusion": settings.ambient_occlusion > 0.0,
+        "shadows": casts and pre, "ambient occlusion": pre and settings.ambient_occlusion > 0.0,
         "motion blur": scene.render.use_motion_blur,
     }  # fmt: skip
     return [name for name, is_asked in asked.items() if is_asked]

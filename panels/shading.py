@@ -3,6 +3,8 @@
 import bpy
 
 from ..bridge import effects, encoded, first_light, volumes
+from ..bridge.automatic import draw_number
+from ..bridge.settings import is_pre_classified
 from ..bridge.world import state as world_state
 from .places import OfVolume, paragraph
 
@@ -23,6 +25,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
             layout.prop(settings, "use_mist")
             return
+        has_shadows = not settings.max_error or not is_pre_classified(settings)
         layout.prop(settings, "lighting")
         unused = first_light.unused_lights(context.scene)
         if unused:
@@ -30,16 +33,19 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column = layout.column(align=True)
         column.active = settings.lighting == "SCENE"
         row = column.row()
-        row.active = not settings.max_error  # with a maximum error shadows are left out
+        row.active = has_shadows
         row.prop(settings, "use_shadows")
         column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
         column.prop(settings, "use_world")
         paragraph(context, layout, world_state(context.scene), icon="WORLD")
         row = layout.row()
-        row.active = not settings.max_error
+        row.active = has_shadows
         row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
         layout.prop(settings, "use_mist")
         layout.prop(properties, "use_shading")
+        column = layout.column()
+        column.active = properties.use_shading and not is_pre_classified(settings)
+        draw_number(column, properties, "smoothness", "use_automatic_smoothness")
         column = layout.column(align=True)
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):

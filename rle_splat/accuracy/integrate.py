@@ -19,6 +19,7 @@ NO_DEPTH = 1e10
 TOLERANCE = 1e-10
 # Pieces behind a smaller transmittance are left out; that changes a channel by at most this times its largest color.
 FAINTEST = 1e-12
+HIDDEN = 1.0  # the same of a lit medium, whose light takes long, in tolerances
 _MOST_HALVINGS = 120
 # Pieces of a larger optical depth are always halved: all nodes of the quadrature might lie where nothing is visible.
 _DENSE = 8.0
@@ -81,7 +82,7 @@ def _join(parts: list[_Pieces]) -> _Pieces:
     return _Pieces(parts[0].table, *(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
-def _span(origin, step, low, high, near, far):
+def span(origin, step, low, high, near, far):
     """Planar depths at which each ray (R, 3) enters and leaves the box; the second is smaller where it misses."""
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (low - origin) / step, (high - origin) / step
@@ -95,7 +96,7 @@ def _span(origin, step, low, high, near, far):
 def _cut(medium, origin, step, speed, near, far, clipping=None) -> _Pieces:
     """Cut rays, given in index space, at voxel planes, kinks of the medium and clip objects; keep the pieces
     that absorb."""
-    entry, exit_ = _span(origin, step, medium.low, medium.high, near, far)
+    entry, exit_ = span(origin, step, medium.low, medium.high, near, far)
     hit = np.flatnonzero(exit_ > entry)
     cuts = [entry[hit, None], exit_[hit, None]]
     for axis in range(3):
@@ -168,8 +169,12 @@ def _refine(medium, pieces: _Pieces, count: int, tolerance: float) -> tuple[_Pie
     before = _Order(pieces, count).running(whole[:, 3])[1]
     on_ray = np.bincount(pieces.ray, minlength=count)[pieces.ray]
     pieces = replace(pieces, seen=np.exp(-before), allowed=tolerance / on_ray)
-    kept = pieces.seen >= FAINTEST
+    kept = pieces.seen >= (max(FAINTEST, HIDDEN * tolerance) if medium.is_lit else FAINTEST)
     pieces, whole = pieces[kept], whole[kept]
+    if medium.is_lit:
+        rows, cubic = np.unique(pieces.cubic, return_inverse=True)
+        pieces = replace(pieces, table=medium.light_up(pieces.table[rows]), cubic=cubic)
+        whole = _integrals(medium, pieces)
     # Rounding errors of the medium's own arithmetic, which halving does not reduce.
     noise = _ROUNDING * np.maximum(1.0, np.abs(whole).max(axis=0, initial=0.0))
     done, values = [], []
@@ -216,6 +221,8 @@ def _compose(medium, pieces: _Pieces, values: np.ndarray, count: int) -> tuple[n
         rgba[:, channel] = np.bincount(pieces.ray, np.exp(-before) * values[:, channel], minlength=count)
     rgba[:, 3] = -np.expm1(-reached[:, -1])
     halved = np.flatnonzero(reached[:, -1] >= _HALF)
+    if medium.is_lit:
+        pieces = replace(pieces, table=medium.unlit(pieces.table))
     crossing = order.first[halved] + (reached[halved] < _HALF).sum(axis=1)
     depth[halved] = _half_depth(medium, pieces[crossing], _HALF - before[crossing])
     return rgba, depth

@@ -49,6 +49,8 @@ def polynomial(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
 class _Field:
     """What both media share: the fields at single points."""
 
+    is_lit = False  # whether light is added to cubics of which anything is seen, by ``light_up``
+
     def at(self, positions) -> np.ndarray:
         """(N, 4) source (extinction * RGB) and extinction at (N, 3) index positions inside the box."""
         positions = np.asarray(positions, dtype=np.float64)
@@ -60,7 +62,7 @@ class _Field:
         return found
 
 
-def _corner_indices(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
+def corner_indices(cell: np.ndarray, shape) -> tuple[tuple, np.ndarray]:
     """The corners of cells as index arrays (z, y, x) that broadcast to (P, 2, 2, 2), clipped to the grid; and which
     corners are in the grid."""
     indices, inside = [], True
@@ -127,7 +129,7 @@ class ClassifiedField(_Field):
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
         """(P, 3) integer low corners -> (P, 8, 4): extinction * RGB, extinction at the corners, x fastest."""
-        indices, inside = _corner_indices(cell, self._shape)
+        indices, inside = corner_indices(cell, self._shape)
         extinction = np.where(inside, self._extinction_at(indices), 0.0)
         found = np.zeros((*extinction.shape, 4))
         found[..., 3] = extinction
@@ -165,42 +167,25 @@ class ScalarField(_Field):
     transfer_function : TransferFunction
     world_distance : float
         World length of the opacity unit distance.
-    light, highlight : optional
-        Light of each voxel, (nz, ny, nx) or (nz, ny, nx, 3), or an object that gives (...) or (..., 3) values for
-        index arrays (z, y, x).  Both are interpolated by themselves, as in the sheets (algorithm.md 1.14): the color
-        of a point is c * light + highlight.
     physical : callable, optional
         From ``values`` to physical ones; the values themselves by default.
     """
 
-    def __init__(self, values, transfer_function, world_distance: float, light=None, highlight=None, physical=None):
+    def __init__(self, values, transfer_function, world_distance: float, physical=None):
         self._values = values if physical else np.asarray(values)
         self._physical = physical or (lambda stored: np.asarray(stored, dtype=np.float64))
         self._segments = Segments(transfer_function)
         self._world_distance = world_distance
-        self._lights = [name for name in (light, highlight) if name is not None]
-        self._lit, self._glossy = light is not None, highlight is not None
         self.low = np.zeros(3)
         self.high = np.array(self._values.shape[::-1], dtype=np.float64) - 1.0
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        """(P, 3) integer low corners -> (P, 8, 1 + 3 for each light): scalar and light at the corners, x fastest.
-
-        Light is looked up where ``occupied`` holds, and is zero elsewhere."""
-        indices, _ = _corner_indices(cell, self._values.shape)
+        """(P, 3) integer low corners -> (P, 8, 1): the scalar at the corners, x fastest."""
+        indices, _ = corner_indices(cell, self._values.shape)
         values = self._physical(self._values[indices])
         if np.isinf(values).any():
             values = np.where(np.isinf(values), np.clip(values, *self._segments.ends), values)
-        corners = np.zeros((len(cell), 8, 1 + 3 * len(self._lights)))
-        corners[..., 0] = values.reshape(-1, 8)
-        if self._lights:
-            seen = np.flatnonzero(self.occupied(corners))
-            here = tuple(index[seen] for index in indices)
-            for number, light in enumerate(self._lights):
-                found = np.asarray(light[here], dtype=np.float64)
-                channels = found.shape[4] if found.ndim == 5 else 1
-                corners[seen, :, 1 + 3 * number : 4 + 3 * number] = found.reshape(len(seen), 8, channels)
-        return corners
+        return values.reshape(-1, 8, 1)
 
     def occupied(self, corners: np.ndarray) -> np.ndarray:
         """(P,) bool: whether the transfer function is above zero anywhere in the cell's range of values."""
@@ -229,9 +214,6 @@ class ScalarField(_Field):
         """(P, 4, N) extinction * RGB and extinction, of cubics (P, C, 4) at ``t`` (P, N)."""
         alpha, color = self._segments.evaluate(segment, polynomial(poly[:, 0, None, :], t))
         sigma = optical_depth(alpha) / self._world_distance
-        for number, lit in enumerate([True] * self._lit + [False] * self._glossy):
-            light = polynomial(poly[:, 1 + 3 * number : 4 + 3 * number, None, :], t[:, None, :])
-            color = color * light if lit else color + light
         return np.concatenate((color * sigma[:, None], sigma[:, None]), axis=1)
 
 

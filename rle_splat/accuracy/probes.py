@@ -11,6 +11,7 @@ from .metrics import LEVEL
 
 PROBES = 1000  # by default
 TRUTH_TOLERANCE = 1e-7  # of the truth at probes: far below a level, 1/255
+LIT_TOLERANCE = 1e-4  # the same with light at every point, which takes long: a fortieth of a level
 # -ln(0.05): where none of n independent probes fails, at 95 % confidence at most this many in n pixels do.
 RULE_OF_THREE = 3.0
 STEEP_SHARE = 0.25  # of the probes are the steepest pixels
@@ -86,6 +87,11 @@ def choose_probes(rgba, count: int, seed: int = 0) -> Probes:
     steep = steep_pixels(rgba, round(STEEP_SHARE * count))
     drawn = stratified_pixels(width, height, count - len(steep[0]), seed)
     return Probes(*(np.concatenate(both) for both in zip(drawn, steep)), random=len(drawn[0]))
+
+
+def truth_tolerance(shading: dict) -> float:
+    """The tolerance of the truth at probes, for the shading arguments of ``truths.truth``."""
+    return LIT_TOLERANCE if "light" in shading else TRUTH_TOLERANCE
 
 
 def probe_errors(values, true) -> np.ndarray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..scene import Scene
+
 # An alpha of 1 would be an infinite extinction.  It is capped at the optical depth of 1 - 2^-24, the float32 number
 # below 1.
 TAU_CAP = 24.0 * np.log(2.0)
@@ -41,6 +43,16 @@ def opacity_unit_distance(transfer_function, volume) -> float:
     """The distance that alpha refers to, in the volume's unit: the function's own, else the smallest spacing."""
     own = transfer_function.opacity_unit_distance
     return float(np.sqrt((volume.affine[:3, :3] ** 2).sum(axis=0)).min() if own is None else own)
+
+
+def world_length_of_unit(scene: Scene) -> float:
+    """World length of the volume's unit: the cube root of the volume of a unit cube after the volume's matrix."""
+    return float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
+
+
+def world_opacity_distance(scene: Scene) -> float:
+    """World length of the distance that the transfer function's alpha refers to."""
+    return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
 def optical_depth(alpha) -> np.ndarray:

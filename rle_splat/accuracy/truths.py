@@ -9,22 +9,13 @@ import numpy as np
 from ..scene import RleSplatError, Scene
 from .clips import Clipping
 from .integrate import TOLERANCE, integrate
+from .light_model import LitField
 from .medium import ClassifiedField, ScalarField
 from .rays import camera_rays, pixel_centers
-from .transfer import opacity_unit_distance
+from .transfer import world_opacity_distance
 
 TRUTHS = ("T1", "T2")
 RAYS_AT_ONCE = 128  # between two steps of the generator
-
-
-def world_length_of_unit(scene: Scene) -> float:
-    """World length of the volume's unit: the cube root of the volume of a unit cube after the volume's matrix."""
-    return float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
-
-
-def world_opacity_distance(scene: Scene) -> float:
-    """World length of the distance that the transfer function's alpha refers to."""
-    return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
 
 
 def check_shown(scene: Scene, truth_name: str) -> None:
@@ -41,21 +32,22 @@ def check_shown(scene: Scene, truth_name: str) -> None:
         )
 
 
-def medium_of(scene: Scene, truth_name: str, colors=None, light=None, highlight=None):
+def medium_of(scene: Scene, truth_name: str, colors=None, light=None):
     """The medium that T1 or T2 integrates for a scene, computed on demand; the arguments are those of ``truth``."""
     if truth_name not in TRUTHS:
         raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
     volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
     check_shown(scene, truth_name)
     if scene.mode == "xray":  # an X-ray shows absorption as white
-        transfer_function, light, highlight = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None, None
+        transfer_function, light = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None
     if truth_name == "T2":
-        return ScalarField(volume.voxels, transfer_function, distance, light, highlight, volume.physical)
+        field = volume.voxels, transfer_function, distance, volume.physical
+        return ScalarField(*field) if light is None else LitField(*field, light)
     return ClassifiedField.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)
 
 
 def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np.inf, tolerance=TOLERANCE,
-          light=None, highlight=None):  # fmt: skip
+          light=None):  # fmt: skip
     """Integrate a truth of a scene along the rays of its pixels.
 
     Parameters
@@ -71,8 +63,8 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
         Planar depth at which rays end, besides the camera's clip distances.
     tolerance : float
         As ``integrate.integrate`` takes it.
-    light, highlight : (nz, ny, nx) or (nz, ny, nx, 3), optional
-        T2: interpolated; the color of a point is its classified color * light + highlight.
+    light : light_model.PostLight, optional
+        T2: light at every point; the color of a point is its classified color * light + highlight.
 
     Returns
     -------
@@ -83,10 +75,10 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
 
     Notes
     -----
-    Voxels are looked up next to the rays only.  So ``colors``, ``light`` and ``highlight`` may be any object that
-    gives such values for index arrays (z, y, x).
+    Voxels are looked up next to the rays only.  So ``colors`` may be any object that gives such values for index
+    arrays (z, y, x).
     """
-    medium = medium_of(scene, truth_name, colors, light, highlight)
+    medium = medium_of(scene, truth_name, colors, light)
     columns, rows = pixel_centers(scene.width, scene.height) if pixels is None else pixels
     rays = camera_rays(scene.camera, scene.width, scene.height, columns, rows)
     end = np.minimum(np.asarray(far, dtype=np.float64), scene.camera.clip_end)

@@ -48,7 +48,7 @@ def choose_transfer_function(args, volume, given):
     Parameters
     ----------
     args : argparse.Namespace
-        With ``transfer_function``, ``transfer_name`` and ``preset``.
+        With ``transfer_function``, ``transfer_name``, ``preset`` and, where there is one, ``smoothness``.
     volume : Volume
         The volume.
     given : Found or None
@@ -62,10 +62,20 @@ def choose_transfer_function(args, volume, given):
         Why it was chosen, for the report.
     """
     function, reason = _choose(args, volume, given)
+    function = _smoothed(function, getattr(args, "smoothness", None))
     if volume.levels and function.opacity_unit_distance is None:  # or a coarser level would be less dense
         finer = np.array(volume.shape_xyz) / volume.levels[0]
         function = replace(function, opacity_unit_distance=float((volume.spacing * finer).min()))
     return function, reason
+
+
+def _smoothed(function, smoothness: float | None):
+    """The transfer function with the smoothness of its surfaces in mm; None for its own."""
+    if smoothness is None:
+        return function
+    if function.shade is None:
+        raise RleSplatError("--smoothness has no effect on a transfer function without shading; remove it.")
+    return replace(function, shade=replace(function.shade, smoothness=smoothness))
 
 
 def _choose(args, volume, given):

@@ -53,7 +53,9 @@ def check_light_effects(args) -> None:
     if shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
         raise RleSplatError("--shadow-pass needs shadows; add --shadows or --ambient-occlusion.")
     if shadow_pass is not None and args.tolerance is not None:
-        raise RleSplatError("--tolerance renders without shadows; remove --shadow-pass, or use --quality instead.")
+        raise RleSplatError(
+            "A shadow pass is made by a quality; remove --shadow-pass, or use --quality in place of --tolerance."
+        )
     if args.shadows and args.lights is None:
         raise RleSplatError("--shadows needs lights; give some with --lights, because a headlight casts none.")
 

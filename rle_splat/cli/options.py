@@ -135,6 +135,11 @@ def add_transfer_function_options(parser) -> None:
     )
     one.add_argument("--preset", metavar="NAME", help="a built-in transfer function; an unknown name lists them all")
     group.add_argument("--transfer-name", metavar="NAME", help="which transfer function of a file that holds several")
+    group.add_argument(
+        "--smoothness", type=float, metavar="MM",
+        help="standard deviation of the Gaussian that values are smoothed with before light is computed, 0 for none; "
+        "by default that of the transfer function, else the largest voxel spacing, at most 2 mm; post only",
+    )
 
 
 def add_light_options(parser) -> None:

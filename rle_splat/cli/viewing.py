@@ -40,6 +40,8 @@ def check_scene_options(args) -> None:
     if not all(1 <= side <= LARGEST_SIDE for side in args.size):
         sides = " ".join(map(str, args.size))
         raise RleSplatError(f"--size is {sides}; give whole numbers of pixels from 1 to {LARGEST_SIDE}.")
+    if args.no_shading and getattr(args, "smoothness", None) is not None:
+        raise RleSplatError("--no-shading and --smoothness contradict each other; give one of the two.")
     if args.no_shading and (args.lights is not None or args.headlight):
         other = "--lights" if args.lights is not None else "--headlight"
         raise RleSplatError(f"--no-shading and {other} contradict each other; give one of the two.")

@@ -77,7 +77,7 @@ def test_lights_that_cast_shadows_cast_them_and_only_they(ball):
     np.testing.assert_array_equal(picture(), plain)
 
 
-def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out(ball, bridge):
+def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out_of_pre(ball, bridge):
     assert not read(bridge, ball).volume_shadows
     add_light("SUN", (30.0, 0.0, 10.0))
     settings = bpy.context.scene.rle_splat
@@ -86,12 +86,16 @@ def test_a_headlight_casts_none_and_a_maximum_error_leaves_them_out(ball, bridge
     assert plain.volume_shadows and plain.ambient_occlusion == 0.5
     without = read(bridge, ball, with_shadows=False)
     assert not without.volume_shadows and without.ambient_occlusion == 0.0
-    settings.max_error = 2.0
+    settings.max_error, settings.classification = 2.0, "pre"
     scenes.add_camera((0.0, 0.0, 30.0))
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     report = json.loads(settings.last_report_json)
     assert any("no shadows and no ambient occlusion" in remark for remark in report["remarks"])
     assert {row["name"]: row["on"] for row in report["effects"]}["shadows"] is False
+    settings.classification = "post"
+    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    report = json.loads(settings.last_report_json)
+    assert {row["name"]: row["on"] for row in report["effects"]}["shadows"] and report["error"]["kept"]
 
 
 def test_a_world_of_one_color_is_read_from_its_node(ball, bridge):

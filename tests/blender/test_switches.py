@@ -93,7 +93,7 @@ def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge
     assert how[0].triangles is None
     for name in ("error_map", "measure_accuracy"):
         told = getattr(bpy.ops.rle_splat, name).get_rna_type().description
-        assert "alone: without meshes, shadows and motion blur" in told
+        assert "alone: without meshes and motion blur, and without shadows where it is pre-classified" in told
 
 
 def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_decides(volume, monkeypatch):
@@ -110,6 +110,9 @@ def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_d
     planned = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
     assert not said and not gray & {*planned, "use_shadows", "ambient_occlusion", "quality"}
     settings.max_error = 4.0
+    said, gray = drawn()
+    assert not said and gray >= planned and not gray & {"use_shadows", "ambient_occlusion"}
+    settings.classification = "pre"
     said, gray = drawn()
     assert said == "Pictures with a Maximum Error have no shadows."
     assert gray >= {*planned, "use_shadows", "ambient_occlusion"}

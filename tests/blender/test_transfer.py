@@ -33,6 +33,17 @@ def test_points_come_back_exactly(volume_object, transfer, function):
     assert transfer.read_transfer(volume_object) == written
 
 
+@pytest.mark.parametrize("smoothness", [None, 0.0, 1.5])
+def test_smoothness_is_automatic_off_or_a_length(volume_object, transfer, function, smoothness):
+    written = function.from_json({**BONE, "shade": {**BONE["shade"], "smoothness": smoothness}})
+    transfer.write_transfer(volume_object, written)
+    assert transfer.read_transfer(volume_object).shade.smoothness == smoothness
+    properties = volume_object.rle_splat
+    assert properties.use_automatic_smoothness == (smoothness is None)
+    properties.use_automatic_smoothness = not properties.use_automatic_smoothness
+    assert transfer.read_transfer(volume_object).shade.smoothness == (1.0 if smoothness is None else None)
+
+
 def test_every_preset_comes_back_exactly(volume_object, transfer, core):
     presets = core("classify.presets")
     for name in presets.PRESETS:

@@ -89,7 +89,10 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
         (["--environment", "none.exr", "--world", "1", "1", "1"], {}, "give one of the two"),
         (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
         (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
-        (["--shadows", "--tolerance", "2"], {}, "turn off shadows"),
+        (["--shadows", "--tolerance", "2", "--classification", "pre"], {}, "turn off shadows"),
+        (["--shadows", "--tolerance", "2", "--shadow-pass", "x.npy"], {}, "made by a quality"),
+        (["--smoothness", "1", "--no-shading"], {"lights": False}, "contradict each other"),
+        (["--smoothness", "-1"], {}, "from 0 to 100 mm"),
         (["--shadow-pass", "x.npy"], {}, "add --shadows or --ambient-occlusion"),
     ],
 )

@@ -1,5 +1,5 @@
 """What a picture to a tolerance makes of a scene's effects: those without a truth are refused while they are on, not
-when they are forced off; shadows can be left out, with a word in the report; single rays are in the report's times."""
+when they are forced off; pre leaves shadows out, with a word in the report; single rays are in the report's times."""
 
 from dataclasses import replace
 
@@ -61,7 +61,10 @@ WITHOUT_TRUTH = {
 def test_an_effect_without_a_truth_is_refused_unless_it_is_forced_off(name):
     scene, words = WITHOUT_TRUTH[name]
     for quality in (Quality(classification="pre"), Quality(classification="post")):
-        with pytest.raises(RleSplatError, match=words):
+        if quality.classification == "pre" or words != "without shadows":
+            with pytest.raises(RleSplatError, match=words):
+                check_tolerance_applies(scene, quality)
+        else:  # whose truth has shadows
             check_tolerance_applies(scene, quality)
         check_tolerance_applies(replace(scene, effects={name: False}), quality)
 
@@ -111,6 +114,16 @@ def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
         if row["name"] in ("shadows", "ambient occlusion"):
             assert not row["on"] and row["ms"] == 0.0
             assert (row["reason"] == "it is not available with a maximum error") == (row["name"] in left_out)
+
+
+@pytest.mark.parametrize("leave_out_shadows", (False, True))
+def test_post_keeps_its_tolerance_with_shadows(leave_out_shadows):
+    scene, quality = scene_of(**SHADED, volume_shadows=True, ambient_occlusion=0.5), Quality(classification="post")
+    found = render_within(scene, 8.0, quality, probes=200, leave_out_shadows=leave_out_shadows)
+    assert found.report["error"]["truth"] == "T2" and found.report["error"]["kept"]
+    on = {row["name"]: row["on"] for row in found.report["effects"]}
+    assert on["shadows"] and on["ambient occlusion"]
+    assert not any("has none" in remark for remark in found.report["remarks"])
 
 
 def test_single_rays_are_in_the_times_of_a_picture_to_a_tolerance():

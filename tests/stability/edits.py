@@ -108,7 +108,7 @@ def gradient_opacity(draw, shot: Shot) -> Shot:
 SHADES = {
     "ambient": UNIT, "diffuse": UNIT, "specular": st.sampled_from((0.0, 0.3, 0.8)),
     "shininess": st.sampled_from((1.0, 5.0, 30.0)), "highlight": st.sampled_from(HIGHLIGHTS),
-    "two_sided": st.booleans(),
+    "two_sided": st.booleans(), "smoothness": st.sampled_from((None, 0.0, 1.0)),
 }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rle_splat.accuracy.probes import PROBES, TRUTH_TOLERANCE, choose_probes, error_summary, probe_errors
+from rle_splat.accuracy.probes import PROBES, choose_probes, error_summary, probe_errors, truth_tolerance
 from rle_splat.accuracy.truths import truth
 from rle_splat.scene import Scene
 
@@ -29,7 +29,7 @@ def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = 
     far : float or (H, W) float
         Planar depth at which rays end.
     **shading
-        ``colors``, or ``light`` and ``highlight``, as ``truths.truth`` takes them.
+        ``colors`` or ``light``, as ``truths.truth`` takes them.
 
     Returns
     -------
@@ -41,5 +41,5 @@ def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = 
     columns, rows = probes.centers
     ends = np.broadcast_to(far, np.shape(rgba)[:2])[probes.rows, probes.columns]
     pixels = columns + left, rows + top
-    true, _ = truth(scene, truth_name, pixels=pixels, far=ends, tolerance=TRUTH_TOLERANCE, **shading)
+    true, _ = truth(scene, truth_name, pixels=pixels, far=ends, tolerance=truth_tolerance(shading), **shading)
     return {"truth": truth_name, **error_summary(probe_errors(probes.of(rgba), true), probes.random, tolerance)}

@@ -424,9 +424,10 @@ def test_only_what_shadows_depend_on_sweeps_again(stage, classification, way):
     assert sweeps(replace(scene, transfer_function=thinner)) == 1
 
 
-def test_the_truths_refuse_shadows_in_a_sentence():
+def test_the_truth_of_pre_refuses_shadows_in_a_sentence():
     with pytest.raises(RleSplatError, match="turn off shadows"):
-        shading_of(lit_blob(), "T2")
+        shading_of(lit_blob(), "T1")
+    assert "light" in shading_of(lit_blob(), "T2")
 
 
 def test_the_shadow_pass_compares_sheets_with_sheets():

@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.phantoms import blobs, marschner_lobb
 from rle_splat.accuracy.integrate import integrate
+from rle_splat.accuracy.light_model import LitField
 from rle_splat.accuracy.medium import ClassifiedField, ScalarField, cubics, polynomial
 from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import Segments, extinction_and_color
@@ -321,19 +322,31 @@ def test_truths_do_not_depend_on_the_tolerance():
 
 
 def test_shaded_post_classified_truth():
-    """Light is interpolated on its own: classified color * light + highlight, against tiny steps."""
+    """What voxels have of light is interpolated on its own, then evaluated at each point, against tiny steps."""
     random = np.random.default_rng(6)
     scalar = blobs((9, 9, 9), 2, count=4, width=(1.5, 3.0)).astype(np.float64)
-    light, highlight = random.random((9, 9, 9)), random.random((9, 9, 9, 3))
+    planes = random.random((9, 9, 9, 4))
     rising = Points(((0.05, 0.0), (0.3, 0.5), (0.5, 0.1)), ((0.0, 0.9, 0.1, 0.1), (0.4, 0.1, 0.8, 0.3)))
     rays = random_rays(10, center=(4.0, 4.0, 4.0), spread=2.0)
-    rgba, _ = integrate(ScalarField(scalar, rising, 1.0, light, highlight), rays, np.eye(4))
+
+    class Light:
+        """In place of a PostLight: (N, 3) light and highlight of positions x, y, z and of interpolated planes."""
+
+        def planes(self, z, y, x):
+            return planes[z, y, x]
+
+        def at(self, index, found):
+            return found[:, :1] ** 2 + 0.1 * index, found[:, 1:]
+
+    medium = LitField(scalar, rising, 1.0, np.asarray, Light())
+    rgba, _ = integrate(medium, rays, np.eye(4), tolerance=1e-10)
 
     def fields(index):
         inside = ((index >= 0.0) & (index <= 8.0)).all(axis=1)
         at = np.clip(index, 0.0, 8.0)
         sigma, color = extinction_and_color(rising, interpolated(scalar, at), 1.0)
-        color = color * interpolated(light, at)[:, None] + interpolated(highlight, at)
+        light, highlight = Light().at(at, interpolated(planes, at))
+        color = color * light + highlight
         sigma = np.where(inside, sigma, 0.0)
         return np.concatenate((color * sigma[:, None], sigma[:, None]), axis=1)
 
@@ -341,9 +354,8 @@ def test_shaded_post_classified_truth():
     for n in np.flatnonzero(far > near):
         assert np.abs(rgba[n] - stepped(fields, rays[n : n + 1], near[n], far[n], 50_000)).max() < 1e-8
     assert (rgba[:, 3] > 0.2).sum() > 4
-    plain, _ = integrate(ScalarField(scalar, rising, 1.0, np.ones((9, 9, 9))), rays, np.eye(4))
     unlit, _ = integrate(ScalarField(scalar, rising, 1.0), rays, np.eye(4))
-    np.testing.assert_allclose(plain, unlit, atol=1e-12)
+    np.testing.assert_allclose(rgba[:, 3], unlit[:, 3], atol=1e-9)
 
 
 def test_values_that_are_no_numbers():
@@ -398,4 +410,3 @@ def test_a_scene_is_looked_up_where_rays_go(stage, which):
     sigma, _ = extinction_and_color(scene.transfer_function, interpolated(values, inside), distance)
     if which == "T2":
         np.testing.assert_allclose(from_scene[:, 3], sigma, atol=1e-12)
-

@@ -118,7 +118,7 @@ def test_keys_follow_what_the_picture_depends_on():
     assert curve((0, 0.0), (1, 1.0), opacity_unit_distance=2.0).key != function.key
 
 
-@pytest.mark.parametrize("shade", [None, Shade(0.1, 0.2, 0.3, 40.0)])
+@pytest.mark.parametrize("shade", [None, Shade(0.1, 0.2, 0.3, 40.0), Shade(shininess=40.0, smoothness=1.5)])
 @pytest.mark.parametrize("distance", [None, 0.75])
 def test_the_file_holds_everything(tmp_path, shade, distance):
     function = curve(
@@ -129,6 +129,7 @@ def test_the_file_holds_everything(tmp_path, shade, distance):
     assert TransferFunction.from_json(path) == function
     mapping = json.loads(path.read_text(encoding="utf-8"))
     assert mapping["shade"] is False if shade is None else mapping["shade"]["shininess"] == 40.0
+    assert ("smoothness" in (mapping["shade"] or {})) == (shade is not None and shade.smoothness is not None)
     assert ("opacity_unit_distance" in mapping) == (distance is not None)
     assert mapping["opacity"][1] == [0.1, 1 / 3]
 
@@ -156,6 +157,8 @@ GOOD = {"name": "x", "unit": None, "opacity": [[0, 0], [1, 1]], "color": [[0, 1,
         ({"opacity_unit_distance": "long"}, "number"),
         ({"shade": {"ambient": -1}}, "ambient"),
         ({"shade": {"glow": 1}}, "glow"),
+        ({"shade": {"smoothness": -0.1}}, "from 0 to 100 mm"),
+        ({"shade": {"smoothness": "much"}}, "smoothness must be a number"),
         ({"shade": True}, "shade"),
         ({"unit": 5}, "unit"),
         ({"name": 5}, "name"),

@@ -14,6 +14,11 @@ from ..truths import check_shown
 from .candidates import check_plannable
 
 
+def lacks_shadows(scene: Scene, quality: Quality) -> bool:
+    """Whether a scene has shadows or ambient occlusion, and the truth of a quality does not."""
+    return truth_of(quality) == "T1" and shadow_count(scene) > 0
+
+
 def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     """Raise RleSplatError where a picture of the scene, with the effects that are on, can keep no tolerance."""
     check_plannable(quality)
@@ -36,10 +41,10 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         raise RleSplatError("A tolerance cannot be kept where ray ends stand for meshes; give triangles.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, of which there is no truth.")
-    if shadow_count(scene):
+    if lacks_shadows(scene, quality):
         raise RleSplatError(
-            "A tolerance can only be kept without shadows, because the truths have none; turn off shadows and ambient "
-            "occlusion, or choose a quality."
+            "A tolerance can only be kept without shadows with the classification pre, whose truth has none; turn off "
+            "shadows and ambient occlusion, or choose the classification post or a quality."
         )
     if len(list_exposures(scene)) > 1:
         raise RleSplatError(
@@ -58,7 +63,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     Raises
     ------
     RleSplatError
-        Where the scene has no truth: without voxels, with meshes, shadows or mist.
+        Where the scene has no truth: without voxels, with meshes or mist, and for pre with shadows.
     """
     if not scene.volume.holds_values:
         raise RleSplatError(
@@ -68,6 +73,9 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.hides_volume or scene.panes is not None:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
-    if shadow_count(scene):
-        raise RleSplatError("Accuracy is measured without shadows; turn off shadows and ambient occlusion.")
+    if lacks_shadows(scene, quality):
+        raise RleSplatError(
+            "Accuracy is measured without shadows with the classification pre; turn off shadows and ambient occlusion, "
+            "or choose post."
+        )
     return replace(scene, crop=None)

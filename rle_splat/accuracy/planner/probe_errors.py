@@ -11,7 +11,7 @@ from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
 from ...view.ray_intervals import box_depths
 from ..lighting import shading_of
-from ..probes import TRUTH_TOLERANCE, choose_probes, error_summary, probe_errors
+from ..probes import choose_probes, error_summary, probe_errors, truth_tolerance
 from ..truths import truth, truth_steps
 
 SUSPECT_SHARE = 0.5  # of the number of ordinary probes: probes more, where the error estimate is largest
@@ -25,7 +25,8 @@ def true_pixel_steps(scene: Scene, name: str, columns, rows, begin: float, end: 
 
     ``columns``, ``rows``: (n,) float positions, pixel centers at + 0.5.  Returns (n, 4) float64.
     """
-    steps = truth_steps(scene, name, columns, rows, TRUTH_TOLERANCE, **shading_of(scene, name))
+    shading = shading_of(scene, name)
+    steps = truth_steps(scene, name, columns, rows, truth_tolerance(shading), **shading)
     return announce(steps, begin, end, f"Integrating the truth {name}")
 
 
@@ -125,12 +126,12 @@ class ProbeErrors:
         columns, rows, random = columns[new], rows[new], random[new]
         self._known[rows, columns] = True
         left, top = self._scene.region[:2]
-        found = [self._true]
+        found, tolerance = [self._true], truth_tolerance(self._shading)
         for first in range(0, len(columns), RAYS_AT_ONCE):
             yield Progress(begin + (end - begin) * first / len(columns), "Measuring the error at probe pixels")
             part = slice(first, first + RAYS_AT_ONCE)
             centers = columns[part] + left + 0.5, rows[part] + top + 0.5
-            found.append(truth(self._scene, self._name, pixels=centers, tolerance=TRUTH_TOLERANCE, **self._shading)[0])
+            found.append(truth(self._scene, self._name, pixels=centers, tolerance=tolerance, **self._shading)[0])
         self.columns, self.rows = np.concatenate((self.columns, columns)), np.concatenate((self.rows, rows))
         self._random, self._true = np.concatenate((self._random, random)), np.concatenate(found)
 

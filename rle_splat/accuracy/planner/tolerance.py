@@ -18,7 +18,7 @@ from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Clock, Progress, drain, forward
-from ...scene import Quality, Rendering, Scene
+from ...scene import Quality, Rendering, Scene, truth_of
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
 from .checks import check_tolerance_applies
@@ -62,8 +62,8 @@ def render_within(
     seed : int
         Of the random probe pixels.
     leave_out_shadows : bool
-        Render without shadows and ambient occlusion, of which there is no truth, and say so in the report's
-        ``remarks`` and ``effects``.  Otherwise a scene with them is refused.
+        With the classification ``pre``: render without shadows and ambient occlusion, which its truth does not have,
+        and say so in the report's ``remarks`` and ``effects``.  Otherwise a scene with them is refused.
 
     Returns
     -------
@@ -140,15 +140,17 @@ def _tinted(rendering: Rendering, scene: Scene, quality: Quality) -> Rendering:
 
 
 def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]]:
-    """Leave out shadows and ambient occlusion, of which no truth has any.
+    """Leave out shadows and ambient occlusion where the truth of a quality has none.
 
     Returns
     -------
     scene : Scene
-        It also holds the reason for reports.
+        It also holds the reason for reports; the scene itself where the truth has them.
     left_out : list of str
         Those of the two effects that the scene called for.
     """
+    if truth_of(quality) != "T1":
+        return scene, []
     effects = analyze(scene, quality)
     left_out = [name for name in SHADOW_EFFECTS if effects[name].on]
     reasons = {**scene.reasons_off, **dict.fromkeys(left_out, LEFT_OUT)}

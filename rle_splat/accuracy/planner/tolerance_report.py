@@ -101,7 +101,7 @@ def with_report(
     if left_out:
         remarks.append(
             f"A picture to a maximum error has no {' and no '.join(left_out)}, as the truth that it is measured "
-            "against has none; render by a quality alone to see what is missing."
+            "against has none; choose the classification post, or render by a quality alone."
         )
     report = best.rendering.report
     is_kept = earlier is not None and all(getattr(best.choice.plan, knob) == earlier[knob] for knob in KEPT_KNOBS)
