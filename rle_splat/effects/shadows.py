@@ -1,6 +1,7 @@
 """Shadows of the volume and of meshes, and ambient occlusion: the share of each light that reaches each voxel.
 
-Each is one number per voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives.
+Each is one number per voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives,
+at the voxel itself, or at a point beside it, where a surface does not shade itself.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.
 """
 
@@ -17,7 +18,8 @@ from ..classify.visible import VisibleVoxels
 from ..encode.encode import fetch_chunks
 from ..encode.scalars import in_scanlines
 from ..encode.tables import RunTables
-from ..runtime.steps import drain
+from ..runtime.steps import drain, map_steps
+from ..shade.light_beside import light_beside_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
@@ -95,13 +97,15 @@ class Occluders:
         return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, threads=self.threads))
 
 
-def light_steps(light, occluders: Occluders):
-    """Find how much of a light arrives at each voxel.
+def light_steps(light, occluders: Occluders, offsets=None):
+    """Find how much of a light arrives at each voxel, or at a point beside it.
 
     Parameters
     ----------
     light : Light
     occluders : Occluders
+    offsets : (m, 3) ndarray of int16 or None
+        From the voxels to their points, as of ``surface_points.place_surfaces``; None for the voxels themselves.
 
     Yields
     ------
@@ -114,19 +118,23 @@ def light_steps(light, occluders: Occluders):
         FULL times the share that arrives.
     """
     samples = light_samples(light, occluders.corners, occluders.voxel)
-    make = sun_sweeps if light.type == "SUN" else point_sweeps
-    passes = [make(sample, occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed) for sample in samples]
-    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders)
+    grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
+    if light.type == "SUN":
+        passes = [sun_sweeps(sample, *grid) for sample in samples]
+    else:
+        passes = [point_sweeps(sample, *grid, beside=offsets is not None) for sample in samples]
+    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders, offsets)
 
 
-def sky_steps(occluders: Occluders):
+def sky_steps(occluders: Occluders, offsets=None):
     """As ``light_steps``, for light from all directions, sampled by fourteen; ambient occlusion.
 
-    The NEAR_SKY slices next to a voxel do not occlude it.
+    The NEAR_SKY slices next to a voxel do not occlude the voxel itself; a point beside it is occluded by all.
 
     Parameters
     ----------
     occluders : Occluders
+    offsets : (m, 3) ndarray of int16 or None
 
     Yields
     ------
@@ -138,16 +146,15 @@ def sky_steps(occluders: Occluders):
     (m,) ndarray of uint16
         FULL times the share that arrives.
     """
-    shape = occluders.voxels.shape_xyz
-    passes = [
-        [sweep.without_nearest(NEAR_SKY) for sweep in sun_sweeps(direction, occluders.matrix, shape, occluders.boxed)]
-        for direction in SKY_DIRECTIONS
-    ]
-    return mean_steps(passes, SKY_WEIGHTS, occluders)
+    grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
+    passes = [sun_sweeps(direction, *grid) for direction in SKY_DIRECTIONS]
+    if offsets is None:
+        passes = [[sweep.without_nearest(NEAR_SKY) for sweep in sweeps] for sweeps in passes]
+    return mean_steps(passes, SKY_WEIGHTS, occluders, offsets)
 
 
-def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Find the weighted mean of the light of several point or parallel lights at each voxel.
+def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders, offsets=None):
+    """Find the weighted mean of the light of several point or parallel lights at each voxel, or beside it.
 
     Parameters
     ----------
@@ -155,6 +162,8 @@ def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
         The sweeps of each light.
     weights : (lights,) array_like
     occluders : Occluders
+    offsets : (m, 3) ndarray of int16 or None
+        As of ``light_steps``.
 
     Yields
     ------
@@ -169,33 +178,57 @@ def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)
-        codes = _sweep(sweeps, occluders)
+        if offsets is None:
+            codes = _sweep(sweeps, occluders)
+        else:
+            codes = yield from map_steps(
+                _beside_steps(sweeps, occluders, offsets), lambda d, n=n: (n + d) / len(passes)
+            )
         if len(passes) == 1:
             return codes
         total += np.float32(weight) * codes
     return np.minimum(total + np.float32(0.5), np.float32(FULL)).astype(np.uint16)
 
 
+def _beside_steps(sweeps: list[Sweep], occluders: Occluders, offsets):
+    """Generator of fractions: (m,) uint16 at points beside the voxels after all sweeps of a light without size."""
+    voxels, codes = occluders.voxels, np.full(len(occluders.voxels), FULL, np.uint16)
+    for done, sweep in enumerate(sweeps):
+        tables, starts, extinction = _occluding(sweep.axis, occluders)
+        steps = light_beside_steps(
+            sweep, tables, starts, extinction, _meshes_before(sweep, occluders), voxels, offsets, occluders.matrix,
+            codes, threads=occluders.threads,
+        )  # fmt: skip
+        yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
+    return codes
+
+
+def _occluding(axis: int, occluders: Occluders):
+    """RunTables of a principal axis, where their scanlines begin, (n_slices, n_scanlines), and their extinction."""
+    tables = occluders.tables_of(axis)
+    if axis == 0:
+        return tables, tables.scanline_data_pointers, occluders.extinction_across
+    _, ny, nz = occluders.voxels.shape_xyz
+    rows = occluders.voxels.row_start[:-1].reshape(nz, ny)
+    return tables, rows if axis == 2 else np.ascontiguousarray(rows.T), occluders.extinction
+
+
 def _sweep(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
     """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
     voxels, threads = occluders.voxels, occluders.threads
     codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself
-    _, ny, nz = voxels.shape_xyz
-    rows = voxels.row_start[:-1].reshape(nz, ny)
     # Along x voxels are in another order; all that come back from there replace what was there before.
     across = [sweep for sweep in sweeps if sweep.axis == 0]
     if across:
-        tables, found = occluders.tables_of(0), codes.copy()
-        starts, extinction = tables.scanline_data_pointers, occluders.extinction_across
+        found = codes.copy()
         for sweep in across:
-            sweep_light(sweep, tables, starts, extinction, _meshes_before(sweep, occluders), found, threads=threads)
-        drain(fetch_chunks(tables, voxels, codes[:, None], found[:, None], threads=threads))
+            blocking = _occluding(0, occluders)
+            sweep_light(sweep, *blocking, _meshes_before(sweep, occluders), found, threads=threads)
+        drain(fetch_chunks(occluders.tables_of(0), voxels, codes[:, None], found[:, None], threads=threads))
     for sweep in sweeps:
         if sweep.axis != 0:
-            starts = rows if sweep.axis == 2 else np.ascontiguousarray(rows.T)
-            meshes = _meshes_before(sweep, occluders)
-            tables, extinction = occluders.tables_of(sweep.axis), occluders.extinction
-            sweep_light(sweep, tables, starts, extinction, meshes, codes, threads=threads)
+            blocking = _occluding(sweep.axis, occluders)
+            sweep_light(sweep, *blocking, _meshes_before(sweep, occluders), codes, threads=threads)
     return codes
 
 

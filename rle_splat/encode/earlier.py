@@ -1,4 +1,5 @@
-"""Import what versions 0.1 and 0.2 stored: files of numpy's members, and voxel records of 6 and 4 bytes.
+"""Import what versions 0.1 and 0.2 stored: files of numpy's members, voxel records of 6 and 4 bytes, and normals or
+light on post-classified voxels.
 
 A file was a zip archive of uncompressed `.npy` members, as written by numpy's `savez`: a JSON header, and the four
 tables of each principal axis. It is opened as tables in memory. Folders were as they are. Short records are opened as
@@ -7,6 +8,9 @@ records of 8 bytes:
     bytes  color                       density: extinction or opacity
     6      11, 11 and 10 bits, linear  16-bit float
     4      7, 7 and 7 bits, linear     11 bits, the number of a density in the scales
+
+Normals were unit gradients, x of all voxels, then y, then z; they are opened as a table SURFACE.  Light that was stored
+cannot be made anew for samples, so that such a folder is unlit.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ import numpy as np
 from ..runtime.memory import refuse_beyond
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
-from .members import DAMAGE, ORDER_OF, FolderMembers, bytes_of, reason_of, words_of_entry
+from .members import DAMAGE, NORMALS, ORDER_OF, SURFACE, FolderMembers, bytes_of, reason_of, words_of_entry
 from .records import decoding_of, empty_records, float_of, words_of
 from .reference import pack
 from .tables import TABLES, RunLengthVolume
@@ -38,6 +42,11 @@ COLOR_BITS = {6: (0, 11, 22), 4: (0, 7, 14)}  # first bit of each
 DENSITY_BIT = 21  # first bit of the density in 4 bytes
 AT_ONCE = 1 << 20  # records converted at once, so that their numbers are not all in memory
 MOST = 1e37  # bound of any scale
+LIGHT = "light"  # table of the light on voxels
+UNLIT = (
+    "This .rle folder of an earlier version stores light on voxels, which is not used any more: its colors are shown "
+    "without light; encode the volume again."
+)
 
 
 def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
@@ -114,6 +123,29 @@ def lengthen_records(members, header: dict):
             tables[name] = [len(content), zlib.crc32(content)]
             begin += size
     return _PartlyInMemory(members.path, long), header
+
+
+def drop_light(header: dict) -> dict:
+    """The header of post-classified tables as if nothing had lit them, where they have the light on voxels.
+
+    Raises one of DAMAGE.
+    """
+    if not any(f"{order}.{LIGHT}" in header["dtypes"] for order in ORDER_OF.values()):
+        return header
+    kept = {name: entry for name, entry in header["dtypes"].items() if not name.endswith(f".{LIGHT}")}
+    unlit = {**header["lighting"], "shaded": False}
+    return {**header, "dtypes": kept, "light": None, "lighting": unlit, "remarks": [*header["remarks"], UNLIT]}
+
+
+def turn_normals(of_voxels: dict) -> dict:
+    """Tables of voxels by name: NORMALS (3, m), along the gradient, become SURFACE (m, 3), against it."""
+    if NORMALS not in of_voxels:
+        return of_voxels
+    normals = of_voxels[NORMALS]
+    refuse_beyond(normals.nbytes, "its normals need", "encode the volume again")
+    codes = np.empty(normals.shape[::-1], np.int16)
+    np.negative(np.maximum(normals.T, -np.iinfo(np.int16).max), out=codes)
+    return {**{name: array for name, array in of_voxels.items() if name != NORMALS}, SURFACE: codes}
 
 
 class _PartlyInMemory(FolderMembers):

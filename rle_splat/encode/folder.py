@@ -184,16 +184,11 @@ class FolderWriter:
             file.write(content)
         self._sizes[name] += len(content)
 
-    def finish(self, header: dict, joined=()) -> int:
-        """Write the header and give the folder its name; return its bytes.
-
-        ``joined``: tables whose parts NAME.0, NAME.1, ... become one file, one part after the other.
-        """
+    def finish(self, header: dict) -> int:
+        """Write the header and give the folder its name; return its bytes."""
         with writing(self.path):
             shutil.rmtree(self._aside, ignore_errors=True)
             self._check_is_replaceable()
-            for name in joined:
-                self._join(name)
             chunks = [[chunk.planes, chunk.tables] for chunk in self.chunks]
             (self.folder / HEADER).write_bytes(make_header({**header, "slabs": chunks}))
             (self.folder / JOURNAL).unlink()
@@ -222,12 +217,3 @@ class FolderWriter:
                 "goes on where it ended."
             ) from None
         os.replace(self._aside, self.path)
-
-    def _join(self, name: str) -> None:
-        parts = sorted(self.folder.glob(f"{name}.*"))
-        with open(self.folder / name, "wb") as target:
-            for part in parts:
-                with open(part, "rb") as source:
-                    shutil.copyfileobj(source, target, 1 << 24)
-        for part in parts:
-            part.unlink()

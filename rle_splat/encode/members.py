@@ -31,11 +31,14 @@ from ..read.format import refuse_pipe
 from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 
-FORMAT, VERSION = "rle-splat", 3
-READ = ((FORMAT, VERSION), ("rle-splat folder", 1))  # formats of the header; the second one's members are the same
+FORMAT, VERSION = "rle-splat", 4
+READ = ((FORMAT, VERSION), (FORMAT, 3), ("rle-splat folder", 1))  # formats of the header; see ``earlier``
 HEADER, JOURNAL = "header.json", "journal"  # a journal is in a folder that is not complete
 COARSE = "coarse"  # members inside: the same volume in larger voxels
 COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
+SURFACE = "surface"  # table of the codes of which post-classified voxels are lit
+LIGHT_MODEL = "samples"  # how they are lit: ``shade.sample_light``
+NORMALS = "normals"  # what was stored in place of SURFACE, see ``earlier``
 ROWS, ACROSS = "rows", "across"  # orders
 ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
 LITTLE = "<"

@@ -22,9 +22,11 @@ from .members import (
     COUNTS,
     DAMAGE,
     LITTLE,
+    NORMALS,
     ORDER_OF,
     ROWS,
     RUNS,
+    SURFACE,
     bytes_of,
     damaged,
     find_members,
@@ -289,7 +291,7 @@ class StoredVolume:
     @property
     def holds_normals(self) -> bool:
         """Whether light is made of the voxels' normals, for any view."""
-        return self.mapped.has(f"{ROWS}.normals")
+        return any(self.mapped.has(f"{ROWS}.{name}") for name in (SURFACE, NORMALS))
 
     @property
     def stand_in(self) -> Volume:
@@ -412,7 +414,7 @@ class StoredVolume:
         if self.classification == "pre":
             records = self._records(of_voxels["records"])
             return tables.with_voxels(self.model, records, self.decoding, self.most_color), of_voxels
-        return tables, of_voxels
+        return tables, earlier.turn_normals(of_voxels)
 
 
 def classification_of(path) -> str:
@@ -433,7 +435,7 @@ def _open(members) -> tuple[StoredVolume, bool]:
     """The StoredVolume of members, without a coarse one, and whether there is a coarse one inside."""
     path, header = members.path, read_header(members)
     try:
-        members, header = earlier.lengthen_records(members, header)
+        members, header = earlier.lengthen_records(members, earlier.drop_light(header))
         facts = check_header(header)
         dtypes = check_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")

@@ -14,7 +14,7 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES
-from .members import COUNTS, ORDER_OF, ROWS, RUNS
+from .members import COUNTS, LIGHT_MODEL, NORMALS, ORDER_OF, ROWS, RUNS, SURFACE
 from .records import SCALES, TYPES, WORDS
 from .scalars import OWN_TYPES
 from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
@@ -22,7 +22,7 @@ from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
 MOST_COLOR = 2.0 * BRIGHTEST  # of any channel; twice, because short records are rounded
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
-OF_VOXELS = {"pre": ("records",), "post": ("scalars", "light", "normals")}  # classification -> tables of voxels
+OF_VOXELS = {"pre": ("records",), "post": ("scalars", SURFACE, NORMALS)}  # classification -> tables of voxels
 NEEDED = {"pre": ("records",), "post": ("scalars",)}
 
 
@@ -39,8 +39,8 @@ class Values(NamedTuple):
         Smallest and largest stored value that is splatted.
     center : float
         What was taken from stored values.
-    light : (float, float, float) or None
-        Unit, largest light and largest highlight of codes of light; None without codes.
+    light_matrix : (4, 4) ndarray of float64 or None
+        Voxel index to the world in which the lights and the codes of normals are; None where it is not stored.
     """
 
     dtype: np.dtype
@@ -48,7 +48,7 @@ class Values(NamedTuple):
     intercept: float
     ends: tuple
     center: float
-    light: tuple | None
+    light_matrix: np.ndarray | None
 
 
 def _require(good, what: str) -> None:
@@ -131,7 +131,7 @@ def check_layout(header: dict, facts: dict) -> dict:
         COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
         "records": {(np.dtype(TYPES[record]).str[1:], math.prod(WORDS[record]), 0)},
         "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
-        "light": {("u2", channels, 0) for channels in (1, 2, 3, 6)}, "normals": {("i2", 0, 3)},
+        SURFACE: {("i2", 3, 0)}, NORMALS: {("i2", 0, 3)},
     }  # fmt: skip
     found = {name: tuple(entry) for name, entry in header["dtypes"].items()}
     for order in {ORDER_OF[axis] for axis in facts["axes"]}:
@@ -169,13 +169,12 @@ def check_values(header: dict, dtypes: dict) -> Values:
     slope, intercept, center = (header[name] for name in ("slope", "intercept", "center"))
     _require(all(_is_number(one) for one in (slope, intercept, center, *ends)) and slope, "its values are not numbers")
     _require(len(ends) == 2 and ends[0] <= ends[1], "its values are not in order")
-    has_codes = any(name.endswith(".light") for name in dtypes)
-    _require(has_codes == (light is not None), "its codes of light are not described")
-    good = light is None or (len(light) == 3 and all(map(_is_number, light)) and light[0] > 0.0 <= min(light[1:]))
-    _require(good, "its codes of light have impossible scales")
+    has_codes = any(name.endswith(f".{SURFACE}") for name in dtypes)
+    _require(has_codes == (light is not None), "its light is not described")
+    _require(light is None or light["model"] == LIGHT_MODEL, "its light is of a model that is unknown")
     return Values(
         np.dtype(kind), float(slope), float(intercept), tuple(map(float, ends)), float(center),
-        None if light is None else tuple(map(float, light)),
+        None if light is None else as_matrix(light["index_to_world"], "the matrix of its light"),
     )  # fmt: skip
 
 

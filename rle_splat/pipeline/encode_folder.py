@@ -22,23 +22,34 @@ from ..effects.mixing import is_mixed
 from ..effects.ray_values import shown_values
 from ..encode.encode import record_steps, reorder_steps, run_tables
 from ..encode.folder import FolderWriter, is_folder_form
-from ..encode.members import ACROSS, COARSE, COUNTS, ROWS, RUNS, describe_tables, words_of_entry
+from ..encode.members import (
+    ACROSS,
+    COARSE,
+    COUNTS,
+    LIGHT_MODEL,
+    ROWS,
+    RUNS,
+    SURFACE,
+    describe_tables,
+    words_of_entry,
+)
 from ..encode.records import decoding_of, words_of
-from ..encode.scalars import center_of, in_scanlines, scalars_of
+from ..encode.scalars import OWN_TYPES, center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Clock, Progress, announce, drain, rescale, time_steps
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
-from ..shade.normal_light import code_normals, normal_light
-from ..shade.shading import DENSITY, normals
-from ..shade.voxel_light import voxel_light
+from ..shade.shading import DENSITY
+from ..shade.surface_normals import BEYOND, gaussian, surface_steps
+from ..shade.surface_points import faces_of, place_surfaces
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from ..volume.reduced import reduce_steps
 from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
-from .lighting import follows_view, scene_lighting
+from .lighting import scene_lighting
+from .scalar_light import light_of, smoothness_of
 from .scalar_source import value_ends
 from .scan_source import LitVolume, scan_source
 from .shadows import shadow_count
@@ -48,7 +59,7 @@ COARSE_VOXELS = 1 << 24  # a volume of more is stored in larger voxels, too: wit
 DENSER = 1.5  # times as dense as a chunk the next one may be
 LEAST_DENSITY = 1.0 / 32.0  # so that a chunk of hidden planes does not become the whole volume
 SHARE = 0.25  # of the free memory that a chunk may take: the rest is for the fixed costs and the picture
-RECORDS, SCALARS, LIGHT, NORMALS = "records", "scalars", "light", "normals"  # tables of voxels
+RECORDS, SCALARS = "records", "scalars"  # tables of voxels, with SURFACE
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +164,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     header |= chunks.header(facts)
     header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
     with clock.stage("encode"):
-        size = writer.finish(header, chunks.joined)
+        size = writer.finish(header)
     return _report(scene, quality, facts, size, resumed, len(writer.chunks), clock)
 
 
@@ -201,12 +212,10 @@ def _claim(counts: np.ndarray) -> None:
 
 def _job(scene: Scene, quality: Quality, axes) -> dict:
     """All that the tables depend on."""
-    volume, around = scene.volume, scene.environment
-    moments = [] if around is None else [part.tolist() for part in vars(around).values()]
     described = {
-        "volume": volume.key, "function": scene.transfer_function.to_json(), "lighting": describe_lighting(scene),
-        "matrix": scene.index_to_world.tolist(), "world": scene.world,
-        "environment": moments, "mode": scene.mode, "version": RELEASE,
+        "volume": scene.volume.key, "function": scene.transfer_function.to_json(),
+        "lighting": describe_lighting(scene), "matrix": scene.index_to_world.tolist(), "mode": scene.mode,
+        "version": RELEASE,
         "quality": [quality.classification, quality.model, quality.record], "axes": list(axes),
     }  # fmt: skip
     content = json.dumps(described, sort_keys=True, default=str)
@@ -232,8 +241,6 @@ def _report(scene: Scene, quality: Quality, facts, size: int, resumed: int, chun
 class _Chunks:
     """The stages of a chunk; the base class of both classifications."""
 
-    joined = ()  # see FolderWriter.finish
-
     def __init__(self, scene: Scene, quality: Quality, axes):
         self.scene, self.volume = scene, scene.volume
         self.quality, self.axes = quality, axes
@@ -253,10 +260,16 @@ class _Chunks:
         """Voxels of a chunk from plane ``first`` on, as the only ones that are visible in the volume."""
         nx, ny, nz = self.volume.shape_xyz
         begin, end = first * ny, first * ny + len(local.row_pieces)
-        row_start, row_pieces = np.zeros(nz * ny + 1, np.int64), np.zeros(nz * ny, np.int32)
-        row_start[begin : end + 1], row_start[end + 1 :] = local.row_start, local.row_start[-1]
+        row_pieces = np.zeros(nz * ny, np.int32)
         row_pieces[begin:end] = local.row_pieces
+        row_start = self._rows_among(local, first, nz)
         return VisibleVoxels((nx, ny, nz), row_start, row_pieces, local.column, local.stored, local.nan_voxels)
+
+    def _rows_among(self, local: VisibleVoxels, before: int, planes: int) -> np.ndarray:
+        """The ``row_start`` of voxels of a chunk among so many ``planes``, some of which are ``before`` the chunk."""
+        ny = self.volume.shape_xyz[1]
+        after = planes * ny + 1 - before * ny - len(local.row_start)
+        return np.pad(local.row_start, (before * ny, after), mode="edge")
 
     def name_files(self, order: str, tables: RunTables, **of_voxels) -> dict:
         """The tables of an order by the names of their files."""
@@ -344,7 +357,7 @@ class _ClassifiedChunks(_Chunks):
 
 
 class _ScalarChunks(_Chunks):
-    """Scalars of the voxels that post-classified sheets need, and the light on them.
+    """Scalars of the voxels that post-classified sheets need, and codes of their normals.
 
     Short gaps are not closed, so that the tables serve all depth rules.
     """
@@ -360,11 +373,9 @@ class _ScalarChunks(_Chunks):
         self.reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
         self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
         self.center = center_of(volume.voxels.dtype, self.ends)
-        lit = self.falling is not None and follows_view(scene, self.falling) and scene.world is None
-        self.by_normal = normal_light(self.falling, volume.shape_xyz) if lit else None
-        if self.by_normal is not None:
-            self.joined = tuple(f"{order}.{NORMALS}" for order in (ROWS, *([ACROSS] if 0 in self.axes else [])))
-        self.light = None
+        light_of(scene, self.falling)  # which refuses light that is too bright
+        # Clip objects are not those of the folder, but of whoever draws it.
+        self.faces = faces_of((), scene.index_to_world)
 
     def _keep_voxels(self, first: int, last: int) -> VisibleVoxels:
         """The voxels of a chunk that its own cells and those that it shares with its neighbors need."""
@@ -382,37 +393,37 @@ class _ScalarChunks(_Chunks):
         """The tables of planes [first, last)."""
         local = self._keep_voxels(first, last)
         of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
-        of_voxels |= self._lights(self.in_volume(local, first))
+        if self.falling is not None:
+            of_voxels[SURFACE] = self._surface(local, first, last)
         named = self.name_files(ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
-            placed = {
-                name: drain(in_scanlines(tables, local, array, threads=self.threads))
-                for name, array in of_voxels.items()
-            }
+            placed = {name: self._in_scanlines(tables, local, array) for name, array in of_voxels.items()}
             named |= self.name_files(ACROSS, tables, **placed)
         return _ChunkTables(named, {}, len(local))
 
-    def _lights(self, voxels: VisibleVoxels) -> dict:
-        """The light on voxels: coded normals where it follows the view, codes of light elsewhere."""
-        if self.falling is None:
-            return {}
-        directions = normals(voxels, self.volume, self.scene.index_to_world, threads=self.threads)
-        if self.by_normal is not None:
-            codes = code_normals(directions, threads=self.threads).view(np.uint16)
-            return {f"{NORMALS}.{part}": codes[part] for part in range(len(codes))}
-        self.light = voxel_light(voxels, directions, self.falling, threads=self.threads)
-        return {LIGHT: self.light.codes}
+    def _in_scanlines(self, tables: RunTables, local: VisibleVoxels, array: np.ndarray) -> np.ndarray:
+        words = array.view(np.uint16) if array.ndim > 1 else array  # a type that kernels are compiled for
+        return drain(in_scanlines(tables, local, words, threads=self.threads)).view(array.dtype)
+
+    def _surface(self, local: VisibleVoxels, first: int, last: int) -> np.ndarray:
+        """(m, 3) int16: codes of the normals of voxels of a chunk, of planes around it too."""
+        scene, volume, sigma = self.scene, self.volume, smoothness_of(self.scene)
+        reach = gaussian(sigma, volume.spacing[2]).size // 2 + BEYOND
+        begin, end = max(first - reach, 0), min(last + reach, volume.shape_xyz[2])
+        around, rows = self.part(begin, end), self._rows_among(local, first - begin, end - begin)
+        if volume.voxels.dtype.name not in OWN_TYPES[:-1]:
+            around.measured["value_range"] = volume.value_range  # by which values are scaled: as in the whole volume
+        surfaces = drain(surface_steps(around, rows, local.column, sigma, threads=self.threads))
+        function, matrix, voxels = scene.transfer_function, scene.index_to_world, self.in_volume(local, first)
+        return place_surfaces(
+            surfaces, voxels, volume, function, matrix, self.faces, with_points=False, threads=self.threads
+        )[0]
 
     def header(self, facts) -> dict:
-        found = super().header(facts)
-        for name in self.joined:
-            for number in range(3):
-                del self.dtypes[f"{name}.{number}"]
-            self.dtypes[name] = ["i2", 0, 3]
-        volume, light = self.volume, self.light
+        found, volume, matrix = super().header(facts), self.volume, self.scene.index_to_world.tolist()
         return {
             **found, "stored_type": volume.voxels.dtype.name, "slope": volume.slope, "intercept": volume.intercept,
             "ends": list(self.ends), "center": self.center, "nan_voxels": self.blocks.nan_voxels,
-            "light": None if light is None else [light.unit, light.most_light, light.most_highlight],
+            "light": None if self.falling is None else {"model": LIGHT_MODEL, "index_to_world": matrix},
         }  # fmt: skip

@@ -88,15 +88,17 @@ def describe_lighting(scene: Scene) -> dict:
     """JSON-ready: what the lit colors of a scene depend on besides the volume and the transfer function.
 
     ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position of
-    the eye, for highlights.
+    the eye, for highlights.  ``environment``: moments of the world's light by name.
     """
-    camera, looking = scene.camera, looking_direction(scene.camera)
+    camera, looking, around = scene.camera, looking_direction(scene.camera), scene.environment
     parallel = camera.type == "ORTHO"
     return {
         "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights or scene.world)),
         "lights": [describe_light(light) for light in scene.lights],
         "headlight_direction": looking.tolist() if scene.headlight else None,
         "eye": [*(-looking).tolist(), 0.0] if parallel else [*camera.matrix_world[:3, 3].tolist(), 1.0],
+        "world": None if scene.world is None else list(map(float, scene.world)),
+        "environment": None if around is None else {name: part.tolist() for name, part in vars(around).items()},
     }
 
 

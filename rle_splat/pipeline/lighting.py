@@ -46,11 +46,6 @@ def lighting_key(scene: Scene, matrix, falling: Lighting) -> tuple:
     return (array_key(matrix), shade, array_key(falling.rows, falling.material), seen_from)
 
 
-def follows_view(scene: Scene, falling: Lighting) -> bool:
-    """Whether the light on a voxel changes when the camera moves: under a headlight, and with highlights."""
-    return scene.headlight or falling.has_highlights
-
-
 def shadow_lighting_steps(scene: Scene, falling: Lighting | None, work: Work, occluders: Occluders):
     """Generator of Progress: the lighting with what shadows leave of each light, and a key of that.
 

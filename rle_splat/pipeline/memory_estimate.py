@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.work_sizes import MESH_SAMPLES, MIXED_AT_ONCE, RAYS_AT_ONCE, RECORDS_AT_ONCE
+from ..runtime.work_sizes import MESH_SAMPLES, MIXED_AT_ONCE, RAYS_AT_ONCE, RECORDS_AT_ONCE, SMOOTHED_AT_ONCE
 from ..scene import RECORDS, Quality, RleSplatError, TooLargeError
 from ..volume.axes import AXES
 from ..volume.counts import counts_values
@@ -82,20 +82,20 @@ class PlannedTables:
         How many principal axes are held, mostly one.
     lit : bool
         Whether something shines.
-    by_normal : bool
-        Of scalars: whether light is made of coded normals where it is read, and no light of voxels is kept.
     shadows : int
         How many lights, the ambient light among them, leave something to each voxel.
     mixed : bool
         Whether labels or channels take part.
+    thinned : bool
+        Of scalars: whether each has a factor of extinction, as where labels take part.
     """
 
     record: int = 0
     axes: int = 1
     lit: bool = True
-    by_normal: bool = False
     shadows: int = 0
     mixed: bool = False
+    thinned: bool = False
 
 
 def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, ...]:
@@ -104,11 +104,12 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
     The rows of a part add up, except for those of ``work``, which follow each other in time.
     """
     (nx, ny, nz), voxels, value = found.shape_xyz, math.prod(found.shape_xyz), found.dtype.itemsize
-    count, scalars, axes, codes = found.count, not tables.record, tables.axes, tables.lit and tables.by_normal
+    count, scalars, axes = found.count, not tables.record, tables.axes
     scanlines = max(found.shape_xyz[across] * found.shape_xyz[principal] for _, across, principal in AXES.values())
     own = not scalars and not counts_values(found.dtype)  # else a lookup table holds the optical properties
-    light = 6 if codes else 4 * tables.lit  # bytes of a normal's code; of light and highlight where light is white
-    record = min(value, 4) + light if scalars else tables.record
+    shaded, thinned = tables.shadows > 0, tables.mixed or tables.thinned
+    codes = 6 * tables.lit + 2 * (tables.shadows + thinned)  # bytes of the codes of a scalar's normal and planes
+    record = min(value, 4) + codes if scalars else tables.record
     return (
         MemoryRow("classify", "visible", ny * nz, 28),  # where a row starts, its pieces, and what counting these takes
         MemoryRow("classify", "visible", count, 2 if nx <= 65536 else 4),  # a voxel's column
@@ -118,11 +119,15 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
         # Measured: 95 with lookup tables, 178 without.
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
-        MemoryRow("shade", "normals", tables.lit * count, 12),
-        MemoryRow("shade", "normals", tables.shadows * count, 4),  # what reaches a voxel of each light
-        MemoryRow("shade", "normals", (tables.shadows > 0) * count, 10),  # while shadows are made
-        MemoryRow("shade", "visible", (scalars and not codes) * count, light),
-        MemoryRow("shade", "work", scalars * codes * count, 6),  # while codes are put in the order of scanlines
+        # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.
+        MemoryRow("shade", "normals", tables.lit * count, 6 + 4 + 6 if scalars else 12),
+        # Planes that are smoothed: as float32, smoothed, and squares of gradients.
+        MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
+        MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what arrives of each light
+        MemoryRow("shade", "normals", (scalars and shaded) * count, 6),  # where its shadows begin
+        MemoryRow("shade", "normals", shaded * count, 10),  # while shadows are made
+        MemoryRow("shade", "visible", (scalars and (shaded or thinned)) * count, codes),  # all planes of a voxel joined
+        MemoryRow("shade", "visible", (scalars and thinned) * count, 4),  # factors of extinction
         MemoryRow("encode", "runs", axes * scanlines, 72),  # pointers, and what making them takes meanwhile
         # Runs along x stand for those along the other axes too: two for each connected piece, and a trailing one.
         MemoryRow("encode", "runs", axes * (2 * found.pieces + found.lines), 2 if max(found.shape_xyz) <= 65535 else 4),
@@ -221,7 +226,7 @@ def picture_bytes(
         "meshes": meshes * (4 * MESH_SAMPLES + 12 + 9) * pixels,
         "splat, warp": drawn + (1 + meshes) * SHEET_PIXEL * sum(sheets) + meshes * 12 * pixels + filtered,
         # How steep a pixel is, which ones are, where if all of them are, and the picture once more with a border.
-        "rays": traced * (drawn + (4 + 1 + 8 + 20) * pixels + 320 * RAYS_AT_ONCE),
+        "rays": traced * (drawn + (4 + 1 + 8 + 20) * pixels + 480 * RAYS_AT_ONCE),
         "write": drawn + WRITTEN * pixels,
     }
     return scratch + max(at_a_time.values())

@@ -1,17 +1,19 @@
-"""Source of a folder of post-classified tables: scalars and the light on them, encoded already."""
+"""Source of a folder of post-classified tables: scalars and codes of their normals, encoded already."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
 from ..classify.transfer_function import TransferFunction
-from ..encode.members import damaged
+from ..encode.members import SURFACE, damaged
 from ..encode.scalars import ScalarVolume
-from ..scene import Light, Quality, RleSplatError, Scene
+from ..scene import Environment, Light, Quality, RleSplatError, Scene, as_color
 from ..shade.lighting import lighting
-from ..shade.normal_light import NormalLight, normal_light
+from ..shade.sample_light import SampleLight, sample_light
 from ..shade.shading import refuse_too_bright
 from ..view.projection import world_to_camera
 from .file_source import FileSource
@@ -19,7 +21,7 @@ from .lighting import eye_of
 from .medium import ScalarVoxels, mist_color
 from .source import Work
 
-VALUES_ALREADY = "A .rle folder holds the voxels that its transfer function needs, and their light: post."
+VALUES_ALREADY = "A .rle folder holds the voxels that its transfer function needs, and its lights: post."
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class ScalarFileSource(FileSource):
     """The tables of a folder, whose transfer function is what it is."""
 
     scalar_sheets = True
-    light: NormalLight | None = None  # of a folder that holds normals, once it is shaded
+    light: SampleLight | None = None  # of a folder that is lit, once it is shaded
 
     @classmethod
     def of(cls, scene: Scene, quality: Quality, *more) -> ScalarFileSource:
@@ -58,42 +60,42 @@ class ScalarFileSource(FileSource):
         volume, function = stored.stand_in, scene.transfer_function
         length = unit_length(stored, scene.index_to_world)
         table = lookup_table(volume, function, values.ends, opacity_distance(volume, function, length))
-        light = self._normal_light()
-        shine = (1.0, 0.0) if values.light is None else values.light[1:]
-        if light is not None:
-            shine = light.most_light, light.most_highlight
+        light = self._light()
+        shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
         brightest = refuse_too_bright(table.most_color * shine[0] + shine[1] if values.ends[0] < values.ends[1] else
                                       table.most_color)  # fmt: skip
         most_color = max(brightest, *mist_color(scene.mist))
         return ScalarVoxels(replace(voxels, light=light), self.quality, scene.mist, table, most_color)
 
     def encode_steps(self, axis: int):
+        """Generator of fractions done: the ScalarVolume of a principal axis."""
         self.refuse_without(axis)
-        return self._with_light(*(yield from self.scene.volume.tables_steps(axis)), self.light)
+        tables, of_voxels = yield from self.scene.volume.tables_steps(axis)
+        center, codes = self.scene.volume.values.center, None if self.light is None else of_voxels[SURFACE]
+        return ScalarVolume(tables, of_voxels["scalars"], center, codes, self.light)
 
-    def _with_light(self, tables, of_voxels: dict, light: NormalLight | None) -> ScalarVolume:
-        """The tables of a principal axis with their light, if there is any."""
-        values, scalars = self.scene.volume.values, of_voxels["scalars"]
-        if light is not None:
-            none = light.no_codes
-            lamps = light.lamps(of_voxels["normals"], tables.axis)
-            return ScalarVolume(tables, scalars, values.center, none, lamps=lamps)
-        if values.light is None:
-            return ScalarVolume(tables, scalars, values.center)
-        return ScalarVolume(tables, scalars, values.center, of_voxels["light"], values.light[0])
-
-    def _normal_light(self) -> NormalLight | None:
-        """The light of a folder that holds normals: its own lights, seen from this camera."""
+    def _light(self) -> SampleLight | None:
+        """The folder's own lights, which turn with it, and its headlight, as they are seen from this camera."""
         scene, stored = self.scene, self.scene.volume
         if not stored.holds_normals:
             return None
+        matrix = scene.index_to_world if stored.values.light_matrix is None else stored.values.light_matrix
+        # Where the codes are: they do not turn with the volume.
+        turn = np.eye(4)
+        if not np.array_equal(matrix, scene.index_to_world):
+            turn = matrix @ np.linalg.inv(scene.index_to_world)
         described, shade = stored.lighting, TransferFunction.from_json(stored.transfer_function).shade
         try:
-            looking = None if described["headlight_direction"] is None else -world_to_camera(scene.camera)[2, :3]
+            looking = None
+            if described["headlight_direction"] is not None:
+                looking = turn[:3, :3] @ -world_to_camera(scene.camera)[2, :3]
             lights = [Light(**entry) for entry in described["lights"]]
-        except (LookupError, TypeError):
+            world, around = described.get("world"), described.get("environment")
+            falling = lighting(
+                matrix, shade, lights, headlight_direction=looking, eye=turn @ eye_of(scene.camera),
+                world=None if world is None else as_color(world, "The light of its world"),
+                environment=None if around is None else Environment(**around),
+            )  # fmt: skip
+        except (LookupError, TypeError, ValueError):
             raise damaged(stored.path, "its lights are not described") from None
-        falling = lighting(
-            scene.index_to_world, shade, lights, headlight_direction=looking, eye=eye_of(scene.camera)
-        )
-        return normal_light(falling, stored.shape_xyz)
+        return None if falling is None else sample_light(falling, stored.shape_xyz)

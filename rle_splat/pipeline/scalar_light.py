@@ -62,7 +62,7 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
     normals_key = surfaces_key, array_key(matrix), cuts, scene.transfer_function.opacity, shaded
 
     def place():
-        faces = faces_of(scene.clips, matrix, volume.shape_xyz)
+        faces = faces_of(scene.clips, matrix)
         function = scene.transfer_function
         made = place_surfaces(surfaces, voxels, volume, function, matrix, faces, with_points=shaded, threads=threads)
         return Placed(*made)

@@ -219,7 +219,7 @@ class ScanSource(Source):
         job, clock = work.job, work.clock
 
         shadows = shadow_count(self.scene) if shaded else 0
-        tables = PlannedTables(self.quality.record, work.axes, shaded, False, shadows, self.mixed)
+        tables = PlannedTables(self.quality.record, work.axes, shaded, shadows, self.mixed)
 
         def needed_by(counted) -> MemoryEstimate:
             voxels = VoxelCount.in_rows(self.scene.volume, counted, self.record_type)

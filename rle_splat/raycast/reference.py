@@ -5,22 +5,26 @@ All rays go at a time, from one cut to the next (algorithm.md 1.14).
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from ..shade.sample_light import ONE, light_of_samples
 from ..splat.scalar_scanline import NOT_KEPT
-from ..splat.voxel_groups import CODE_BITS
+from .ray_light import ray_light
 from .scalar_rays import COMPOSITED, HALF, SLIVER, SPAN, WALKED
 
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, results):
-    """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too."""
+def trace_rays(voxels, rays, lookup, light, slabs, least, results):
+    """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too; ``light``: a
+    SampleLight or None."""
     out, half, work = results
     work[:] = 0
     if min(voxels.shape) < 2:
         return
-    dense = _dense(voxels)
+    dense, falling = _dense(voxels), None if light is None else ray_light(light, rays)
     tops = np.array(dense.shape[2::-1]) - 2
     state = np.zeros((len(out), 4))
     state[:, 3] = 1.0
@@ -40,23 +44,24 @@ def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, results):
         mine = live[kept]
         work[mine, COMPOSITED] += 1
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
+        light_of = None if light is None else partial(_light_of, light, falling, mine)
         state[mine], half[mine] = _composite(
-            state[mine], half[mine], corners[kept], *stretch, lookup, matt, gloss, slabs, least
+            state[mine], half[mine], corners[kept], *stretch, lookup, light_of, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
 
 
 def _dense(voxels) -> np.ndarray:
-    """(z, y, x, channels) float32: scalar and light of every voxel, NOT_KEPT where it is not kept."""
+    """(z, y, x, channels) float64: scalar and planes of every voxel, NOT_KEPT where it is not kept."""
     n_z, n_y, n_x = voxels.shape
-    channels = 1 if voxels.lights is None else 1 + voxels.lights.shape[1]
+    channels = 1 if voxels.codes is None else 1 + voxels.codes.shape[1]
     kept = np.unpackbits(voxels.bits.astype("<u8").view(np.uint8).reshape(n_z * n_y, -1), axis=1, bitorder="little")
-    dense = np.full((n_z * n_y, n_x, channels), NOT_KEPT, np.float32)
+    dense = np.full((n_z * n_y, n_x, channels), NOT_KEPT)
     kept = kept[:, :n_x] > 0
     dense[kept, 0] = voxels.scalars
-    if voxels.lights is not None:
-        dense[kept, 1:] = (voxels.lights.astype(np.uint32) << CODE_BITS).view(np.float32) * voxels.light_unit
+    if voxels.codes is not None:
+        dense[kept, 1:] = voxels.codes / float(ONE)
     return dense.reshape(n_z, n_y, n_x, channels)
 
 
@@ -80,9 +85,16 @@ def _trilinear(corners, position):
     return (weights[..., None] * corners).sum(axis=1)
 
 
-def _composite(state, half, corners, first, step, a, b, length, lookup, matt, gloss, slabs, least):
+def _light_of(light, falling, rays, seen, planes, s):
+    """Light and highlights (n, 3) of those of ``rays`` that are ``seen``, at ``s`` (n,) along them."""
+    rays = rays[seen]
+    points = falling.start[rays] + s[:, None] * falling.step[rays]
+    return light_of_samples(light, planes, falling.to_eye[rays], points)
+
+
+def _composite(state, half, corners, first, step, a, b, length, lookup, light_of, slabs, least):
     """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
-    is absorbed."""
+    is absorbed; ``light_of(seen, planes, s)``: light and highlights of the rays ``seen``, or None."""
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     table, sums = table.reshape(-1, 4).astype(np.float64), sums.reshape(-1, 4).astype(np.float64)
     count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
@@ -107,12 +119,12 @@ def _composite(state, half, corners, first, step, a, b, length, lookup, matt, gl
         own[(middle < low) | (middle > high)] = 0.0
         sampled = np.where((spread >= SPAN)[:, None], mean, own)
         seen = (slab <= count) & (largest >= low) & (smallest <= high) & (sampled[:, 3] > 0.0) & (state[:, 3] >= least)
-        light = _trilinear(corners, first + step * (s - 0.5 * thick)[:, None])
         color, sigma = sampled[:, :3], sampled[:, 3]
-        if matt:
-            color = color * light[:, list(matt)]
-        if gloss:
-            color = color + sigma[:, None] * light[:, list(gloss)]
+        if light_of is not None:
+            middle = s[seen] - 0.5 * thick[seen]
+            planes = _trilinear(corners[seen], first[seen] + step[seen] * middle[:, None])[:, 1:]
+            light, gloss = light_of(seen, planes, middle)
+            color[seen] = color[seen] * light + sigma[seen, None] * gloss
         deep = sigma * length * thick
         absorbed = -np.expm1(-deep)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -3,8 +3,8 @@
 
 A ray is cut at every voxel plane.  Between two cuts the trilinear scalar is a cubic of the ray's depth; it is followed
 in slabs, over which the scalar changes linearly, the transfer function is averaged as by the depth rule preintegrated,
-and light is that of the slab's middle.  A bit tells whether a voxel is kept, and the bits before it in its row which of
-the kept ones it is; bricks without any are leaped over.
+and light is that of the slab's middle (``ray_light``).  A bit tells whether a voxel is kept, and the bits before it in
+its row which of the kept ones it is; bricks without any are leaped over.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numpy as np
 from ..runtime.bits import count_bits
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
-from ..splat.voxel_groups import CODE_BITS
+from ..shade.sample_light import ONE
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
+from .ray_light import light_at
 
 SPAN = 4.0  # entries of a lookup table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
@@ -29,6 +30,7 @@ BRICK_BITS = 2  # of a brick's 2**BRICK_BITS voxels along each side, all of whic
 POWERS = 4  # of a cubic
 ONE_BIT = np.uint64(1)
 HALF = 0.5
+PER_CODE = 1.0 / float(ONE)
 WALKED, COMPOSITED = range(2)  # columns of the work of a ray
 
 
@@ -37,17 +39,16 @@ class RowVoxels(NamedTuple):
 
     ``bits``: (nz * ny, words) uint64, a bit for each voxel that is kept.  ``row_start``: (nz * ny + 1,), where the
     records of a row begin.  ``bricks``: (z, y, x) uint8, 0 where none of a brick's voxels is kept.  ``scalars`` (m,)
-    and ``lights`` (m, channels) or None, which ``light_unit`` makes numbers of: as ``encode.scalars.ScalarVolume`` has
-    them, in rows.  ``shown``: (k, 2) float64, a cell shows something where, for any row (a, b), its largest scalar is
-    at least a and its smallest at most b; others may be kept too.  ``shape``: voxels along z, y, x.
+    and ``codes`` (m, channels) int16 or None: as ``encode.scalars.ScalarVolume`` has them, in rows.  ``shown``: (k, 2)
+    float64, a cell shows something where, for any row (a, b), its largest scalar is at least a and its smallest at most
+    b; others may be kept too.  ``shape``: voxels along z, y, x.
     """
 
     bits: np.ndarray
     row_start: np.ndarray
     bricks: np.ndarray
     scalars: np.ndarray
-    lights: np.ndarray | None
-    light_unit: np.float32
+    codes: np.ndarray | None
     shown: np.ndarray
     shape: tuple[int, int, int]
 
@@ -132,9 +133,9 @@ def _pair_at(bits, row_start, row, x):
 def _is_shown(scalars, i, j, k, m, shown):
     """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones."""
     low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
-              min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1])))
+              min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1])))  # fmt: skip
     high = max(max(max(scalars[i], scalars[i + 1]), max(scalars[j], scalars[j + 1])),
-               max(max(scalars[k], scalars[k + 1]), max(scalars[m], scalars[m + 1])))
+               max(max(scalars[k], scalars[k + 1]), max(scalars[m], scalars[m + 1])))  # fmt: skip
     for interval in range(shown.shape[0]):
         if high >= shown[interval, 0] and low <= shown[interval, 1]:
             return True
@@ -154,15 +155,27 @@ def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
 
 
 @inner_loop
-def _light_at(codes, unit, at, channel):
-    bits = np.uint32(np.uint32(codes[at, channel]) << CODE_BITS)
-    return np.float64(bits.view(np.float32) * unit)
+def _find_cubics(codes, corners, start, step, cubics):
+    """Put the cubics of all channels of ``codes`` along a stretch into ``cubics``; see ``_composite_stretch``."""
+    i, j, k, m = corners
+    px, py, pz = start
+    dx, dy, dz = step
+    for channel in range(codes.shape[1]):
+        c0, c1, c2, c3 = _cubic(
+            np.float64(codes[i, channel]), np.float64(codes[i + 1, channel]), np.float64(codes[j, channel]),
+            np.float64(codes[j + 1, channel]), np.float64(codes[k, channel]), np.float64(codes[k + 1, channel]),
+            np.float64(codes[m, channel]), np.float64(codes[m + 1, channel]), px, py, pz, dx, dy, dz,
+        )  # fmt: skip
+        cubics[0, channel], cubics[1, channel] = c0 * PER_CODE, c1 * PER_CODE
+        cubics[2, channel], cubics[3, channel] = c2 * PER_CODE, c3 * PER_CODE
 
 
 @inner_loop
-def _power_sum(cubic, channel, t):
-    at = POWERS * channel
-    return ((cubic[at + 3] * t + cubic[at + 2]) * t + cubic[at + 1]) * t + cubic[at]
+def _sum_powers(cubics, t):
+    """Put what all cubics are at ``t`` into the row behind them."""
+    for channel in range(cubics.shape[1]):
+        high = (cubics[3, channel] * t + cubics[2, channel]) * t
+        cubics[POWERS, channel] = (high + cubics[1, channel]) * t + cubics[0, channel]
 
 
 @inner_loop
@@ -191,22 +204,22 @@ def _absorb(thick):
 
 @inner_loop
 def _composite_stretch(
-    lights, scalars, light_unit, lookup, matt, gloss, corners, start, step, a, deep, length, slabs, least, shine, ray,
-):
+    codes, scalars, lookup, light, number, corners, start, step, a, deep, length, slabs, least, scratch, ray,
+):  # fmt: skip
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
-    ``lights``, ``scalars``, ``light_unit``: of RowVoxels.  ``lookup`` to ``gloss``, ``slabs``, ``least``: see
-    ``trace_rays``.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch
-    begins in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins,
-    and its length, in voxels of depth; ``length``: world length per voxel of depth.  ``shine``: scratch, (POWERS *
-    channels of light,) float64.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
+    ``codes``, ``scalars``: of RowVoxels.  ``lookup``, ``light``, ``slabs``, ``least``: see ``trace_rays``.  ``number``:
+    of the ray.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch begins
+    in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and
+    its length, in voxels of depth; ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels)
+    float64 and its last row.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     i, j, k, m = corners
     px, py, pz = start
     dx, dy, dz = step
     red, green, blue, transmittance, at_half = ray
-    shining = len(matt) + len(gloss)
+    cubics, planes = scratch
     c0, c1, c2, c3 = _cubic(
         np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
         np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
@@ -248,38 +261,17 @@ def _composite_stretch(
             r = table[entry] * (1.0 - share) + table[after] * share
             g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
             bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
-        if lights is not None and shining:
+        if light is not None:
             if not lit:
                 lit = True
-                for channel in range(shining):
-                    l0, l1, l2, l3 = _cubic(
-                        _light_at(lights, light_unit, i, channel),
-                        _light_at(lights, light_unit, i + 1, channel),
-                        _light_at(lights, light_unit, j, channel),
-                        _light_at(lights, light_unit, j + 1, channel),
-                        _light_at(lights, light_unit, k, channel),
-                        _light_at(lights, light_unit, k + 1, channel),
-                        _light_at(lights, light_unit, m, channel),
-                        _light_at(lights, light_unit, m + 1, channel),
-                        px, py, pz, dx * deep, dy * deep, dz * deep,
-                    )  # fmt: skip
-                    to = POWERS * channel
-                    shine[to], shine[to + 1], shine[to + 2], shine[to + 3] = l0, l1, l2, l3
+                _find_cubics(codes, corners, start, (dx * deep, dy * deep, dz * deep), cubics)
             t -= 0.5 * part
-            if len(matt) == 1:
-                light = _power_sum(shine, 0, t)
-                r, g, bl = r * light, g * light, bl * light
-            elif len(matt) == 3:
-                r *= _power_sum(shine, 0, t)
-                g *= _power_sum(shine, 1, t)
-                bl *= _power_sum(shine, 2, t)
-            if len(gloss) == 1:
-                light = sigma * _power_sum(shine, 1, t)
-                r, g, bl = r + light, g + light, bl + light
-            elif len(gloss) == 3:
-                r += sigma * _power_sum(shine, 3, t)
-                g += sigma * _power_sum(shine, 4, t)
-                bl += sigma * _power_sum(shine, 5, t)
+            _sum_powers(cubics, t)
+            lit_red, lit_green, lit_blue, red_shine, green_shine, blue_shine = light_at(
+                light, planes, number, a + deep * t
+            )
+            r, g, bl = r * lit_red, g * lit_green, bl * lit_blue
+            r, g, bl = r + sigma * red_shine, g + sigma * green_shine, bl + sigma * blue_shine
         thick = sigma * length
         absorbed = _absorb(thick)
         gain = transmittance * absorbed / sigma
@@ -294,13 +286,13 @@ def _composite_stretch(
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, results):
+def _trace(begin, end, voxels, rays, lookup, light, slabs, least, scratch, results):
     """Rays [begin, end); see ``trace_rays``."""
-    bits, row_start, bricks, scalars, lights, light_unit, shown, (n_z, n_y, n_x) = voxels
+    bits, row_start, bricks, scalars, codes, shown, (n_z, n_y, n_x) = voxels
     out, half, work = results
     if begin >= end:
         return
-    shine = cubics[begin]
+    own = scratch[begin], scratch[begin, POWERS]
     for ray in range(begin, end):
         transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         walked = composited = 0
@@ -357,10 +349,10 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
                 if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
                     composited += 1
                     red, green, blue, transmittance, at_half = _composite_stretch(
-                        lights, scalars, light_unit, lookup, matt, gloss, (i, j, k, m),
+                        codes, scalars, lookup, light, ray, (i, j, k, m),
                         (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
-                        slabs, least, shine, (red, green, blue, transmittance, at_half),
-                    )
+                        slabs, least, own, (red, green, blue, transmittance, at_half),
+                    )  # fmt: skip
                 a = b
             if tx <= reached:
                 x, tx = x + sx, tx + ax
@@ -374,13 +366,13 @@ def _trace(begin, end, voxels, rays, lookup, matt, gloss, slabs, least, cubics, 
 
 
 @kernel
-def trace_rays(voxels, rays, lookup, matt, gloss, slabs, least, cubics, results):
+def trace_rays(voxels, rays, lookup, light, slabs, least, scratch, results):
     """Fill ``results``: premultiplied rgba (n, 4) float32 of single rays; where along them half is absorbed, (n,)
     float64, inf where less is; how many cells and empty bricks each walked through and how many cells it composited,
     (n, 2) int32.
 
-    ``voxels``: RowVoxels; ``rays``: RayList.  ``lookup``, ``matt``, ``gloss``, ``least``: as ``splat_scalar_rows`` has
-    them.  ``slabs``: that a voxel's depth is cut into, at least.  ``cubics``: scratch, (n, POWERS * channels of light)
-    float64.
+    ``voxels``: RowVoxels; ``rays``: RayList; ``light``: RayLight, or None for rays that nothing lights, whose voxels
+    have no codes then.  ``lookup``, ``least``: as ``splat_scalar_rows`` has them.  ``slabs``: that a voxel's depth is
+    cut into, at least.  ``scratch``: (n, POWERS + 1, channels of codes) float64.
     """
-    share_out(_trace, cubics.shape[0], (voxels, rays, lookup, matt, gloss, slabs, least, cubics, results))
+    share_out(_trace, scratch.shape[0], (voxels, rays, lookup, light, slabs, least, scratch, results))

@@ -5,7 +5,7 @@ Matrices are (4, 4) float64 for column vectors: ``matrix @ (x, y, z, 1)``.
 """
 
 from .camera import SENSOR_FITS, Camera
-from .checks import LARGEST_LENGTH, LEAST_LENGTH, as_float, as_matrix, from_mapping, read_json
+from .checks import LARGEST_LENGTH, LEAST_LENGTH, as_color, as_float, as_matrix, from_mapping, read_json
 from .clip import CLIP_KINDS, Clip
 from .environment import Environment
 from .errors import Cancelled, RleSplatError, TooLargeError
@@ -89,6 +89,7 @@ __all__ = [
     "RleSplatError",
     "Scene",
     "TooLargeError",
+    "as_color",
     "as_float",
     "as_matrix",
     "check_crop",

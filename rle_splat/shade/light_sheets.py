@@ -47,6 +47,8 @@ class Sweep:
         World to homogeneous (X w, Y w, w); its last row gives the slices along the axis, up from ``slices[0]``.
     skipped : int
         Number of slices directly before a voxel that do not block its light.
+    source : (3,) ndarray of float64 or None
+        Voxel index of the light, whose pyramid of rays this is; None of parallel light.
     """
 
     axis: int
@@ -62,6 +64,12 @@ class Sweep:
     length: np.ndarray
     to_sheet: np.ndarray
     skipped: int = 0
+    source: np.ndarray | None = None
+
+    @property
+    def side(self) -> int:
+        """The pyramid: twice its axis, and one more where it opens upwards; -1 of parallel light."""
+        return -1 if self.source is None else 2 * self.axis + int(self.slices[0] > self.source[AXES[self.axis][2]])
 
     def without_nearest(self, skipped: int) -> Sweep:
         """Copy in which a voxel is blocked neither by itself nor by the ``skipped`` slices before it."""
@@ -117,7 +125,7 @@ def sun_sweeps(direction, index_to_world, shape_xyz, boxed: bool) -> list[Sweep]
     ]  # fmt: skip
 
 
-def point_sweeps(position, index_to_world, shape_xyz, boxed: bool) -> list[Sweep]:
+def point_sweeps(position, index_to_world, shape_xyz, boxed: bool, beside: bool = False) -> list[Sweep]:
     """Sweeps of light from a point.
 
     Parameters
@@ -128,6 +136,8 @@ def point_sweeps(position, index_to_world, shape_xyz, boxed: bool) -> list[Sweep
     shape_xyz : (nx, ny, nz)
     boxed : bool
         As in ``sun_sweeps``.
+    beside : bool
+        Whether points beside voxels are lit: then sheets hold all rays that pass within one voxel of the grid.
 
     Returns
     -------
@@ -139,35 +149,40 @@ def point_sweeps(position, index_to_world, shape_xyz, boxed: bool) -> list[Sweep
     found = []
     for axis in AXES:
         for sign in (1, -1):
-            sweep = _pyramid(source, index_to_world, shape_xyz, axis, sign, boxed)
+            sweep = _pyramid(source, index_to_world, shape_xyz, axis, sign, boxed, beside)
             if sweep is not None:
                 found.append(sweep)
     return found
 
 
-def _pyramid(source, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool) -> Sweep | None:
+def _pyramid(source, index_to_world, shape_xyz, axis: int, sign: int, boxed: bool, beside: bool) -> Sweep | None:
     """The sweep of one pyramid of rays from ``source``, (3,) voxel index; None if it meets no voxel."""
     a, b, c = AXES[axis]
     slices = np.arange(shape_xyz[c])[::sign]
     distance = sign * (slices - source[c])
     slices, distance = slices[distance > LEAST_DISTANCE], distance[distance > LEAST_DISTANCE]
-    spans = np.zeros((len(slices), 4), np.int64)
+    spans, reached = np.zeros((len(slices), 4), np.int64), np.zeros((len(slices), 4))
     for column, part in ((0, a), (2, b)):
         # Clip before converting to integers: far indices would not fit.
         low, high = (np.clip(source[part] + side * distance, -1.0, shape_xyz[part]) for side in (-1.0, 1.0))
+        reached[:, column], reached[:, column + 1] = low, high
         spans[:, column] = np.maximum(np.ceil(low), 0)
         spans[:, column + 1] = np.minimum(np.floor(high), shape_xyz[part] - 1) + 1
-    met = (spans[:, 0] < spans[:, 1]) & (spans[:, 2] < spans[:, 3])
+    met = (spans[:, ::2] < spans[:, 1::2]).all(axis=1)
+    if beside:
+        met = (reached[:, ::2] < reached[:, 1::2]).all(axis=1)
+    else:
+        reached = spans - (0, 1, 0, 1)
     if not met.any():
         return None
     last = int(np.flatnonzero(met)[-1]) + 1
-    slices, distance, spans, met = slices[:last], distance[:last], spans[:last], met[:last]
+    slices, distance, spans, reached, met = (each[:last] for each in (slices, distance, spans, reached, met))
     spans[~met] = 0
     pitch = 1.0 / distance[-1]  # slope per sheet pixel: one sheet pixel is one voxel of the furthest slice
     scale = 1.0 / (distance * pitch)
     lows, offsets, sizes = [], [], []
     for column, part in ((0, a), (2, b)):
-        slopes = (spans[met, column : column + 2] - (0, 1) - source[part]) / distance[met, None]
+        slopes = (reached[met, column : column + 2] - source[part]) / distance[met, None]
         low = slopes.min() - MARGIN * pitch
         lows.append(low)
         offsets.append(-source[part] * scale - low / pitch)
@@ -187,7 +202,9 @@ def _pyramid(source, index_to_world, shape_xyz, axis: int, sign: int, boxed: boo
         rows[row] -= low / pitch * rows[2]
     rows[3, c], rows[3, 3] = sign, -sign * slices[0]
     to_sheet = rows @ np.linalg.inv(index_to_world)
-    return Sweep(axis, slices.astype(np.int64), scale, *offsets, before, whole, spans, *sizes, length, to_sheet)
+    return Sweep(
+        axis, slices.astype(np.int64), scale, *offsets, before, whole, spans, *sizes, length, to_sheet, source=source,
+    )  # fmt: skip
 
 
 def _weights(distance, boxed: bool, inside: bool) -> tuple[np.ndarray, np.ndarray]:

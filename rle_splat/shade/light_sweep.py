@@ -19,6 +19,7 @@ from .light_sheets import Sweep
 from .reference import FULL
 
 BAND = 16  # sheet rows that one worker sweeps at once
+TENT = 1.0  # voxels that a slice reaches beyond its outermost ones
 LOG2E = np.float32(1.0 / math.log(2.0))
 MOST = np.float32(64.0)  # optical depth in powers of two, at which nothing is left
 # 2**r - 1 on [-1/2, 1/2]: Taylor terms ln(2)**n / n!; the truncation error is a hundredth of a code.
@@ -72,8 +73,7 @@ def _sweep(geometry, skipped, held, meshes, width, height, n_voxels, length, cod
 def _sweep_bands(begin, end, geometry, skipped, held, meshes, width, height, n_voxels, length, codes):
     """``_sweep`` for bands [begin, end) of sheet rows."""
     slices, scales, offsets_x, offsets_y, before, whole, spans = geometry
-    pointers, _, _starts, _ = held
-    n_lines = pointers.shape[1]
+    pointers = held[0]
     line = np.zeros(n_voxels + 3, np.float32)  # begins with voxel -1
     depth = np.empty((BAND + 1, width), np.float32)
     lit = np.empty((0 if meshes is None else BAND + 1, width), np.float32)
@@ -111,22 +111,37 @@ def _sweep_bands(begin, end, geometry, skipped, held, meshes, width, height, n_v
             if n < skipped:
                 continue
             n -= skipped
-            k, scale, offset_x, offset_y = slices[n], scales[n], offsets_x[n], offsets_y[n]
-            for row in range(rows):
-                v = (top + row - offset_y) / scale
-                if not -1.0 < v < n_lines:
-                    continue
-                j = math.floor(v)
-                share = np.float32(v - j)
-                least, most = n_voxels, -1
-                for far in range(2):
-                    weight = share if far else _ONE - share
-                    at = j + far
-                    if 0 <= at < n_lines and weight > _ZERO and pointers[k, at] >= 0:
-                        least, most = _add_line(held, k, at, weight * whole[n], n_voxels, least, most, line)
-                if most >= 0:
-                    _add_row(line, scale, offset_x, least, most, depth[row])
-                    line[least + 1 : most + 2] = _ZERO
+            layer = (slices[n], scales[n], offsets_x[n], offsets_y[n], whole[n])
+            add_slice(held, layer, top, rows, n_voxels, TENT, line, depth)
+
+
+@kernel(inner=True)
+def add_slice(held, layer, top, rows, n_voxels, reach, line, depth):
+    """Add the optical depth of a slice to ``rows`` rows of the sheet from row ``top`` on.
+
+    ``layer``: number of the slice, its map to the sheet and its weight. ``reach``: voxels, how far beyond its outermost
+    voxels the slice reaches. ``line``: zeros, (n_voxels + 3,).
+    """
+    k, scale, offset_x, offset_y, whole = layer
+    pointers = held[0]
+    n_lines = pointers.shape[1]
+    for row in range(rows):
+        v = (top + row - offset_y) / scale
+        if not -reach < v < n_lines - 1.0 + reach:
+            continue
+        j = math.floor(v)
+        share = np.float32(v - j)
+        least, most = n_voxels, -1
+        for far in range(2):
+            weight = share if far else _ONE - share
+            at = j + far
+            if 0 <= at < n_lines and weight > _ZERO and pointers[k, at] >= 0:
+                least, most = _add_line(held, k, at, weight * whole, n_voxels, least, most, line)
+        if most >= 0:
+            _add_row(
+                line, scale, offset_x, max(least - 1.0, -reach), min(most + 1.0, n_voxels - 1.0 + reach), depth[row]
+            )
+            line[least + 1 : most + 2] = _ZERO
 
 
 @kernel(inner=True)
@@ -171,9 +186,9 @@ def _add_line(held, k, j, weight, n_voxels, least, most, line):
 
 @kernel(inner=True)
 def _add_row(line, scale, offset_x, least, most, depth):
-    """Add the tents of voxels ``least`` to ``most`` of ``line`` to a row of the sheet."""
-    first = max(math.ceil(scale * (least - 1) + offset_x), 0)
-    last = min(math.floor(scale * (most + 1) + offset_x) + 1, depth.size)
+    """Add what ``line`` is from ``least`` to ``most``, in voxels, to a row of the sheet."""
+    first = max(math.ceil(scale * least + offset_x), 0)
+    last = min(math.floor(scale * most + offset_x) + 1, depth.size)
     if first >= last:
         return
     if scale == 1.0:
@@ -229,7 +244,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
                 for m in range(n):
                     left_sum, right_sum = up * upper[m] + down * lower[m], up * upper[m + 1] + down * lower[m + 1]
                     tau = (left_sum + right * (right_sum - left_sum) + before * own[m]) * far
-                    to[m] = np.uint16(_transmit(tau) * _FULL + _HALF)
+                    to[m] = np.uint16(transmit(tau) * _FULL + _HALF)
             else:
                 for m in range(n):
                     u = scale * (i + m) + offset_x
@@ -238,7 +253,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
                     left_sum = up * depth[0, cell] + down * depth[1, cell]
                     right_sum = up * depth[0, cell + 1] + down * depth[1, cell + 1]
                     long = np.float32(math.sqrt(max(c + u * (cx + u * cxx), 0.0))) * LOG2E
-                    passed = _transmit((left_sum + right * (right_sum - left_sum) + before * own[m]) * long)
+                    passed = transmit((left_sum + right * (right_sum - left_sum) + before * own[m]) * long)
                     if lit is not None:
                         left_lit = up * lit[0, cell] + down * lit[1, cell]
                         right_lit = up * lit[0, cell + 1] + down * lit[1, cell + 1]
@@ -249,7 +264,7 @@ def _read_line(held, k, j, line_map, span, before, length, depth, lit, codes):
 
 
 @kernel(inline="always")
-def _transmit(tau2):
+def transmit(tau2):
     """2 ** -tau2 for tau2 >= 0; absolute error at most about 2e-7."""
     tau2 = min(tau2, MOST)
     whole = np.int32(tau2 + _HALF)

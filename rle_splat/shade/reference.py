@@ -15,6 +15,8 @@ from .environment import light_by_normal
 from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
+ONE = 32767.0  # of codes of components
+BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
 
@@ -104,7 +106,6 @@ def code_light(voxels, normals, falling, each, scale, codes):
 def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
     """Codes of the light that reaches each voxel, as ``light_sweep._sweep``: slice by slice, with dense slices."""
     depth = np.zeros((sweep.height, sweep.width))
-    columns, rows = np.arange(sweep.width), np.arange(sweep.height)
     for n, k in enumerate(sweep.slices):
         scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
         i, j, data = _voxels_of(tables, starts, k)
@@ -119,15 +120,72 @@ def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
             left = left * _interpolate((meshes > np.float32(n)).mean(axis=2), y, x)
         codes[at] = (left * FULL + 0.5).astype(np.uint16)
         n -= sweep.skipped
-        if n < 0:
-            continue
-        scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
-        i, j, data = _voxels_of(tables, starts, sweep.slices[n])
-        dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
-        dense[j + 1, i + 1] = extinction[data]
-        v = np.clip((rows - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
-        u = np.clip((columns - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
-        depth += sweep.whole[n] * _interpolate(dense, v[:, None], u[None, :])
+        if n >= 0:
+            depth += sweep.whole[n] * _slice_of_sheet(sweep, tables, starts, extinction, n, False)
+
+
+def light_beside(sweep, tables, starts, extinction, meshes, voxels, offsets, place, codes) -> None:
+    """Codes of the light that reaches points beside voxels, as ``light_beside._light_bands``, with dense slices.
+
+    ``offsets`` (m, 3): voxels; ``place`` (4, 4): voxel indices to the sheet.
+    """
+    n_y, last = voxels.shape_xyz[1], len(sweep.slices) - 1
+    row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
+    points = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1) + offsets
+    own = np.arange(len(voxels))
+    if sweep.source is not None:
+        way = points - sweep.source
+        axis = np.argmax(np.abs(way), axis=1)
+        along = way[own, axis]
+        own = own[(along != 0.0) & (2 * axis + (along > 0.0) == sweep.side)]
+    x, y, w, s = place @ np.concatenate((points[own], np.ones((len(own), 1))), axis=1).T
+    x, y = np.clip(x / w, 0.0, sweep.width - 1.0), np.clip(y / w, 0.0, sweep.height - 1.0)
+    n = np.clip(np.floor(s), 0, last).astype(np.int64)
+    f = np.where(n == last, 0.0, np.clip(s - n, 0.0, 1.0))
+    added = [_slice_of_sheet(sweep, tables, starts, extinction, k, True) for k in range(last + 1)]
+    # Before the first slice there is as much less than nothing as that is nearer to the light than half a slice.
+    depth = (sweep.whole[0] - 1.0) * added[0]
+    tau = np.zeros(len(own))
+    for k in range(last + 1):
+        here, after = n == k, depth + added[k]
+        further = after + added[min(k + 1, last)]
+        before, middle, behind = (_interpolate(sheet, y[here], x[here]) for sheet in (depth, after, further))
+        t, depth = f[here], after
+        tau[here] = 0.5 * (1.0 - t) ** 2 * before + (0.5 + t * (1.0 - t)) * middle + 0.5 * t**2 * behind
+    tau = np.where(s < 0.0, 0.0, np.maximum(tau, 0.0))
+    c = sweep.length
+    square = c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y
+    left = np.exp(-tau * np.sqrt(np.maximum(square, 0.0)))
+    if meshes is not None:
+        rows, columns = (
+            np.minimum(y.astype(np.int64), sweep.height - 2),
+            np.minimum(x.astype(np.int64), sweep.width - 2),
+        )
+        free = np.zeros(len(own))
+        for far_y, far_x in np.ndindex(2, 2):
+            weight = np.abs(1 - far_y - (y - rows)) * np.abs(1 - far_x - (x - columns))
+            free += weight * (meshes[rows + far_y, columns + far_x] > s[:, None]).mean(axis=1)
+        left = left * free
+    codes[own] = (left * FULL + 0.5).astype(np.uint16)
+
+
+def _slice_of_sheet(sweep, tables, starts, extinction, n: int, boxed: bool) -> np.ndarray:
+    """(height, width) extinction of slice ``n`` of a sweep on the rays of the sheet; ``boxed``: none beyond voxels."""
+    scale, offset_x, offset_y = sweep.scale[n], sweep.offset_x[n], sweep.offset_y[n]
+    i, j, data = _voxels_of(tables, starts, sweep.slices[n])
+    dense = np.zeros((tables.n_scanlines + 2, tables.width + 2))  # padded with one transparent voxel
+    dense[j + 1, i + 1] = extinction[data]
+    v = np.clip((np.arange(sweep.height) - offset_y) / scale + 1.0, 0.0, tables.n_scanlines + 1.0)
+    u = np.clip((np.arange(sweep.width) - offset_x) / scale + 1.0, 0.0, tables.width + 1.0)
+    found = _interpolate(dense, v[:, None], u[None, :])
+    if boxed:
+        found *= _within(v - 1.0, tables.n_scanlines)[:, None] * _within(u - 1.0, tables.width)
+    return found
+
+
+def _within(places, count: int) -> np.ndarray:
+    """Which places along an axis lie between the centers of its voxels."""
+    return (places > -BOXED) & (places < count - 1.0 + BOXED)
 
 
 def _voxels_of(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,3 +215,132 @@ def _interpolate(table, y, x) -> np.ndarray:
     upper = table[row, column] * (1.0 - right) + table[row, column + 1] * right
     lower = table[row + 1, column] * (1.0 - right) + table[row + 1, column + 1] * right
     return upper * (1.0 - down) + lower * down
+
+
+def smooth(values, first, low, _wanted, along, across, deep, found):
+    """All rows of smoothed planes, as ``surface_normals._smooth``."""
+    sums, weight = values.astype(np.float64), np.ones(values.shape)
+    for axis, taps in enumerate((deep, across, along)):
+        sums, weight = _convolved(sums, taps, axis), _convolved(weight, taps, axis)
+    found[:] = (sums / weight)[low - first : low - first + len(found)]
+
+
+def _convolved(values, taps, axis: int) -> np.ndarray:
+    """Values convolved along an axis; nothing lies outside."""
+    found, reach, count = np.zeros_like(values), len(taps) // 2, values.shape[axis]
+    values, to = np.moveaxis(values, axis, 0), np.moveaxis(found, axis, 0)
+    for tap in range(-min(reach, count - 1), min(reach, count - 1) + 1):
+        to[max(-tap, 0) : count - max(tap, 0)] += taps[reach + tap] * values[max(tap, 0) : count + min(tap, 0)]
+    return found
+
+
+def find_surfaces(
+    smoothed, low, n_z, first, last, _wanted, lists, slopes, noise, error, center, per_mm, vectors, steep
+):
+    """Vectors and steepness of the voxels of planes [first, last), as ``surface_normals._find``."""
+    row_start, column = lists
+    values, (_, n_y, _) = smoothed.astype(np.float64), smoothed.shape
+    by_voxel = [_differences(values, axis) for axis in (2, 1, 0)]
+    if low > 0:
+        by_voxel[2][0] = 0.0  # its neighbor is not at hand, and it is not asked for
+    gradient = np.stack(by_voxel, axis=-1) @ np.reshape(slopes, (3, 3)).T
+    size = (gradient**2).sum(axis=-1)
+    around, count = size[max(first - 1, 0) - low : min(last + 1, n_z) - low], 1.0
+    own = slice(first - max(first - 1, 0), last - max(first - 1, 0))
+    for axis in range(3):
+        count = count * _convolved(np.ones(around.shape), np.ones(3), axis)
+        around = _convolved(around, np.ones(3), axis)
+    begin, end = row_start[first * n_y], row_start[last * n_y]
+    row = np.searchsorted(row_start, np.arange(begin, end), side="right") - 1
+    at = row // n_y - first, row % n_y, column[begin:end].astype(np.int64)
+    mean, there = (around / count)[own][at], (at[0] + first - low, at[1], at[2])
+    least = noise + error * np.abs(np.nan_to_num(values[there]) + center * per_mm)
+    whole = np.maximum(mean + least**2, size[there])
+    usable = (whole > 0.0) & (whole < np.inf)
+    scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)
+    vectors[begin:end] = np.rint(gradient[there] * scale[:, None])
+    steep[begin:end] = np.sqrt(size[there]) / per_mm
+
+
+def _differences(values, axis: int) -> np.ndarray:
+    """Central differences per voxel, one-sided at the ends; a neighbor that is not finite counts as the voxel itself,
+    and such a voxel has none."""
+    own, last = np.moveaxis(values, axis, 0), values.shape[axis] - 1
+    index = np.arange(last + 1)
+    before, after = np.maximum(index - 1, 0), np.minimum(index + 1, last)
+    steps = np.maximum(after - before, 1).reshape(-1, 1, 1)
+    around = [np.where(np.isfinite(own[which]), own[which], own) for which in (before, after)]
+    found = np.where(np.isfinite(own), around[1] - around[0], 0.0) / steps
+    return np.ascontiguousarray(np.moveaxis(np.nan_to_num(found), 0, axis))
+
+
+def place_surfaces(
+    vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix, to_index,
+    world_per_mm, faces, box, codes, offsets,
+):  # fmt: skip
+    """Codes and offsets of kept voxels, as ``surface_points._place``, of all of them at a time."""
+    matrix, to_index = np.reshape(matrix, (3, 4)), np.reshape(to_index, (3, 3))
+    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
+    index = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
+    m = vectors.astype(np.float64) / ONE
+    side, away = _sides(stored.astype(np.float64) * slope + intercept, ranges)
+    m = unit_vectors(m @ np.reshape(covector, (3, 3)).T) * (side * np.linalg.norm(m, axis=1))[:, None]
+    keep, part, nearest = np.ones(len(m)), np.zeros(m.shape), np.full(len(m), np.inf)
+
+    def meet(distance, share, normal):
+        nonlocal keep, part, nearest
+        keep, part = keep * (1.0 - share), part + share[:, None] * normal
+        nearest = np.where(share > 0.0, np.minimum(nearest, distance), nearest)
+
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            layers = index[:, axis] if sign < 0.0 else shape_xyz[axis] - 1.0 - index[:, axis]
+            meet(layers * box[axis, 3], (layers <= 1.0) * float(shape_xyz[axis] > 1), sign * box[axis, :3])
+    points = index @ matrix[:, :3].T + matrix[:, 3]
+    for normal, offset, width in zip(faces.normals, faces.offsets, faces.widths):
+        distance = np.abs(offset - points @ normal)
+        meet(distance, 1.0 - smoothstep(distance / width - 1.0), normal)
+    for own, back in faces.removed:
+        at = points @ own[:3, :3].T + own[:3, 3]
+        towards = (np.clip(at, -1.0, 1.0) - at) @ back[:3, :3].T
+        distance, normal = np.linalg.norm(towards, axis=1), unit_vectors(towards)
+        width = np.maximum(np.abs(normal @ matrix[:, :3]).sum(axis=1), 1e-300)
+        meet(distance, np.where(distance > 0.0, 1.0 - smoothstep(distance / width - 1.0), 0.0), normal)
+    m = keep[:, None] * m + part
+    size = np.linalg.norm(m, axis=1)
+    m, size = m / np.maximum(size, 1.0)[:, None], np.minimum(size, 1.0)
+    codes[:] = np.rint(m * ONE)
+    if not len(offsets):
+        return
+    n = unit_vectors(m)
+    width = np.abs(n @ matrix[:, :3]).sum(axis=1)
+    steep = steepness.astype(np.float64) * abs(slope) / world_per_mm
+    depth = np.divide(away, steep, out=np.where(away > 0.0, np.inf, 0.0), where=steep > 0.0)
+    inside = np.where(keep < 1.0, nearest, 0.0)
+    depth = keep * np.minimum(depth, 3.0 * width) + (1.0 - keep) * np.where(np.isfinite(inside), inside, 0.0)
+    b = smoothstep(size / 0.3) * np.minimum(depth + width, 3.0 * width)
+    offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * 1024.0, -32767.0, 32767.0))
+
+
+def smoothstep(t) -> np.ndarray:
+    """3 t^2 - 2 t^3 of numbers that are limited to [0, 1]."""
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _sides(values, ranges) -> tuple[np.ndarray, np.ndarray]:
+    """See ``surface_points._side``."""
+    ends = np.concatenate(([-np.inf], np.where(np.abs(ranges.ravel()) < 1e299, ranges.ravel(), np.nan), [np.inf]))
+    at = np.searchsorted(ranges.ravel(), values, side="left")
+    inside = at % 2 == 1
+    if len(ranges):
+        starts = np.isin(values, ranges[:, 0]) & ~inside
+        at, inside = at + starts, inside | starts
+    down, up = (np.where(np.isfinite(d), d, np.inf) for d in (values - ends[at], ends[at + 1] - values))
+    rises, falls = np.where(inside, up, down), np.where(inside, down, up)
+    with np.errstate(invalid="ignore"):
+        balance = (rises - falls) / (rises + falls)
+    balance = np.where(np.isinf(rises) | (rises + falls == 0.0), 1.0, np.where(np.isinf(falls), -1.0, balance))
+    side = 2.0 * smoothstep(balance + 0.5) - 1.0
+    away = np.where(side >= 0.0, down, up)
+    return side, np.where(inside & np.isfinite(away), away, 0.0)

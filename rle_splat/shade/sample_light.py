@@ -5,8 +5,8 @@ lamp that arrives beside it, and the openness O to the sky.  All three are inter
 lit by what it finds:
 
     w  smoothstep(0, TRUSTED, |m|);  n = m / |m|;  e the unit vector to the eye
-    n  of a two-sided surface that leans away, a = max(-n.e, 0), is turned to the eye softly, s = smoothstep(0, TURNED, a):
-       (1 - 2 s) n + a (1 - s) e, which is the tangent at the silhouette and -n from a = TURNED on
+    n  of a two-sided surface that leans away, a = max(-n.e, 0), is turned to the eye softly, with s =
+       smoothstep(0, TURNED, a): (1 - 2 s) n + a (1 - s) e, the tangent at the silhouette and -n from a = TURNED on
     S  = around(n) O + sum over lamps of diffuse wrap(n.l) I T
     C  = everywhere O + sum over lamps of diffuse I T
     light = w S + (1 - w) C;  highlight = w sum over lamps of specular ramp(n.l) shine I T

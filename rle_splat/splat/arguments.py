@@ -10,12 +10,12 @@ import numpy as np
 from ..encode.records import TYPES
 from ..runtime.jit import read_only
 from ..scene import Quality
-from ..shade.normal_light import Lamps
 from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_intervals import box_intervals
 from ..volume.axes import AXES
 from ..volume.triples import dot
+from .sample_lamps import SampleLamps
 
 
 class Records(NamedTuple):
@@ -219,23 +219,16 @@ class ScalarTables(NamedTuple):
         See ``Tables``.
     scalars : StoredScalars
         Stored values of the kept voxels.
-    lights : (m, channels) uint16 or None
-        Codes of the light on them: light, highlight and thinning; of no voxel where there are lamps.
-    light_unit : float32
-        Factor that turns codes into light.
-    lamps : Lamps or None
-        What light is made of in place of codes; its normals are of no voxel where there are codes, so that one kernel
-        serves both.  None without light.
+    codes : (m, channels) int16 or None
+        See ``encode.scalars.ScalarVolume``.
     """
 
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
     scalars: StoredScalars
-    lights: np.ndarray | None
-    light_unit: np.float32
+    codes: np.ndarray | None
     width: int
-    lamps: Lamps | None
 
 
 class Lookup(NamedTuple):
@@ -274,22 +267,22 @@ class Lookup(NamedTuple):
     last: np.int32
 
 
-class LightPlanes(NamedTuple):
-    """The planes of a sheet of the scalar behind the scalar itself, by number; kernels are compiled for each count.
+class CodePlanes(NamedTuple):
+    """The planes of a sheet of the scalar that hold what codes of voxels stand for.
 
     Attributes
     ----------
-    matt : tuple of int
-        Planes of light that color is multiplied by: none, one or three.
-    gloss : tuple of int
-        Planes of highlight that are added to the color in proportion to the extinction: none, one or three.
-    thinning : tuple of int
-        The plane of a factor of extinction, the last one, or none.
+    count : int or None
+        All planes of a sheet, the scalar's included; None where voxels have no codes.
+    thinning : int
+        The plane of a factor of extinction, the last one; 0, the scalar's, for none.
+    lamps : SampleLamps or None
+        What samples are lit by, where light is wanted.
     """
 
-    matt: tuple
-    gloss: tuple
-    thinning: tuple
+    count: int | None
+    thinning: int
+    lamps: SampleLamps | None
 
 
 class Box(NamedTuple):

@@ -71,16 +71,17 @@ def _scanlines_of(all_workers, mine):
 def _scratch_of(scratch, mine):
     """Row ``mine`` of each array of the Scratch: the one worker's own."""
     line, reach, live, cells, weights, placed = scratch.line
-    state, length, alive, bright, bounds, reached = scratch.rows
-    samples, entries, spans, shares, length_inside, before, colors = scratch.block
+    state, length, alive, bright, bounds, reached, light = scratch.rows
+    samples, entries, spans, shares, length_inside, before, colors, classified = scratch.block
     queue, places, starts, downs, depths = scratch.waiting
     return Scratch(
         VoxelLine(line[mine], reach[mine], live[mine], cells[mine], weights[mine], placed[mine]),
         _scanlines_of(scratch.sheet, mine),
         _scanlines_of(scratch.sheet_before, mine),
-        Rows(state[mine], length[mine], alive[mine], bright[mine], bounds[mine], reached[mine]),
+        Rows(state[mine], length[mine], alive[mine], bright[mine], bounds[mine], reached[mine], light[mine]),
         BlockScratch(
-            samples[mine], entries[mine], spans[mine], shares[mine], length_inside[mine], before[mine], colors[mine]
+            samples[mine], entries[mine], spans[mine], shares[mine], length_inside[mine], before[mine], colors[mine],
+            classified[mine],
         ),
         WaitingBlocks(queue[mine], places[mine], starts[mine], downs[mine], depths[mine]),
     )
@@ -275,7 +276,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         own = _scratch_of(scratch, worker * SPREAD)
         pixels, half, filled = image
         along, along_slope, across, across_slope, seen, intervals = rays
-        state, length, alive, bright, bounds, reached = own.rows
+        state, length, alive, bright, bounds, reached, _ = own.rows
         window = Window(top_row, rows, along.size)
         band_alive = alive[BAND]
         shortened = bounds.size > 0

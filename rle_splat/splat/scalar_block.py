@@ -262,73 +262,33 @@ def _both(signature, first, first_value, second, second_value):
     return signature.args[first], first_value, signature.args[second], second_value
 
 
-def lit(colors, samples, counts, planes, light):
-    """Colors times the light that falls on them, and highlights in proportion to the extinction ``samples``.
-
-    ``counts``: how many ``planes`` of light and of highlight there are, none, one or three each; ``light(planes,
-    channel)``: one of them, as a vector.
-    """
-    matt, gloss = planes
-    if counts[0]:
-        shine = [light(matt, channel) for channel in range(counts[0])]
-        colors = [color * shine[channel % counts[0]] for channel, color in enumerate(colors)]
-    if counts[1]:
-        shine = [light(gloss, channel) for channel in range(counts[1])]
-        colors = [color + samples * shine[channel % counts[1]] for channel, color in enumerate(colors)]
-    return colors
-
-
 @intrinsic
-def composite_classified(
-    typing, sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before, matt,
-    gloss, depth, deep, thickness, least, state, row, transmitted,
-):
-    """One block of slabs, classified, lit and composited over the row.
+def composite_classified(typing, sampled, shares, depth, deep, thickness, least, state, row, transmitted):
+    """One block of slabs, classified and lit, composited over the row.
 
-    ``sampled``: of ``classify_values``; ``shares``, ``sheet``, ``before`` and their places: of ``look_between``.
-    ``matt`` and ``gloss``: tuples of the planes of the sheets that the color is multiplied by, and that are added
-    to it: none, one or three each.  The others, and what is returned: see ``pixel_block.composite_extinction``.
+    ``sampled``: of ``classify_values``; ``shares``: of ``look_between``.  The others, and what is returned: see
+    ``pixel_block.composite_extinction``.
     """
-    counts = (len(matt.types), len(gloss.types))
-    if any(count not in (0, 1, 3) for count in counts):
-        return None
 
     def generate(context, builder, signature, arguments):
-        sampled, shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:10]
-        matt, gloss, depth, deep, thickness, least, state, row, transmitted = arguments[10:]
-        sampled_type, shares_type, sheet_type, before_type = (signature.args[n] for n in (0, 1, 2, 6))
-        depth_type, state_type, transmitted_type = (signature.args[n] for n in (12, 16, 18))
+        sampled, shares, depth, deep, thickness, least, state, row, transmitted = arguments
+        sampled_type, shares_type, depth_type = (signature.args[n] for n in (0, 1, 2))
+        state_type, transmitted_type = (signature.args[n] for n in (6, 8))
 
         def block(array_type, array, number):
             at = place(context, builder, array_type, array, ir.Constant(ir.IntType(64), number * BLOCK))
             return Vector.load(builder, at, BLOCK)
 
         *colors, samples = (block(sampled_type, sampled, number) for number in range(4))
-        counted, here = block(shares_type, shares, 0), block(shares_type, shares, 1)
-        there = Vector(builder, here.like(1.0)) - here
-        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-
-        def light(planes, channel):
-            """A plane of light, mixed in each sheet and of both, whatever plane that is."""
-            plane = builder.extract_value(planes, channel)
-            offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
-            now = (builder.add(at, offset) for at in (upper, lower))
-            then = (builder.add(at, offset) for at in (upper_before, lower_before))
-            now = mix_blocks(context, builder, sheet_type, sheet, *now, down, 0)
-            then = mix_blocks(context, builder, before_type, before, *then, down_before, 0)
-            return now * here + then * there
-
-        colors = lit(colors, samples, counts, (matt, gloss), light)
         length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-        length = length * Vector.spread(builder, thickness, BLOCK) * counted
+        length = length * Vector.spread(builder, thickness, BLOCK) * block(shares_type, shares, 0)
         return composited(
             context, builder, slab, colors, samples, length, least, state_type, state, row, transmitted_type,
             transmitted,
         )
 
-    places, number = (types.intp, types.intp), types.float32
+    number = types.float32
     returned = types.int64(
-        sampled, shares, sheet, *places, number, before, *places, number, matt, gloss, depth, types.intp, number,
-        number, state, types.intp, transmitted,
+        sampled, shares, depth, types.intp, number, number, state, types.intp, transmitted,
     )
     return returned, generate

@@ -10,7 +10,7 @@ from __future__ import annotations
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import Vector, count_lanes, place
 from .pixel_block import BLOCK, TINY, counted, kind_of, laid_over, row_planes, slab, store_row
-from .scalar_block import entry_of, lit, put_block, put_entries, rows_of
+from .scalar_block import entry_of, put_block, put_entries, rows_of
 
 GROUP = 4  # sheets handled together: as many as the dearest preset has a voxel
 
@@ -43,15 +43,14 @@ def _spread_each(context, builder, array_type, array):
     return _joined([Vector.spread(builder, number, BLOCK) for number in numbers])
 
 
-def _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset=None):
-    """As ``_joined``: a plane of all sheets, of two scanlines mixed."""
+def _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down):
+    """As ``_joined``: the scalar of all sheets, of two scanlines mixed."""
     sides = []
     for side in range(2):
         blocks = []
         for number in range(GROUP):
             which = builder.add(builder.mul(waiting, _whole(2 * GROUP)), _whole(2 * number + side))
             at = builder.load(place(context, builder, places_type, places, which))
-            at = at if offset is None else builder.add(at, offset)
             blocks.append(Vector.load(builder, place(context, builder, sheet_type, sheet, at), BLOCK))
         sides.append(_joined(blocks))
     above, below = sides
@@ -86,42 +85,29 @@ def look_up_group(typing, sheet, places, waiting, downs, low, high, origin, rate
 
 
 @intrinsic
-def composite_group(
-    typing, table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness, least, state, row,
-    ahead,
-):
-    """GROUP slabs of a block, classified, lit and composited over the row, one behind the other.
+def composite_group(typing, table, entries, waiting, depth, deep, thickness, least, state, row, ahead):
+    """GROUP slabs of a block composited over the row, one behind the other.
 
-    ``table``, ``entries``: of ``look_up_group``, as are ``sheet``, ``places`` and ``downs``.  ``thickness``
-    (GROUP,) float32.  Out: ``ahead`` (GROUP + 1, BLOCK), flat: the transmittance ahead of each slab, and behind the
-    last one.  The others, and what is returned: see ``scalar_block.composite_classified``.
+    ``table``, ``entries``: of ``look_up_group``; ``entries`` is None where ``table`` holds samples that are classified
+    and lit, (GROUP, 4, BLOCK), flat.  ``thickness`` (GROUP,) float32.  Out: ``ahead`` (GROUP + 1, BLOCK), flat: the
+    transmittance ahead of each slab, and behind the last one.  The others, and what is returned: see
+    ``scalar_block.composite_classified``.
     """
-    counts = (len(matt.types), len(gloss.types))
-    if any(count not in (0, 1, 3) for count in counts):
-        return None
 
     def generate(context, builder, signature, arguments):
-        table, entries, sheet, places, waiting, downs, matt, gloss, depth, deep, thickness = arguments[:11]
-        least, state, row, ahead = arguments[11:]
-        table_type, entries_type, sheet_type, places_type, _, downs_type = signature.args[:6]
-        depth_type, thickness_type, state_type, ahead_type = (signature.args[n] for n in (8, 10, 12, 14))
+        table, entries, waiting, depth, deep, thickness, least, state, row, ahead = arguments
+        table_type, entries_type, _, depth_type, _, thickness_type, _, state_type, _, ahead_type = signature.args
         kind = kind_of(state_type)
         least = Vector.spread(builder, least, BLOCK).widened(kind)
         first = builder.mul(waiting, _whole(GROUP * BLOCK))
-        rows = [
-            rows_of(context, builder, table_type, table, entries_type, entries, number, first)
-            for number in range(GROUP)
-        ]
-        *colors, samples = (_joined(planes) for planes in zip(*rows, strict=True))
-        down = _spread_each(context, builder, downs_type, downs) if any(counts) else None
 
-        def light(planes, channel):
-            """A plane of light, whatever plane that is."""
-            plane = builder.extract_value(planes, channel)
-            offset = builder.mul(plane, ir.Constant(plane.type, BLOCK))
-            return _samples(context, builder, sheet_type, sheet, places_type, places, waiting, down, offset)
+        def sampled(number):
+            if not isinstance(entries_type, types.NoneType):
+                return rows_of(context, builder, table_type, table, entries_type, entries, number, first)
+            places = (_whole(BLOCK * (4 * number + plane)) for plane in range(4))
+            return [Vector.load(builder, place(context, builder, table_type, table, at), BLOCK) for at in places]
 
-        colors = lit(colors, samples, counts, (matt, gloss), light)
+        *colors, samples = (_joined(planes) for planes in zip(*map(sampled, range(GROUP)), strict=True))
         length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
         length = _joined([length] * GROUP) * _spread_each(context, builder, thickness_type, thickness)
         colors, samples, length = [c.widened(kind) for c in colors], samples.widened(kind), length.widened(kind)
@@ -138,7 +124,6 @@ def composite_group(
         return counted(builder, transmittance, least)
 
     returned = types.int64(
-        table, entries, sheet, places, types.intp, downs, matt, gloss, depth, types.intp, thickness, types.float32,
-        state, types.intp, ahead,
+        table, entries, types.intp, depth, types.intp, thickness, types.float32, state, types.intp, ahead,
     )
     return returned, generate

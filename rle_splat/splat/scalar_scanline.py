@@ -10,16 +10,19 @@ import numpy as np
 
 from ..runtime.jit import inner_loop
 from ..runtime.prefetch import fetch_ahead
-from .lamp_groups import mix_few_lamps, mix_many_lamps, mix_one_lamp
+from ..shade.sample_light import NORMAL
 from .pixel_block import BLOCK
 from .voxel_groups import (
     FEW,
     MANY,
-    mix_few_lights,
+    mix_few_codes,
+    mix_few_normals,
     mix_few_scalars,
-    mix_many_lights,
+    mix_many_codes,
+    mix_many_normals,
     mix_many_scalars,
-    mix_one_light,
+    mix_one_code,
+    mix_one_normal,
     mix_one_scalar,
 )
 from .voxel_scanline import BEFORE, BLOCK_BITS, SLACK, mark_blocks
@@ -30,19 +33,15 @@ NOT_KEPT = np.float32(-3e38)
 
 @inner_loop
 def put_scanline(
-    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, lights, light_unit, lamps, scanline, depth,
-    weight, run, voxel, far_weight, far_run, far_voxel, width, live, live_count, matt, gloss,
+    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, codes, weight, run, voxel, far_weight,
+    far_run, far_voxel, width, live, live_count,
 ):
-    """Put scalar and light of one scanline's voxels that lie in live spans on ``line``.
+    """Put scalar and codes of one scanline's voxels that lie in live spans on ``line``.
 
     ``line``: flat float32, planes of ``stride`` voxels, scalar first.  ``weight``, ``run``, ``voxel``: of the nearer
     slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``scalars``:
-    StoredScalars.  ``lights``:
-    (m, channels) uint16 codes, or None; ``light_unit`` makes numbers of them; ``matt`` and ``gloss``, see
-    ``scalar_block.composite_classified``, are as many planes as it has channels.  ``lamps``: what light is made of
-    where there are no codes, of scanline number ``scanline`` of the nearer slice, number ``depth``.  ``overhang``:
-    voxels beyond the first and the last from which samples are taken back to them.  The others: see
-    ``voxel_scanline.add_runs``.
+    StoredScalars.  ``codes``: (m, channels) int16, or None.  ``overhang``: voxels beyond the first and the last from
+    which samples are taken back to them.  The others: see ``voxel_scanline.add_runs``.
     """
     left = shift + (1.0 - SLACK) + BEFORE * BLOCK
     right = shift - scale + SLACK + BEFORE * BLOCK
@@ -84,11 +83,7 @@ def put_scanline(
             far_at = far_voxel + low - far_begin if pair else at
             reach[3] += high - low
             put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
-            if lights is not None:
-                _put_light(
-                    line, stride, low, high - low, lights, light_unit, lamps, scanline, depth, weight, at, far_weight,
-                    far_at, pair, matt, gloss,
-                )  # fmt: skip
+            put_codes(codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
             reach[0], reach[1] = min(reach[0], low), max(reach[1], high)
             from_pixel, to_pixel = low * scale + left, high * scale + right
             if low == 0:
@@ -97,21 +92,6 @@ def put_scanline(
                 to_pixel += overhang * scale
             mark_blocks(marks, slot, (int(from_pixel) >> BLOCK_BITS) - BEFORE, (int(to_pixel) >> BLOCK_BITS) - BEFORE)
             s += 1
-
-
-@inner_loop
-def _put_light(
-    line, stride, to, count, lights, light_unit, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair,
-    matt, gloss,
-):
-    """The planes of light of the same voxels, of codes or else of lamps."""
-    if lamps is not None:
-        if lights.size == 0:
-            put_lamps(
-                line, stride, to, count, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair, matt, gloss
-            )
-            return
-    put_lights(line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss)
 
 
 @inner_loop
@@ -158,42 +138,43 @@ def fetch_scalars(scalars, first, count):
 
 
 @inner_loop
-def fetch_normals(normals, first, count):
-    """As ``fetch_scalars``, of coded normals (3, m), where there are any."""
-    if normals.size > 0:
-        for component in range(3):
-            fetch_ahead(normals, component * normals.shape[1] + first, count)
-
-
-@inner_loop
-def put_lights(line, stride, to, count, lights, light_unit, weight, voxel, far_weight, far_voxel, pair, matt, gloss):
-    """The planes of light of the same voxels."""
-    size = MANY if count >= MANY else FEW if count >= FEW else 1
-    i = 0
-    while i < count:
-        i = min(i, count - size)
-        near, far = voxel + i, far_voxel + i
-        if size == MANY:
-            mix_many_lights(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
-        elif size == FEW:
-            mix_few_lights(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
+def put_codes(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
+    """The planes of codes of the same voxels, if there are any."""
+    if codes is not None:
+        if codes.shape[1] == NORMAL:
+            _put_normals(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
         else:
-            mix_one_light(line, stride, to + i, lights, near, far, weight, far_weight, light_unit, pair, matt, gloss)
-        i += size
+            for channel in range(codes.shape[1]):
+                _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
 
 
 @inner_loop
-def put_lamps(line, stride, to, count, lamps, scanline, depth, weight, voxel, far_weight, far_voxel, pair, matt, gloss):
-    """As ``put_lights``, of light that is made of normals."""
+def _put_normals(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
     size = MANY if count >= MANY else FEW if count >= FEW else 1
     i = 0
     while i < count:
         i = min(i, count - size)
         at, near, far = to + i, voxel + i, far_voxel + i
         if size == MANY:
-            mix_many_lamps(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
+            mix_many_normals(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
         elif size == FEW:
-            mix_few_lamps(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
+            mix_few_normals(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
         else:
-            mix_one_lamp(line, stride, at, near, far, weight, far_weight, pair, lamps, scanline, depth, matt, gloss)
+            mix_one_normal(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
+        i += size
+
+
+@inner_loop
+def _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
+    size = MANY if count >= MANY else FEW if count >= FEW else 1
+    channels, i = codes.shape[1], 0
+    while i < count:
+        i = min(i, count - size)
+        at, near, far = to + i, voxel + i, far_voxel + i
+        if size == MANY:
+            mix_many_codes(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
+        elif size == FEW:
+            mix_few_codes(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
+        else:
+            mix_one_code(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
         i += size

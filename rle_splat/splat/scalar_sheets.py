@@ -16,14 +16,15 @@ from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
 from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
-from .arguments import Box, LightPlanes, Lookup, ScalarTables
+from .arguments import Box, CodePlanes, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
 from .mist_block import MistRays
 from .pixel_block import BLOCK
 from .rays_in_box import NO_ROW, block_at
+from .sample_block import clear_light
 from .scalar_block import place_inside, resample_plane
 from .scalar_group import GROUP
-from .scalar_scanline import NOT_KEPT, fetch_normals, fetch_scalars, put_scanline
+from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
 from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
 from .scratch import BAND
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
@@ -38,7 +39,7 @@ class ScalarMedium(NamedTuple):
     tables : ScalarTables
     box : Box
     lookup : Lookup
-    light : LightPlanes
+    planes : CodePlanes
     sign : float32 or None
         Which value of a ray is wanted in place of compositing: 1 the largest, -1 the smallest, 0 the mean; of
         ``lookup`` only origin and least count then.
@@ -55,7 +56,7 @@ class ScalarMedium(NamedTuple):
     tables: ScalarTables
     box: Box
     lookup: Lookup
-    light: LightPlanes
+    planes: CodePlanes
     sign: np.float32 | None
     absorbs: bool | None
     mist: MistRays
@@ -125,17 +126,16 @@ def _is_filled(medium, sheets, number, scanline):
 
 
 @inner_loop
-def _put(tables, box, light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+def _put(codes, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
     line.reach[0] = tables.width
     put_scanline(
-        line.line, line.line.size // plane_count(light), line.reach, marks, slot, scale_u, shift_u, box.overhang,
-        tables.runs, tables.scalars, tables.lights, tables.light_unit, tables.lamps, scanline, near, weight,
-        int(tables.pointers[near, scanline]), tables.data_starts[near, scanline], far_weight, far_run, far_voxel,
-        tables.width, line.live, live_count, light.matt, light.gloss + light.thinning,
+        line.line, line.line.size // plane_count(planes.count), line.reach, marks, slot, scale_u, shift_u, box.overhang,
+        tables.runs, tables.scalars, codes, weight, int(tables.pointers[near, scanline]),
+        tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
     )
 
 
@@ -146,38 +146,30 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
     if not _is_filled(medium, sheets, number, scanline):
         return
     _put(
-        medium.tables, medium.box, medium.light, sheets, number, scanline, slot, shift_u, scale_u, line, live_count,
-        marks,
+        medium.tables.codes, medium.tables, medium.box, medium.planes, sheets, number, scanline, slot, shift_u, scale_u,
+        line, live_count, marks,
     )  # fmt: skip
 
 
 @inner_loop
-def _fetch_normals(lamps, first, count):
-    if lamps is not None:
-        fetch_normals(lamps.normals, first, count)
-
-
-@inner_loop
-def _fetch(lights, tables, ahead, scanline, count):
+def _fetch(codes, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
     fetch_scalars(tables.scalars, first, count)
-    if lights is not None:
-        if lights.size > 0:
-            fetch_ahead(lights, first * lights.shape[1], count * lights.shape[1])
-        _fetch_normals(tables.lamps, first, count)
+    if codes is not None:
+        fetch_ahead(codes, first * codes.shape[1], count * codes.shape[1])
 
 
 @inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
-    _fetch(medium.tables.lights, medium.tables, ahead, scanline, count)
+    _fetch(medium.tables.codes, medium.tables, ahead, scanline, count)
 
 
 @inner_loop
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
-    planes = plane_count(medium.light)
+    planes = plane_count(medium.planes.count)
     stride = voxels.size // planes
     if is_new:
         place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, medium.tables.width - 1.0)
@@ -266,7 +258,7 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
 def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
-    planes, blocks = plane_count(medium.light), own.rows.bright.shape[1]
+    planes, blocks = plane_count(medium.planes.count), own.rows.bright.shape[1]
     begin, end, thickness = sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number])
     sample = _samples_of(here, slot, down, pixels.b, planes, blocks)
     sample_before = _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks)
@@ -321,7 +313,7 @@ def _composite(cut, grouped, medium, sheets, slab, row, window, r, b, queued, ra
     enters, leaves = max(box_blocks[1, b], row.enter), min(box_blocks[2, b], row.leave)
     if slab.together == GROUP and slab.front >= enters and slab.behind <= leaves:
         return LIVE, look_up_waiting(
-            queued, r, b, here, plane_count(medium.light), own.rows.bright.shape[1], own.waiting, medium.lookup
+            queued, r, b, here, plane_count(medium.planes.count), own.rows.bright.shape[1], own.waiting, medium.lookup
         )
     return _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half), queued
 
@@ -340,8 +332,8 @@ def _composite_queued(grouped, medium, sheets, slab, window, r, word, queued, he
     if grouped is None:
         return False
     return composite_waiting(
-        queued, r, word, window, slab.first, sheets, medium.lookup.table, medium.light, medium.least, here.samples,
-        own.waiting, own.rows, own.block, half,
+        queued, r, word, window, slab.first, sheets, medium.lookup.table, medium.planes.lamps, medium.least,
+        here.samples, own.waiting, own.rows, own.block, half,
     )  # fmt: skip
 
 
@@ -355,7 +347,8 @@ def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, i
 @inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
-    planes = plane_count(medium.light)
+    planes = plane_count(medium.planes.count)
+    clear_light(medium.planes.lamps, own.rows.light)
     line = own.line.line
     stride = line.size // planes
     line[:stride] = NOT_KEPT
@@ -390,7 +383,7 @@ _splat_bands = band_walker(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, lookup, sign, absorbs, light, mist, grouped, least, first_row, last_row, workers,
+    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, grouped, least, first_row, last_row, workers,
     next_band, scratch, out, half, filled,
 ):
     """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
@@ -403,14 +396,14 @@ def splat_scalar_rows(
     tables : ScalarTables
     sheets : SheetList
     rays : Rays
-    box, lookup, sign, absorbs, light, mist, grouped, least
+    box, lookup, sign, absorbs, planes, mist, grouped, least
         See ``ScalarMedium``.
     first_row, last_row, workers, next_band, scratch
         See ``sheet_buffer.splat_rows``.
     out, half, filled
         Written: see ``sheet_buffer.splat_rows``; without compositing, see ``ray_sums``.
     """
-    medium = ScalarMedium(tables, box, lookup, light, sign, absorbs, mist, grouped, least)
+    medium = ScalarMedium(tables, box, lookup, planes, sign, absorbs, mist, grouped, least)
     share_out(
         _splat_bands, workers,
         (medium, sheets, rays, first_row, last_row, next_band, scratch, (out, half, filled)),

@@ -16,6 +16,8 @@ from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .rays_in_box import inside_box, interval_in_box
+from .sample_block import light_between, light_own
+from .sample_lamps import HELD
 from .scalar_block import classify_spans, classify_values, composite_classified, look_between, look_up
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
@@ -46,9 +48,9 @@ class Pixels(NamedTuple):
 
 
 @inner_loop
-def plane_count(light):
-    """Numbers that a sheet holds of a pixel."""
-    return 1 + len(light.matt) + len(light.gloss) + len(light.thinning)
+def plane_count(count):
+    """Numbers that a sheet holds of a pixel; ``count``: of CodePlanes."""
+    return 1 if count is None else count
 
 
 @inner_loop
@@ -106,20 +108,55 @@ def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, 
 
 
 @inner_loop
+def _light_samples(lamps, kind, lookup, here, there, length, deep, thickness, position, pixels, block, rows):
+    """Light a classified block; nothing without ``lamps``.  ``position``: of the slab's middle."""
+    if lamps is not None:
+        sheet, upper, lower, down = here
+        before, upper_before, lower_before, down_before = there
+        at = BLOCK * (pixels.r * rows.bright.shape[1] + pixels.b)
+        left = 4 * at + TRANSMITTANCE
+        if kind == OWN:
+            light_own(
+                block.samples, 0, sheet, upper, lower, down, sheet, upper, lower, down, block.shares, lookup.low,
+                lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at, lamps, pixels.first,
+                pixels.v, position,
+            )
+        else:
+            light_between(
+                block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
+                block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
+                lamps, pixels.first, pixels.v, position,
+            )
+
+
+@inner_loop
+def _thin(codes, thinning, here, there, length, deep, block):
+    """``thin_slab`` where a plane holds a factor of extinction; whether one does.  ``codes``: None where none can."""
+    if codes is None:
+        return False
+    if thinning == 0:
+        return False
+    sheet, upper, lower, down = here
+    before, upper_before, lower_before, down_before = there
+    thin_slab(
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, thinning * BLOCK,
+        block.shares, length, deep, block.length_inside,
+    )
+    return True
+
+
+@inner_loop
 def _composite_classified(
-    intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+    intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half
 ):  # fmt: skip
     """Composite a classified block; how many of its pixels are not opaque."""
     r, b, v, first_pixel, count = pixels
     state, to = rows.state, 4 * BLOCK * (r * rows.bright.shape[1] + b)
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
     if mist is not None:
         if mist.place.size > 0:
             copy_colors(state, to, block.colors)
     found = composite_classified(
-        block.samples, block.shares, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
-        medium.light.matt, medium.light.gloss, length, deep, thickness, medium.least, state, to, block.before,
+        block.samples, block.shares, length, deep, thickness, medium.least, state, to, block.before
     )
     if mist is not None:
         if mist.place.size > 0:
@@ -142,7 +179,7 @@ def composite_slab(
     ``intervals``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
     ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
     """
-    _, box, lookup, light, _, _, _, _, _ = medium
+    _, box, lookup, planes, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels
     shortened = False
     if intervals is not None:
@@ -172,13 +209,7 @@ def composite_slab(
             block.samples, half,
         )
         return LIVE
-    if len(light.thinning) > 0:
-        before, upper_before, lower_before, down_before = there
-        last = (plane_count(light) - 1) * BLOCK
-        thin_slab(
-            sheet, upper, lower, down, before, upper_before, lower_before, down_before, last, block.shares, length,
-            deep, block.length_inside,
-        )
+    if _thin(planes.count, planes.thinning, here, there, length, deep, block):
         length, deep = block.length_inside, 0
     if absorbs is not None:
         add_depths(
@@ -188,6 +219,9 @@ def composite_slab(
         )
         return LIVE
     _classify(lookup, seen, block)
+    _light_samples(
+        planes.lamps, kind, lookup, here, there, length, deep, thickness, 0.5 * (begin + end), pixels, block, rows
+    )
     return _composite_classified(
-        intervals, mist, medium, here, there, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+        intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half
     )

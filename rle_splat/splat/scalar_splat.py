@@ -8,15 +8,14 @@ from ..classify.lookup_table import LookupTable
 from ..encode.scalars import ScalarVolume
 from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
-from ..shade.normal_light import NO_LAMPS
-from ..shade.voxel_light import light_planes
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import Sheets
-from .arguments import LightPlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
+from .arguments import CodePlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
 from .reference.scalar_sheets import splat_scalar_sheets_numpy
+from .sample_lamps import HELD, sample_lamps
 from .scalar_group import GROUP
 from .scalar_sheets import splat_scalar_rows
 from .scratch import scratch_for, worth_grouping
@@ -90,15 +89,17 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     tables = encoded.tables
     return ScalarTables(
         read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
-        StoredScalars.of(encoded.scalars), encoded.lights, np.float32(encoded.light_unit), encoded.width,
-        None if encoded.lights is None or encoded.thinned else encoded.lamps or NO_LAMPS,
+        StoredScalars.of(encoded.scalars), None if encoded.codes is None else read_only(encoded.codes), encoded.width,
     )  # fmt: skip
 
 
-def kernel_light_planes(lights, thinned: bool) -> tuple[tuple, tuple]:
-    """The planes of light and of highlight, as kernels take them."""
-    shining = 0 if lights is None else lights.shape[1] - thinned
-    return light_planes(shining) if shining else ((), ())
+def _planes(encoded: ScalarVolume, light, plane: BasePlane, least) -> CodePlanes:
+    """``light``: the SampleLight that is wanted."""
+    if encoded.codes is None:
+        return CodePlanes(None, 0, None)
+    channels = encoded.codes.shape[1]
+    lamps = None if light is None else sample_lamps(light, plane, encoded.shape_xyz, least)
+    return CodePlanes(1 + channels, channels if encoded.thinned else 0, lamps)
 
 
 def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None):
@@ -107,19 +108,21 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, intervals)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    channels = 0 if encoded.lights is None else encoded.lights.shape[1]
-    light = LightPlanes(*kernel_light_planes(encoded.lights, encoded.thinned), (channels,) if encoded.thinned else ())
+    grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist)
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
-    arguments = (tables, sheets, rays, box, lookup, sign, absorbs, light, mist_rays(plane, mist))
+    light = encoded.light if sign is None and absorbs is None else None
+    arguments = (tables, sheets, rays, box, lookup, sign, absorbs)
+    mist = mist_rays(plane, mist)
     if not compiled():
-        yield from splat_scalar_sheets_numpy(*arguments, least, *image.arrays)
+        yield from splat_scalar_sheets_numpy(*arguments, encoded.thinned, light, plane, mist, least, *image.arrays)
         return image
     workers = thread_count(quality.threads)
-    grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist)
-    arguments = (*arguments, grouped, least)
-    group = GROUP if grouped else 1
-    scratch = scratch_for(workers, tables, sheets, rays, None, 1 + channels, before=True, group=group)
+    planes = _planes(encoded, light, plane, float(least))
+    arguments = (*arguments, planes, mist, grouped, least)
+    channels, group = planes.count or 1, GROUP if grouped else 1
+    held = 0 if light is None else HELD
+    scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True, group=group, light=held)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
     return image
 

@@ -15,11 +15,13 @@ import numpy as np
 
 from ..runtime.jit import compiled, thread_count
 from ..scene import Quality
+from ..shade.sample_light import NORMAL
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import OWN, Sheets
 from ..volume.axes import AXES
 from .arguments import wide_of
 from .pixel_block import BLOCK, accumulator
+from .sample_lamps import HELD
 from .scalar_group import GROUP
 from .voxel_scanline import WORD
 
@@ -30,7 +32,6 @@ SPREAD = 4
 CACHE_LINE = 64  # bytes; arrays begin at one, and the widest vectors are as long
 MOST_KEPT = 1 << 28  # bytes, of which a picture touches what it needs; a larger scratch is that picture's alone
 _KEPT: list[np.ndarray] = []
-WHITE = 2  # channels of a voxel's light and highlight, all colors alike
 REACH = (CACHE_LINE // 8,)  # numbers of it
 WORTH_GROUPING = 0.75  # voxels of depth that a sheet stands for, on average
 BAND = 16  # rows that share the scanlines they are splatted from: few enough to stay in cache
@@ -108,6 +109,9 @@ class Rows(NamedTuple):
         Where the rays of a block begin and end (``interval_blocks``); empty where rays are whole.
     reached : (words,) uint64
         The blocks that have a ray inside its interval in the sheet at hand; empty where rays are whole.
+    light : (planes * BLOCK * blocks * BAND,) float32
+        Where samples are lit by themselves: the weight of each pixel's samples since its light was last evaluated, and
+        that light and highlight; else empty.
     """
 
     state: np.ndarray
@@ -116,6 +120,7 @@ class Rows(NamedTuple):
     bright: np.ndarray
     bounds: np.ndarray
     reached: np.ndarray
+    light: np.ndarray
 
 
 class BlockScratch(NamedTuple):
@@ -135,6 +140,8 @@ class BlockScratch(NamedTuple):
         Transmittance ahead of the slab; of a group, ahead of each slab and behind the last.
     colors : (3 * BLOCK,) float32 or float64
         Colors ahead of the slab.
+    classified : (4 * BLOCK * group,) float32
+        Samples of each sheet of a group, classified and lit.
     """
 
     samples: np.ndarray
@@ -144,6 +151,7 @@ class BlockScratch(NamedTuple):
     length_inside: np.ndarray
     before: np.ndarray
     colors: np.ndarray
+    classified: np.ndarray
 
 
 class WaitingBlocks(NamedTuple):
@@ -200,16 +208,18 @@ def worth_grouping(sheets: Sheets) -> bool:
 
 
 def scratch_for(
-    workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False, group: int = 1
+    workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False, group: int = 1,
+    light: int = 0,
 ) -> Scratch:
     """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest.
 
-    ``before``: whether the sheet before is kept as well.  ``group``: how many sheets are handled together.
+    ``before``: whether the sheet before is kept as well.  ``group``: how many sheets are handled together.  ``light``:
+    planes of ``Rows.light``.
     """
     # Where the sheet is coarsest, a footprint covers most voxels, and a band most scanlines.
     sizes = _sizes(
         tables.width, rays.along.size, _coarsest(sheets.scale), len(sheets.begin), wide, channels, before,
-        rays.intervals.size > 0, group,
+        rays.intervals.size > 0, group, light,
     )
     rows = workers * SPREAD
     layout, size = _layout(rows, sizes)
@@ -222,21 +232,23 @@ def scratch_for(
 def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, shortened: bool) -> int:
     """About the bytes of ``scratch_for`` that are touched, before there are tables; the reference has no scratch.
 
-    Light is taken to be white, which it mostly is.  ``scalars``: whether sheets hold the scalar.  ``shortened``:
-    whether rays have intervals.
+    Sheets of the scalar are taken to be lit, by a lamp that casts shadows.  ``scalars``: whether there are such.
+    ``shortened``: whether rays have intervals.
     """
     if not compiled():
         return 0
     group = GROUP if scalars and not shortened and worth_grouping(plane.sheets) else 1
     sizes = _sizes(
         shape_xyz[AXES[plane.axis][0]], plane.width, _coarsest(plane.scale), len(plane.sheets),
-        None if scalars else wide_of(plane, quality), 1 + WHITE if scalars else 4, scalars, shortened, group,
+        None if scalars else wide_of(plane, quality), 2 + NORMAL if scalars else 4, scalars, shortened, group,
+        HELD if scalars else 0,
     )
     return thread_count(quality.threads) * _bytes_of(*sizes)
 
 
 def _sizes(
-    width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, shortened: bool, group: int
+    width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, shortened: bool, group: int,
+    light: int = 0,
 ) -> tuple:
     """What ``_shapes`` is made of.
 
@@ -247,7 +259,7 @@ def _sizes(
     stretch = [max(1.0, 1.0 / scale) if wide is not None and wide.widen else 1.0 for scale in coarsest]
     taps, lines = (max(math.ceil(2.0 * (1.0 if wide is None else wide.radius) * s), 1) for s in stretch)
     slots = min(math.ceil(BAND / coarsest[1]) + lines + 2, BAND * lines)
-    return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, shortened, group
+    return width + 2 * taps + 3, blocks, slots, taps, accumulator(sheets), channels, before, shortened, group, light
 
 
 def _coarsest(scale: np.ndarray) -> list[float]:
@@ -276,7 +288,8 @@ def _layout(rows: int, sizes: tuple) -> tuple[list, int]:
 
 @lru_cache
 def _shapes(
-    line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, shortened: bool, group: int
+    line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, shortened: bool, group: int,
+    light: int,
 ) -> dict:
     """Name -> shape and type of each array of a Scratch for one worker, in the order of its groups; see ``_sizes``."""
     words = -(-blocks // WORD)
@@ -299,9 +312,11 @@ def _shapes(
         "state": (4 * BLOCK * blocks * BAND, numbers), "length": (BLOCK * blocks * BAND, np.float32),
         "alive": (BAND + 1, words, np.uint64), "bright": (BAND, blocks, np.int32),
         "bounds": (BAND + 1, 6, blocks * shortened, np.float32), "reached": (words * shortened, np.uint64),
+        "light": (light * BLOCK * blocks * BAND, np.float32),
         "samples": (4 * BLOCK, np.float32),
         "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
         "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
+        "classified": (4 * BLOCK * group, np.float32),
         "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
         "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
     }

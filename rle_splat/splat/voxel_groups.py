@@ -6,13 +6,12 @@ of a fixed size, of which the last may lie over the one before: a voxel has the 
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..runtime.llvm import intrinsic, ir, types
-from ..runtime.vectors import FLOAT, INTEGER, Vector, place
+from ..runtime.vectors import FLOAT, INTEGER, Vector, pick, place
+from ..shade.sample_light import NORMAL, ONE
 
 MANY, FEW = 16, 4  # voxels of a group
-CODE_BITS = np.uint32(12)  # a 16-bit code of light becomes float32 by a shift and a product: encode/records.py
+PER_CODE = 1.0 / float(ONE)
 
 
 def _load(builder, pointer, count):
@@ -66,50 +65,59 @@ def _mixer_of_scalars(count):
     return mix
 
 
-def _mixer_of_lights(count):
-    @intrinsic
-    def mix(typing, line, stride, to, lights, near, far, weight, far_weight, unit, pair, matt, gloss):
-        """Light of voxels ``near`` and ``far`` and of the next ones, mixed, to the planes of ``line`` that follow
-        the first, ``stride`` numbers apart, from number ``to`` on.
+def _columns(builder, pointer, count, channels):
+    """``channels`` vectors of int16 from as many numbers a voxel, of ``count`` voxels from a pointer on."""
+    rows = _load(builder, pointer, count * channels)
+    return [pick(builder, rows, range(first, count * channels, channels)) for first in range(channels)]
 
-        ``lights``: (m, channels) codes, and as many channels as planes in ``matt`` and ``gloss`` together.
+
+def _column(builder, pointer, count, stride):
+    """A vector of int16, numbers ``stride`` apart from a pointer on."""
+    found = ir.Constant(ir.VectorType(pointer.type.pointee, count), ir.Undefined)
+    for lane in range(count):
+        found = builder.insert_element(found, builder.load(pointer), ir.Constant(INTEGER, lane))
+        pointer = builder.gep(pointer, [stride])
+    return found
+
+
+def _mixer_of_codes(count, channels=None):
+    @intrinsic
+    def mix(typing, line, stride, to, codes, stored, channel, near, far, weight, far_weight, pair):
+        """Codes of voxels ``near`` and ``far`` and of the next ones, mixed, to the planes of ``line`` that follow the
+        first, ``stride`` numbers apart, from number ``to`` on.
+
+        ``codes``: (m, ``stored``), of which all are taken if there are ``channels`` of them; else only number
+        ``channel``.
         """
-        if lights.layout != "C":
+        if codes.layout != "C":
             return None
-        channels = len(matt.types) + len(gloss.types)
 
         def generate(context, builder, signature, arguments):
-            line, stride, to, lights, near, far, weight, far_weight, unit, pair = arguments[:10]
-            line_type, lights_type = signature.args[0], signature.args[3]
-            unit = Vector.spread(builder, unit, count)
+            line, stride, to, codes, stored, channel, near, far, weight, far_weight, pair = arguments
+            line_type, codes_type = signature.args[0], signature.args[3]
 
-            def number(n):
-                return ir.Constant(to.type, n)
+            def columns(voxel):
+                first = builder.add(builder.mul(voxel, stored), channel)
+                pointer = place(context, builder, codes_type, codes, first)
+                found = _columns(builder, pointer, count, channels) if channels else [
+                    _column(builder, pointer, count, stored)
+                ]
+                return [(Vector(builder, _as_single(builder, one, codes_type.dtype)) * PER_CODE).value for one in found]
 
-            def numbers(voxel, channel):
-                first = place(context, builder, lights_type, lights, builder.mul(voxel, number(channels)))
-                codes = _load(builder, first, count * channels)
-                lanes = [channel + channels * n for n in range(count)]
-                mask = ir.Constant(ir.VectorType(INTEGER, count), lanes)
-                codes = builder.shuffle_vector(codes, codes, mask)
-                bits = builder.zext(codes, ir.VectorType(INTEGER, count))
-                bits = builder.shl(bits, ir.Constant(bits.type, [int(CODE_BITS)] * count))
-                return (Vector(builder, builder.bitcast(bits, ir.VectorType(FLOAT, count))) * unit).value
-
-            for channel in range(channels):
-                mixed = _mixed(
-                    builder, numbers(near, channel), numbers(far, channel), weight, far_weight, pair
+            for number, both in enumerate(zip(columns(near), columns(far), strict=True)):
+                plane = builder.add(channel, ir.Constant(to.type, number + 1))
+                at = builder.add(builder.mul(stride, plane), to)
+                _mixed(builder, *both, weight, far_weight, pair).store(
+                    place(context, builder, line_type, line, at)
                 )
-                plane = builder.mul(stride, number(channel + 1))
-                mixed.store(place(context, builder, line_type, line, builder.add(plane, to)))
             return context.get_dummy_value()
 
-        numbers = (types.float32, types.float32, types.float32, types.boolean)
-        places = (types.intp, types.intp)
-        return types.void(line, *places, lights, *places, *numbers, matt, gloss), generate
+        numbers = (types.float32, types.float32, types.boolean)
+        return types.void(line, *(types.intp,) * 2, codes, *(types.intp,) * 4, *numbers), generate
 
     return mix
 
 
 mix_many_scalars, mix_few_scalars, mix_one_scalar = (_mixer_of_scalars(count) for count in (MANY, FEW, 1))
-mix_many_lights, mix_few_lights, mix_one_light = (_mixer_of_lights(count) for count in (MANY, FEW, 1))
+mix_many_codes, mix_few_codes, mix_one_code = (_mixer_of_codes(count) for count in (MANY, FEW, 1))
+mix_many_normals, mix_few_normals, mix_one_normal = (_mixer_of_codes(count, NORMAL) for count in (MANY, FEW, 1))

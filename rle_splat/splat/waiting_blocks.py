@@ -9,9 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..runtime.jit import inner_loop
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, TRANSMITTANCE
 from .rays_in_box import NO_ROW
+from .sample_block import classify_member, light_own
+from .sample_lamps import HELD
 from .scalar_group import GROUP, composite_group, look_up_group
+from .scalar_slab import NO_SHARE
 from .scratch import BAND
 from .sheet_row import note_half_depth
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
@@ -50,25 +53,50 @@ def look_up_waiting(queued, r, b, scanlines, planes, blocks, waiting, lookup):
 
 
 @inner_loop
-def composite_waiting(queued, r, word, window, first, sheets, table, light, least, samples, waiting, rows, block, half):
+def _composite_group(lamps, number, table, least, samples, waiting, sheets, first, pixel, v, at, rows, block):
+    """Composite block number ``at`` of the band, which waits as ``number``, lit sample by sample if there are
+    ``lamps``; what is returned: see ``composite_group``.
+
+    ``first``: of the group's sheets.  ``pixel``, ``v``: column of the block's first pixel, and row.
+    """
+    _, places, starts, downs, depths = waiting
+    state, to = rows.state, 4 * BLOCK * at
+    if lamps is None:
+        return composite_group(
+            table, starts, number, rows.length, BLOCK * at, depths, least, state, to, block.before
+        )
+    for member in range(GROUP):
+        classify_member(table, starts, (number * GROUP + member) * BLOCK, member, block.classified)
+        which = 2 * (GROUP * number + member)
+        position = 0.5 * (sheets.begin[first + member] + sheets.end[first + member])
+        upper, lower, down = places[which], places[which + 1], downs[member]
+        light_own(
+            block.classified, 4 * BLOCK * member, samples, upper, lower, down, samples, upper, lower, down,
+            block.shares, NO_SHARE, NO_SHARE, rows.length, BLOCK * at, depths[member], state, to + TRANSMITTANCE,
+            rows.light, HELD * BLOCK * at, lamps, pixel, v, position,
+        )
+    return composite_group(
+        block.classified, None, number, rows.length, BLOCK * at, depths, least, state, to, block.before
+    )
+
+
+@inner_loop
+def composite_waiting(queued, r, word, window, first, sheets, table, lamps, least, samples, waiting, rows, block, half):
     """Composite the blocks of a row that wait through the sheets from number ``first`` on; whether any became opaque.
 
-    ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``, ``light``: of
-    ``arguments.Lookup`` and ``arguments.LightPlanes``.  ``least``: transmittance at which a pixel is opaque.
+    ``window``: ``band_walker.Window``.  ``sheets``: ``arguments.SheetList``.  ``table``: of
+    ``arguments.Lookup``.  ``lamps``: SampleLamps or None.  ``least``: transmittance at which a pixel is opaque.
     ``samples``: of ``scratch.Scanlines``.  ``waiting``, ``rows``, ``block``: the groups of ``scratch.Scratch``.
     ``half``: (H, W) float32, see ``sheet_row.note_half_depth``.
     """
-    queue, places, starts, downs, depths = waiting
-    state, length, alive, bright, _, _ = rows
-    before = block.before
+    queue, alive, bright, before = waiting.queue, rows.alive, rows.bright, block.before
     blocks = bright.shape[1]
     died = False
     for number in range(queued):
         b = queue[number]
-        at = r * blocks + b
-        pixels = composite_group(
-            table, starts, samples, places, number, downs, light.matt, light.gloss, length, BLOCK * at, depths, least,
-            state, 4 * BLOCK * at, before,
+        pixels = _composite_group(
+            lamps, number, table, least, samples, waiting, sheets, first, b * BLOCK, window.top_row + r,
+            r * blocks + b, rows, block,
         )
         if pixels >> 8 != bright[r, b]:
             bright[r, b] = pixels >> 8

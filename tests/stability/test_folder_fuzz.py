@@ -31,7 +31,7 @@ PLANES = 3  # of a chunk
 FILE = "file"  # name of what is not a folder
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
 LAMP = Light(type="POINT", energy=900.0, matrix_world=np.diag((1.0, 1.0, 1.0, 1.0)) + np.eye(4, k=3) * 20.0)
-TABLES = {"records": ("pre", ()), "light": ("post", (LAMP,)), "normals": ("post", ())}  # -> classification, lights
+TABLES = {"records": ("pre", ()), "surface": ("post", (LAMP,))}  # -> classification, lights
 
 
 def view_of(volume, axis):
@@ -45,7 +45,7 @@ def whole(tmp_path, monkeypatch, request):
     monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: PLANES)
     classification, lights = TABLES[request.param]
     voxels = np.random.default_rng(2).integers(0, 101, SHAPE, dtype=np.uint8)
-    scene = replace(view_of(Volume(voxels, np.eye(4)), 1), lights=lights, headlight=not lights)
+    scene = replace(view_of(Volume(voxels, np.eye(4)), 1), lights=lights, headlight=True)
     encode_folder.encode_folder(scene, tmp_path / "a.rle", Quality(classification=classification))
     names = {path.name.rpartition(".")[2] for path in (tmp_path / "a.rle").iterdir()}
     assert request.param in names
@@ -53,16 +53,13 @@ def whole(tmp_path, monkeypatch, request):
 
 
 def pieces_of(folder, chunks) -> dict:
-    """(Name of a table or of a part of one, chunk) -> its bytes."""
-    pieces, begun = {}, {}
+    """(Name of a table, chunk) -> its bytes."""
+    pieces = {}
     for name in sorted(chunks[0][1]):
-        is_part = name[-1].isdigit()
-        file = name[:-2] if is_part else name
-        content, at = (folder / file).read_bytes(), begun.get(file, 0)
+        content, at = (folder / name).read_bytes(), 0
         for number, (_, tables) in enumerate(chunks):
             pieces[name, number] = content[at : at + tables[name][0]]
             at += tables[name][0]
-        begun[file] = at
     return pieces
 
 
@@ -91,8 +88,7 @@ def write(path, header, pieces) -> int:
     """Write a folder, or a file if the name says so; return the bytes of its members."""
     files = {}
     for (name, _), content in sorted(pieces.items()):
-        file = name[:-2] if name[-1].isdigit() else name
-        files[file] = files.get(file, b"") + content
+        files[name] = files.get(name, b"") + content
     text = json.dumps(header)
     files[HEADER] = f"{zlib.crc32(text.encode()):08x}{text}".encode()
     if path.stem == FILE:
@@ -124,11 +120,10 @@ def with_sizes(header, pieces) -> dict:
 @pytest.mark.parametrize(
     "whole, table, chunk, change, planes, said",
     [
-        ("normals", "rows.normals", 0, lambda content: b"", (PLANES, 2 * PLANES), "an entry for each voxel"),
-        ("normals", "rows.normals", 2, lambda content: content[:-2], None, "an entry for each voxel"),
-        ("normals", "rows.normals.1", 2, lambda content: content[:-2], None, "rows.normals is cut within an entry"),
+        ("surface", "rows.surface", 0, lambda content: b"", (PLANES, 2 * PLANES), "an entry for each voxel"),
+        ("surface", "rows.surface", 2, lambda content: content[:-6], None, "an entry for each voxel"),
+        ("surface", "rows.surface", 2, lambda content: content[:-2], None, "rows.surface is cut within an entry"),
         ("records", "rows.counts", 0, lambda content: content[:-8] + b"\4" + content[-7:], None, "counts do not fit"),
-        ("light", "rows.light", 1, lambda content: content[:-2], None, "rows.light is cut within an entry"),
     ],
     indirect=["whole"],
 )  # fmt: skip
@@ -137,7 +132,7 @@ def test_R3_one_table_that_does_not_fit(record, whole, tmp_path, table, chunk, c
     header = json.loads((whole / HEADER).read_text()[8:])
     pieces = pieces_of(whole, header["slabs"])
     for name, number in pieces:
-        if name.startswith(table) and number == chunk:
+        if name == table and number == chunk:
             pieces[name, number] = change(pieces[name, number])
     write(tmp_path / "b.rle", with_sizes(header, pieces), pieces)
     with pytest.raises(RleSplatError, match=said):
@@ -145,8 +140,16 @@ def test_R3_one_table_that_does_not_fit(record, whole, tmp_path, table, chunk, c
     says(record, "R3", "folders with one table that does not fit")
 
 
-@pytest.mark.parametrize("whole", ["normals"], indirect=True)
-@pytest.mark.parametrize("lights", [{}, {"lights": 3}, {"lights": [3]}, {"lights": [{"color": 1}]}], ids=str)
+@pytest.mark.parametrize("whole", ["surface"], indirect=True)
+@pytest.mark.parametrize(
+    "lights",
+    [
+        {}, {"lights": 3}, {"lights": [3]}, {"lights": [{"color": 1}]}, {"lights": [], "world": "red"},
+        {"lights": [], "world": [1.0] * 3, "environment": 3},
+        {"lights": [], "world": [1.0] * 3, "environment": {"a": 1}},
+    ],
+    ids=str,
+)  # fmt: skip
 def test_R3_lights_that_are_none(record, whole, tmp_path, lights):
     header = json.loads((whole / HEADER).read_text()[8:])
     header["lighting"] = {"headlight_direction": None, **lights}

@@ -53,13 +53,18 @@ def errors(scene, slabs):
 
 
 # Largest error in levels with 4 slabs a voxel, about a half above what was measured.
-BOUNDS = {"wide": 0.45, "narrow": 3.5, "lit": 1.1}
+BOUNDS = {"wide": 0.45, "narrow": 3.5, "lit": 3.0}
+UP = np.diag((1.0, -1.0, -1.0, 1.0))
+BESIDE = np.array(((1.0, 0.0, 0.0, 25.0), (0.0, 1.0, 0.0, -10.0), (0.0, 0.0, 1.0, 14.0), (0.0, 0.0, 0.0, 1.0)))
+LAMPS = (
+    Light(energy=2.0, matrix_world=UP), Light(type="POINT", energy=6000.0, color=(1.0, 0.6, 0.3), matrix_world=BESIDE),
+)  # fmt: skip
 
 
 @PROJECTIONS
 @pytest.mark.parametrize("curve", CURVES)
 def test_rays_are_the_truth_up_to_their_slabs(stage, curve, perspective):
-    lights = (Light(energy=2.0, matrix_world=np.diag((1.0, -1.0, -1.0, 1.0))),) if curve == "lit" else ()
+    lights = LAMPS if curve == "lit" else ()
     scene = stage.on_turntable(
         waves(), perspective=perspective, size=SIZE, transfer_function=CURVES[curve], lights=lights, fit=0.9
     )
@@ -91,7 +96,8 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
     found = traced(scene, 3)
     assert (found == traced(scene, 3, replace(POST, threads=1))).all() and np.isfinite(found).all()
     with use_reference():
-        assert np.abs(found - traced(scene, 3)).max() < 2e-6
+        # A normal may be rounded to the next code.
+        assert np.abs(found - traced(scene, 3)).max() < 2e-5
 
 
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):

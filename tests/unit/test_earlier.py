@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rle_splat.encode.earlier import lengthen
+from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.encode.earlier import UNLIT, lengthen
 from rle_splat.encode.store import load
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
@@ -22,11 +23,12 @@ SAVED = {"16.rle": (16, 0.0), "8.rle": (8, 0.1), "6.rle": (8, 0.3), "4.rle": (8,
 VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> azimuth, elevation
 
 
-def picture(name, axis):
+def picture(name, axis, classification="pre"):
     stored = load(DATA / name)
     camera, matrix = turntable(stored, *VIEWS[axis], width=24, height=24)
-    scene = Scene(stored, None, camera, 24, 24, matrix, headlight=False)
-    return stored, render(scene, Quality(classification="pre", record=stored.record)).rgba
+    function = None if classification == "pre" else TransferFunction.from_json(stored.transfer_function)
+    scene = Scene(stored, function, camera, 24, 24, matrix, headlight=False)
+    return stored, render(scene, Quality(classification=classification, record=stored.record)).rgba
 
 
 @pytest.mark.parametrize("axis", VIEWS)
@@ -38,6 +40,26 @@ def test_what_earlier_versions_saved_opens(name, axis):
     assert drain(stored.tables_steps(axis))[0].record == record
     _, best = picture("16.rle", axis)
     assert best[..., 3].max() > 0.5 and 255.0 * np.abs(rgba - best).max() <= levels
+
+
+@pytest.mark.parametrize("axis", VIEWS)
+def test_normals_of_earlier_versions_are_lit_anew(axis):
+    """They pointed along the gradient; light falls on the side from which the camera looks, as a headlight does."""
+    stored, rgba = picture("folder_normals.rle", axis, "post")
+    codes = drain(stored.tables_steps(axis))[1]["surface"]
+    assert codes.shape == (stored.visible_voxels, 3) and codes.dtype == np.int16 and codes.flags.c_contiguous
+    lengths = np.sqrt((codes.astype(np.float64) ** 2).sum(axis=1)) / 32767.0
+    assert np.abs(lengths[lengths > 0.0] - 1.0).max() < 1e-4
+    middle, shown = rgba[11:13, 11:13, :3].mean(), rgba[rgba[..., 3] > 0.9][:, :3]
+    assert shown.mean() < 0.95 * middle  # the ball is darker towards its rim
+
+
+@pytest.mark.parametrize("axis", VIEWS)
+def test_light_of_earlier_versions_is_left_out(axis):
+    stored, rgba = picture("folder_light.rle", axis, "post")
+    assert stored.remarks == (UNLIT,) and not stored.holds_normals
+    assert set(drain(stored.tables_steps(axis))[1]) == {"scalars"}
+    assert rgba[..., 3].max() > 0.9 and rgba[..., :3].max() <= 1.0
 
 
 @pytest.mark.parametrize("dtype, words, size", ((np.uint16, 3, 4), (np.uint32, 1, 2052)))

@@ -18,7 +18,7 @@ from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.encode_folder import encode_folder_steps
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Light, Quality, RleSplatError, Scene
+from rle_splat.scene import Environment, Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.reduced import reduce_steps
 from rle_splat.volume.volume import Volume
@@ -82,15 +82,48 @@ def test_short_records(tmp_path, few_planes):
     np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
 
 
+LAMP = Light(type="POINT", energy=20000.0, matrix_world=np.eye(4) + np.outer((40.0, -20.0, 30.0, 0.0), (0, 0, 0, 1)))
+
+
 @pytest.mark.parametrize("classification", QUALITIES)
-def test_lights_are_baked(tmp_path, few_planes, classification):
+def test_lights_are_kept(tmp_path, few_planes, classification):
     """A lamp beside the volume."""
-    lamp = Light(type="POINT", energy=20000.0, matrix_world=np.array(
-        ((1, 0, 0, 40.0), (0, 1, 0, -20.0), (0, 0, 1, 30.0), (0, 0, 0, 1.0))))
-    scene = scene_of(volume_of(), 0, lights=(lamp,), headlight=False)
+    scene = scene_of(volume_of(), 0, lights=(LAMP,), headlight=False)
     quality = QUALITIES[classification]
     encoded(tmp_path / "a.rle", scene, quality)
     np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
+
+
+SECOND = np.zeros((3, 3, 3))
+SECOND[0, 1] = SECOND[1, 0] = 0.1
+AROUND = {
+    "lamp": {"lights": (LAMP,), "headlight": False},
+    "lamp and headlight": {"lights": (LAMP,)},
+    "world": {"world": (0.5, 0.6, 0.4), "headlight": False},
+    "environment": {"world": (0.5, 0.6, 0.4), "environment": Environment(np.eye(3) * 0.2, SECOND)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("around", AROUND)
+def test_post_classified_folders_are_lit_from_any_view(tmp_path, few_planes, around):
+    """By what shone on the scene of another view."""
+    scene, quality = scene_of(volume_of(), 0, **AROUND[around]), QUALITIES["post"]
+    encoded(tmp_path / "a.rle", scene_of(volume_of(), 1, **AROUND[around]), quality)
+    bare = {"world": None, "environment": None}
+    there, here = from_folder(tmp_path / "a.rle", replace(scene, **bare), quality), render(scene, quality)
+    np.testing.assert_array_equal(there.rgba, here.rgba)
+    assert np.abs(here.rgba - render(replace(scene, lights=(), headlight=True, **bare), quality).rgba).max() > 0.02
+
+
+def test_lights_turn_with_their_folder(tmp_path, few_planes):
+    """The picture of a volume that is turned with its camera is the same, lamps and all."""
+    scene, quality = scene_of(volume_of(), 1, lights=(LAMP,)), QUALITIES["post"]
+    encoded(tmp_path / "a.rle", scene, quality)
+    turn = np.array(((0.0, -1.0, 0.0, 5.0), (1.0, 0.0, 0.0, -2.0), (0.0, 0.0, 1.0, 3.0), (0.0, 0.0, 0.0, 1.0)))
+    camera = replace(scene.camera, matrix_world=turn @ scene.camera.matrix_world)
+    turned = replace(scene, camera=camera, volume_matrix=turn @ scene.volume_matrix)
+    there, here = (from_folder(tmp_path / "a.rle", one, quality).rgba for one in (turned, scene))
+    assert np.abs(there - here).max() < 1e-4
 
 
 def test_unshaded_and_one_axis(tmp_path, few_planes):

@@ -79,8 +79,8 @@ def test_where_the_system_tells_nothing_all_of_it_is_there(tmp_path, monkeypatch
 
 # Part of an estimate -> the stages whose results it is of.
 STAGES_OF = {
-    "visible": ("visible", "relevant", "light"), "normals": ("normals",), "runs": ("runs",),
-    "records": ("records", "scalars", "lights", "normal codes"),
+    "visible": ("visible", "relevant"), "normals": ("surfaces", "normals"), "runs": ("runs",),
+    "records": ("records", "scalars", "codes"),
 }  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def test_the_estimate_of_scalars_counts_voxels_and_axes():
     volume = blobs()
     found = found_in_rows(volume, 10)
     one, three = (estimate.estimate_tables(found, PlannedTables(axes=axes)) for axes in (1, 3))
-    assert one.visible_voxels == 10 * 96 * 96 and one.records == 5 * one.visible_voxels  # a value and its light
+    assert one.visible_voxels == 10 * 96 * 96 and one.records == 7 * one.visible_voxels  # a value and its normal
     assert three.records == 3 * one.records and one.needed < three.needed and one.volume == volume.voxels.nbytes
 
 

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...shade.lighting import unit_vectors
+from ...shade.sample_light import ONE as CODE_OF_ONE
+from ...shade.sample_light import light_of_samples
 from ...view.depth_rules import BEGINS, BETWEEN, OWN
+from ...volume.axes import AXES
 from ..intermediate_image import note_filled
 from ..pixel_block import accumulator
 from ..ray_sums import HALF
 from ..scalar_block import SPAN
 from ..scalar_scanline import NOT_KEPT
-from .lamps import light_of_normals
 from .sheet_buffer import composite_numpy, fade_added_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
 
 
 def dense_slice(tables, k: int) -> np.ndarray | None:
-    """(n_scanlines, width, channels) float32: scalar and light of slice ``k``; None if nothing of it is kept."""
+    """(n_scanlines, width, channels) float32: scalar and planes of slice ``k``; None if nothing of it is kept."""
     scalars = tables.scalars.array()
-    channels = 1 if tables.lights is None else 1 + tables.lights.shape[1]
+    channels = 1 if tables.codes is None else 1 + tables.codes.shape[1]
     dense = None
     for j in range(tables.pointers.shape[1]):
         run = int(tables.pointers[k, j])
@@ -35,12 +38,8 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
                 break
             count = int(tables.runs[run + 1])
             dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
-            if tables.lights is not None and len(tables.lights) == 0:
-                normals = tables.lamps.normals[:, voxel : voxel + count]
-                dense[j, x : x + count, 1:] = light_of_normals(tables.lamps, channels - 1, normals, (x, j, k))
-            elif tables.lights is not None:
-                bits = tables.lights[voxel : voxel + count].astype(np.uint32) << np.uint32(12)
-                dense[j, x : x + count, 1:] = bits.view(np.float32) * np.float32(tables.light_unit)
+            if tables.codes is not None:
+                dense[j, x : x + count, 1:] = tables.codes[voxel : voxel + count] / CODE_OF_ONE
             x, voxel, run = x + count, voxel + count, run + 2
     return dense
 
@@ -71,7 +70,7 @@ def _resample(samples, count: int, scale: float, offset: float) -> np.ndarray:
 
 
 def _own_samples(here, lookup):
-    """(H, W, channels) classified samples of one sheet, the share of the slab that counts (all of it), and light."""
+    """(H, W, channels) classified samples of one sheet, the share of the slab that counts (all of it), and planes."""
     table, _, origin, rate, _, low, high, _, _, last = lookup
     value = here[..., 0]
     inside = (value >= low) & (value <= high)
@@ -154,13 +153,41 @@ def cut_ends_numpy(intervals, begin, end, here, there, least):
     return np.where(counts, first, there), np.where(counts, last, here)
 
 
+def share_here(here, there, low, high, depth) -> np.ndarray:
+    """See ``sample_block._share_here``; all (H, W), but the ends ``low`` and ``high`` of what is shown."""
+    apart = np.maximum(np.abs(here.astype(np.float64) - there), 1e-30)
+    ends = [np.clip((end - np.minimum(here, there)) / apart, 0.0, 1.0) for end in (low, high)]
+    first, last = (np.where(here >= there, one, 1.0 - other) for one, other in (ends, ends[::-1]))
+    return (first + (last - first) / (2.0 + 0.5 * depth)).astype(np.float32)
+
+
+def _light_numpy(light, plane, position, planes):
+    """Light and highlights, (H, W, 3) each, of ``planes`` (H, W, channels) at ``position`` along the viewing
+    direction."""
+    i, j, k = AXES[plane.axis]
+    (x, y), (dx, dy) = (np.meshgrid(*both) for both in (plane.points(), plane.ray_slopes))
+    steps = np.empty((*x.shape, 3))
+    steps[..., i], steps[..., j], steps[..., k] = dx, dy, 1.0
+    away = plane.sign * position - plane.reference
+    at = away * steps
+    at[..., i], at[..., j], at[..., k] = x + at[..., i], y + at[..., j], plane.sign * position
+    matrix = light.falling.matrix
+    to_eye = unit_vectors((-plane.sign * steps @ matrix[:3, :3].T).reshape(-1, 3))
+    points = (at @ matrix[:3, :3].T + matrix[:3, 3]).reshape(-1, 3)
+    found = light_of_samples(light, planes[..., : light.planes].reshape(-1, light.planes), to_eye, points)
+    return [each.reshape(*x.shape, 3) for each in found]
+
+
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, lookup, sign, absorbs, light, mist, least, pixels, half, filled
+    tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, least, pixels, half, filled
 ):
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
-    does."""
+    does.
+
+    ``thinned``: whether the last plane is a factor of extinction.  ``light``: a SampleLight or None, on the samples of
+    the BasePlane ``plane``, of which each is lit by its own light.
+    """
     height, width = half.shape
-    matt, gloss, thinning = light
     half[...] = np.inf
     length = rays.lengths()
     enter = np.maximum(box.columns[0], box.rows[0][:, None]).astype(np.float64)
@@ -171,7 +198,7 @@ def splat_scalar_sheets_numpy(
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
     n_slices = tables.pointers.shape[0]
-    channels = 1 + len(matt) + len(gloss) + len(thinning)
+    channels = 1 if tables.codes is None else 1 + tables.codes.shape[1]
     absent = np.zeros((height, width, channels), np.float32)
     absent[..., 0] = NOT_KEPT
     slices: dict = {}
@@ -212,16 +239,20 @@ def splat_scalar_sheets_numpy(
                     rays.intervals, *slab_ends, last_value, first_value, lookup[4]
                 )
             sampled, counted, shine = _samples_between(here, there, lookup, first_value, last_value)
-        if thinning:
+        if thinned:
             in_slab = in_slab * shine[..., -1]
         if absorbs is not None:
             _add_depths_numpy(sampled[..., 0] * (in_slab * counted), slab, state, half)
             continue
         color, sigma = sampled[..., :3], sampled[..., 3]
-        if matt:
-            color = color * shine[..., [plane - 1 for plane in matt]]
-        if gloss:
-            color = color + sigma[..., None] * shine[..., [plane - 1 for plane in gloss]]
+        if light is not None:
+            if sheets.kind[sheet] != OWN:
+                both = (here[..., 0] > NOT_KEPT) & (there[..., 0] > NOT_KEPT)
+                share = share_here(here[..., 0], there[..., 0], *lookup[5:7], sigma * in_slab)[..., None]
+                shine = np.where(both[..., None], here[..., 1:] * share + there[..., 1:] * (ONE - share), shine)
+            middle = 0.5 * (sheets.begin[sheet] + sheets.end[sheet])
+            shining, highlight = _light_numpy(light, plane, middle, shine)
+            color = color * shining + sigma[..., None] * highlight
         depth = in_slab * counted
         classified = np.concatenate((color, sigma[..., None]), axis=-1).astype(numbers, copy=False)
         kept = state.copy() if mist.place.size else None

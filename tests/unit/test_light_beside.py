@@ -1,0 +1,247 @@
+"""Light at points beside voxels: kernels against numpy, and both against rays through interpolated extinction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rle_splat.classify.visible import VisibleVoxels
+from rle_splat.effects.shadows import FULL, Occluders, light_steps, sky_steps
+from rle_splat.encode.encode import run_tables
+from rle_splat.runtime.jit import use_reference
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Light
+from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS
+from rle_splat.shade.surface_points import STEPS
+
+SKEWED = np.array(((0.9, 0.1, 0.0, 3.0), (-0.2, 1.1, 0.1, 1.0), (0.0, 0.2, 0.8, -2.0), (0.0, 0.0, 0.0, 1.0)))
+CODE = 1.0 / FULL
+
+
+def occluders_of(field, matrix=None, threads=1, triangles=None, clips=()):
+    """Voxels above 0 of extinction ``field`` (nz, ny, nx), 1 / world length."""
+    matrix, kept = np.eye(4) if matrix is None else matrix, field > 0.0
+    nz, ny, nx = field.shape
+    rows = kept.reshape(-1, nx)
+    starts = np.concatenate(([0], np.cumsum(rows.sum(axis=1)))).astype(np.int64)
+    pieces = (np.diff(rows.astype(np.int8), axis=1, prepend=0) == 1).sum(axis=1).astype(np.int32)
+    column, values = np.nonzero(kept)[2].astype(np.uint16), field[kept].astype(np.float32)
+    voxels = VisibleVoxels((nx, ny, nz), starts, pieces, column, values, 0)
+    return Occluders(
+        voxels, lambda: values, lambda axis: run_tables(voxels, axis, threads=threads), matrix, triangles, clips, (),
+        boxed=True, threads=threads,
+    )  # fmt: skip
+
+
+def pose(position, shines_along=(0, 0, -1)):
+    back = -np.asarray(shines_along, float) / np.linalg.norm(shines_along)
+    side = np.cross((0.3, 1.0, 0.2), back)
+    side /= np.linalg.norm(side)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
+    matrix[:3, 3] = position
+    return matrix
+
+
+def sun(along):
+    return Light("SUN", matrix_world=pose((0, 0, 0), along))
+
+
+def point(position):
+    return Light("POINT", matrix_world=pose(position))
+
+
+SUNS = [(0, 0, -1), (0, 1, 0), (-1, 0, 0), (0.5, 0.3, -1), (-0.6, 0.2, 1), (1, 0.4, -0.3), (0.2, -1, 0.7)]
+PLACES = [(9.3, 8.2, 40.0), (30.0, 31.0, 3.0), (9.1, 8.7, 9.4), (-20.0, 9.0, 9.0), (4.0, 2.0, 8.0)]
+
+
+def points_of(occluders, offsets):
+    """(m, 3) voxel indices x, y, z of points."""
+    voxels = occluders.voxels
+    row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
+    ny = voxels.shape_xyz[1]
+    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + offsets / STEPS
+
+
+def integrated(field, matrix, begins, ends, steps=2000):
+    """(n,) transmittance between index positions, through trilinear extinction that ends at the outermost voxels."""
+    padded, left = np.pad(field.astype(np.float64), ((0, 1),) * 3), []
+    share = (np.arange(steps) + 0.5) / steps
+    for begin, end in zip(begins, ends):
+        at = begin + (end - begin) * share[:, None]
+        at = at[((at >= 0.0) & (at <= np.array(field.shape[::-1]) - 1.0)).all(axis=1)]
+        cell, found = at.astype(int), 0.0
+        for corner in np.ndindex(2, 2, 2):
+            weight = np.where(corner, at - cell, 1.0 - (at - cell)).prod(axis=1)
+            x, y, z = (cell + corner).T
+            found = found + weight * padded[z, y, x]
+        left.append(np.exp(-np.sum(found) * np.linalg.norm(matrix[:3, :3] @ (end - begin)) / steps))
+    return np.array(left)
+
+
+def far_along(matrix, begins, direction):
+    """Index positions (n, 3) against a world direction, out of any small volume."""
+    way = np.linalg.solve(matrix[:3, :3], np.asarray(direction, float))
+    return begins - 60.0 * way / np.abs(way).max()
+
+
+def smooth(shape, seed=3, most=0.3):
+    """Random waves some ten voxels long, 0 to ``most``, that are 0 at the faces."""
+    z, y, x = np.mgrid[tuple(slice(n) for n in shape)]
+    rng = np.random.default_rng(seed)
+    field = sum(np.cos(a * x + b * y + c * z + d) for a, b, c, d in rng.uniform(-0.7, 0.7, (5, 4)))
+    field = most * (field - field.min()) / np.ptp(field)
+    for axis, n in enumerate(shape):
+        fading = np.minimum(1.5 * np.sin(np.pi * np.arange(n) / (n - 1)), 1.0) ** 2
+        field *= np.expand_dims(fading, tuple({0, 1, 2} - {axis}))
+    return field
+
+
+def random_offsets(occluders, most=3.0, seed=1):
+    rng = np.random.default_rng(seed)
+    return np.rint(STEPS * rng.uniform(-most, most, (len(occluders.voxels), 3))).astype(np.int16)
+
+
+def some(occluders, count=150):
+    return np.random.default_rng(0).choice(len(occluders.voxels), count, replace=False)
+
+
+@pytest.mark.parametrize("along", SUNS)
+@pytest.mark.parametrize("matrix", [np.eye(4), SKEWED])
+def test_suns_are_rays_through_interpolated_extinction(along, matrix):
+    field = smooth((19, 18, 20))
+    occluders = occluders_of(field, matrix)
+    offsets = random_offsets(occluders)
+    codes, chosen = drain(light_steps(sun(along), occluders, offsets)), some(occluders)
+    begins = points_of(occluders, offsets)[chosen]
+    expected = integrated(field, matrix, begins, far_along(matrix, begins, along))
+    assert np.ptp(expected) > 0.4
+    off = np.abs(codes[chosen] * CODE - expected)
+    if np.abs(np.linalg.solve(matrix[:3, :3], along)).astype(bool).sum() == 1:  # along slices it is exact
+        assert off.max() < 2 * CODE
+    assert off.max() < 0.035 and off.mean() < 0.006
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("matrix", [np.eye(4), SKEWED])
+def test_lamps_are_rays_through_interpolated_extinction(place, matrix):
+    field = smooth((19, 18, 20))
+    occluders = occluders_of(field, matrix)
+    offsets = random_offsets(occluders)
+    lamp = matrix[:3, :3] @ place + matrix[:3, 3]
+    codes, chosen = drain(light_steps(point(lamp), occluders, offsets)), some(occluders)
+    begins = points_of(occluders, offsets)[chosen]
+    far = np.linalg.norm(begins - place, axis=1) > 2.0  # nearer than that, half of a slice weighs as much as the way
+    expected = integrated(field, matrix, begins, np.broadcast_to(place, begins.shape))
+    assert np.ptp(expected) > 0.3
+    off = np.abs(codes[chosen] * CODE - expected)[far]
+    assert off.max() < 0.03 and off.mean() < 0.008
+
+
+@pytest.mark.parametrize("along", SUNS)
+def test_a_homogeneous_box_ends_at_its_outermost_voxels(along):
+    field = np.full((11, 12, 13), 0.2)
+    occluders = occluders_of(field, SKEWED)
+    offsets = random_offsets(occluders)
+    at = points_of(occluders, offsets)
+    chosen = np.flatnonzero(((at >= 0.0) & (at <= np.array(field.shape[::-1]) - 1.0)).all(axis=1))[::7]
+    codes = drain(light_steps(sun(along), occluders, offsets))[chosen] * CODE
+    off = codes - integrated(field, SKEWED, at[chosen], far_along(SKEWED, at[chosen], along))
+    # Rays that slices see beyond a face count from the next slice on: right in the mean, not one by one.
+    assert abs(off.mean()) < 0.02 and np.sqrt((off**2).mean()) < 0.08
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_plate_shades_by_how_much_of_it_lies_before_the_point(axis, sign):
+    """Trilinear extinction of a plate of one voxel is a tent: its integral up to the point, in closed form."""
+    field = np.full((15, 15, 15), 1e-6)
+    np.moveaxis(field, 2 - axis, 0)[7] = 1.0
+    occluders = occluders_of(field)
+    offsets = np.zeros((len(occluders.voxels), 3), np.int16)
+    offsets[:, axis] = np.random.default_rng(2).integers(-2048, 2048, len(offsets))
+    along = np.zeros(3)
+    along[axis] = sign
+    codes = drain(light_steps(sun(along), occluders, offsets))
+    behind = np.clip(sign * (points_of(occluders, offsets)[:, axis] - 7.0), -1.0, 1.0)
+    tau = np.where(behind < 0.0, 0.5 * (1.0 + behind) ** 2, 1.0 - 0.5 * (1.0 - behind) ** 2)
+    np.testing.assert_allclose(codes * CODE, np.exp(-tau), atol=2e-5)
+
+
+@pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), sun((1, 0.4, -0.3)), point((9.1, 8.7, 9.4)), point((9, 30, 9))])
+@pytest.mark.parametrize("meshes", [False, True])
+def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, monkeypatch):
+    monkeypatch.setattr("rle_splat.shade.light_beside.SORTED_AT_ONCE", 500)
+    monkeypatch.setattr("rle_splat.shade.light_beside.BANDS_AT_ONCE", 1)
+    field = smooth((22, 40, 20), most=0.5)
+    field[field < 0.15] = 0.0
+    triangles = np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 30.0, 8.0)]]) if meshes else None
+    found = []
+    for threads in (1, 2, 3):
+        occluders = occluders_of(field, SKEWED, threads, triangles)
+        found.append(drain(light_steps(light, occluders, random_offsets(occluders))))
+    with use_reference():
+        reference = drain(light_steps(light, occluders, random_offsets(occluders)))
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+    off = np.abs(found[0] * CODE - reference * CODE)
+    assert np.ptp(reference) > 0.5 * FULL
+    assert (off > 3 * CODE).mean() < (1e-3 if meshes else 1e-9)  # the edge of a mesh is a step
+
+
+def test_light_of_voxels_themselves_is_the_same_with_offsets_of_none():
+    """Points at the voxels are as voxels, but that their own share is interpolated, too."""
+    occluders = occluders_of(smooth((19, 18, 20), most=0.1))
+    none = np.zeros((len(occluders.voxels), 3), np.int16)
+    for light in (sun((0, 0, -1)), sun((0.5, 0.3, -1)), point((9.3, 8.2, 40.0))):
+        beside, within = (drain(light_steps(light, occluders, offsets)) * CODE for offsets in (none, None))
+        np.testing.assert_allclose(beside, within, atol=5e-3)
+
+
+def test_every_point_is_in_one_pyramid_of_a_lamp():
+    """A lamp within a uniform medium, and points anywhere around it: none is forgotten, so none is unshadowed."""
+    occluders = occluders_of(np.full((21, 21, 21), 0.2))
+    offsets = random_offsets(occluders, 2.0)
+    place = np.array((10.25, 9.5, 10.125))
+    codes = drain(light_steps(point(place), occluders, offsets)) * CODE
+    at = points_of(occluders, offsets)
+    inside = (np.abs(at - 10.0) < 9.0).all(axis=1) & (np.linalg.norm(at - place, axis=1) > 2.0)
+    expected = np.exp(-0.2 * np.linalg.norm(at - place, axis=1))
+    np.testing.assert_allclose(codes[inside], expected[inside], atol=0.02)
+
+
+def test_a_mesh_shades_points_behind_it_and_none_before_it():
+    field = np.full((20, 9, 9), 1e-4)
+    square = np.array(
+        [[(-30, -30, 10.3), (30, -30, 10.3), (30, 30, 10.3)], [(-30, -30, 10.3), (30, 30, 10.3), (-30, 30, 10.3)]]
+    )
+    occluders = occluders_of(field, triangles=square.astype(float))
+    offsets = random_offsets(occluders)
+    codes = drain(light_steps(sun((0, 0, -1)), occluders, offsets)) * CODE
+    height = points_of(occluders, offsets)[:, 2]
+    assert codes[height > 10].min() > 0.99 and codes[height < 9.7].max() < 0.01
+
+
+def test_the_sky_beside_voxels_is_the_mean_over_its_directions():
+    field = smooth((19, 18, 20))
+    occluders = occluders_of(field, SKEWED)
+    offsets = random_offsets(occluders)
+    codes, chosen = drain(sky_steps(occluders, offsets)), some(occluders, 60)
+    begins = points_of(occluders, offsets)[chosen]
+    expected = sum(
+        weight * integrated(field, SKEWED, begins, far_along(SKEWED, begins, along))
+        for along, weight in zip(SKY_DIRECTIONS, SKY_WEIGHTS)
+    )
+    np.testing.assert_allclose(codes[chosen] * CODE, expected, atol=8e-3)
+
+
+@pytest.mark.parametrize("shape", [(1, 5, 5), (5, 1, 5), (5, 5, 1), (1, 1, 1), (2, 2, 2)])
+def test_thin_volumes_and_lights_in_odd_places_are_no_trouble(shape):
+    occluders = occluders_of(np.full(shape, 0.5))
+    offsets = random_offsets(occluders, 31.0)
+    for light in (point((2, 2, 0)), point((0, 0, 0)), point((1e9, 2e8, 1e8)), sun((1, 1, 1)), sun((0, 0, -1))):
+        for chosen in (offsets, np.zeros_like(offsets)):
+            found = drain(light_steps(light, occluders, chosen))
+            assert found.shape == (len(occluders.voxels),) and found.min() > 0
+    empty = occluders_of(np.zeros((4, 4, 4)))
+    assert len(drain(light_steps(sun((0, 0, -1)), empty, np.empty((0, 3), np.int16)))) == 0
