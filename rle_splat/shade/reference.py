@@ -90,19 +90,6 @@ def write_records(positions, row_of, properties, density_column, normals, fallin
         most[0] = max(most[0], colors.max(initial=0.0))
 
 
-def code_light(voxels, normals, falling, each, scale, codes):
-    """Codes of the light on voxels, as ``voxel_light._code_light``, in chunks of voxels."""
-    for begin in range(0, len(voxels), CHUNK):
-        part = slice(begin, min(begin + CHUNK, len(voxels)))
-        n = normals[part].astype(np.float64)
-        # White voxels show light plus highlight, black voxels the highlight alone.
-        white, black = (light_colors(falling, voxels, part, n, np.full((len(n), 3), c, np.float64)) for c in (1.0, 0.0))
-        found = [white.astype(np.float64) - black, black][: codes.shape[1] // each]
-        for kind, light in enumerate(found):
-            made = code(np.clip(light[:, :each] / scale, 0.0, 1.0)).astype(np.uint16)
-            codes[part, kind * each : (kind + 1) * each] = made
-
-
 def sweep_light(sweep, tables, starts, extinction, meshes, codes) -> None:
     """Codes of the light that reaches each voxel, as ``light_sweep._sweep``: slice by slice, with dense slices."""
     depth = np.zeros((sweep.height, sweep.width))

@@ -274,6 +274,8 @@ class CodePlanes(NamedTuple):
     ----------
     count : int or None
         All planes of a sheet, the scalar's included; None where voxels have no codes.
+    stride : int
+        Numbers from one plane of a voxel scanline to the next.
     thinning : int
         The plane of a factor of extinction, the last one; 0, the scalar's, for none.
     lamps : SampleLamps or None
@@ -281,6 +283,7 @@ class CodePlanes(NamedTuple):
     """
 
     count: int | None
+    stride: int
     thinning: int
     lamps: SampleLamps | None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
+from ..shade.sample_light import NORMAL
 from .pixel_block import BLOCK, composited, slab
 
 # Entries of the lookup table between two sheets up to which the middle one stands for their mean.  Differences of its
@@ -46,46 +47,59 @@ def _join(parts):
     return first.shuffle(second.value, range(16))
 
 
-@intrinsic
-def resample_plane(typing, line, base, cells, fractions, first, sheet, at):
-    """One number a voxel along a scanline, linearly: a block of sheet pixels.
+def _resampler(planes):
+    @intrinsic
+    def resample(typing, line, base, stride, cells, fractions, first, sheet, at):
+        """So many planes of voxels along a scanline, linearly: a block of sheet pixels of each.
 
-    ``line[base:]``: the voxels.  ``cells`` and ``fractions``, from number ``first`` on: of ``place_inside``.
-    Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their shares, so that a voxel which is not kept
-    leaves no trace where its share is zero.
-    """
+        ``line[base:]``: the voxels, planes of ``stride`` numbers.  ``cells`` and ``fractions``, from number ``first``
+        on: of ``place_inside``.  Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their shares, so that a
+        voxel which is not kept leaves no trace where its share is zero.
+        """
 
-    def generate(context, builder, signature, arguments):
-        line, base, cells, fractions, first, sheet, at = arguments
-        line_type, _, cells_type, fractions_type, _, sheet_type, _ = signature.args
+        def generate(context, builder, signature, arguments):
+            line, base, stride, cells, fractions, first, sheet, at = arguments
+            line_type, _, _, cells_type, fractions_type, _, sheet_type, _ = signature.args
 
-        def number(n):
-            return ir.Constant(at.type, n)
+            def number(n):
+                return ir.Constant(at.type, n)
 
-        def pair(i):
-            cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
-            cell = builder.add(builder.sext(cell, at.type), base)
-            return Vector.load(builder, place(context, builder, line_type, line, cell), 2)
+            def voxel(i):
+                cell = builder.load(place(context, builder, cells_type, cells, builder.add(first, number(i))))
+                return builder.add(builder.sext(cell, at.type), base)
 
-        # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
-        low, high = (
-            _join([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
-            for n in (0, 2)
-        )
-        lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
-        left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
-        share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
-        one = Vector(builder, share.like(1.0))
-        mixed = left.mixed(one - share, right, share)
-        mixed.store(place(context, builder, sheet_type, sheet, at))
-        return context.get_dummy_value()
+            voxels = [voxel(i) for i in range(BLOCK)]
+            share = Vector.load(builder, place(context, builder, fractions_type, fractions, first), BLOCK)
+            rest = Vector(builder, share.like(1.0)) - share
+            for plane in range(planes):
+                shift = builder.mul(stride, number(plane))
 
-    arguments = (line, types.intp, cells, fractions, types.intp, sheet, types.intp)
-    return types.void(*arguments), generate
+                def pair(i, shift=shift):
+                    cell = builder.add(voxels[i], shift)
+                    return Vector.load(builder, place(context, builder, line_type, line, cell), 2)
+
+                # Two pairs of every four, and the other two: so no lane has to cross from one four to another.
+                low, high = (
+                    _join([pair(i + n).shuffle(pair(i + n + 1).value, range(4)) for i in range(0, BLOCK, 4)])
+                    for n in (0, 2)
+                )
+                lefts = [i + n for i in range(0, BLOCK, 4) for n in (0, 2, BLOCK, BLOCK + 2)]
+                left, right = (low.shuffle(high.value, [lane + side for lane in lefts]) for side in (0, 1))
+                to = builder.add(at, number(plane * BLOCK))
+                left.mixed(rest, right, share).store(place(context, builder, sheet_type, sheet, to))
+            return context.get_dummy_value()
+
+        arguments = (line, types.intp, types.intp, cells, fractions, types.intp, sheet, types.intp)
+        return types.void(*arguments), generate
+
+    return resample
+
+
+resample_plane, resample_lit_planes = _resampler(1), _resampler(1 + NORMAL)
 
 
 def mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, plane):
-    """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``resample_plane``)."""
+    """One plane of two scanlines' blocks, mixed; both multiplied by their shares (see ``_resampler``)."""
     above, below = (
         Vector.load(
             builder,

@@ -14,6 +14,7 @@ import numpy as np
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..runtime.prefetch import fetch_ahead
+from ..shade.sample_light import NORMAL
 from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
 from .arguments import Box, CodePlanes, Lookup, ScalarTables
@@ -22,7 +23,7 @@ from .mist_block import MistRays
 from .pixel_block import BLOCK
 from .rays_in_box import NO_ROW, block_at
 from .sample_block import clear_light
-from .scalar_block import place_inside, resample_plane
+from .scalar_block import place_inside, resample_lit_planes, resample_plane
 from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
 from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
@@ -133,7 +134,7 @@ def _put(codes, tables, box, planes, sheets, number, scanline, slot, shift_u, sc
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
     line.reach[0] = tables.width
     put_scanline(
-        line.line, line.line.size // plane_count(planes.count), line.reach, marks, slot, scale_u, shift_u, box.overhang,
+        line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, codes, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
     )
@@ -169,13 +170,22 @@ def _fetch_next(medium, ahead, scanline, count):
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
-    planes = plane_count(medium.planes.count)
-    stride = voxels.size // planes
+    planes, stride = plane_count(medium.planes.count), medium.planes.stride
     if is_new:
         place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, medium.tables.width - 1.0)
-    for plane in range(planes):
-        to = BLOCK * (planes * at + plane)
-        resample_plane(voxels, plane * stride, cells, fractions, BLOCK * b, samples, to)
+    to = BLOCK * planes * at
+    first = _resample_lit(medium.planes.lamps, voxels, stride, cells, fractions, BLOCK * b, samples, to)
+    for plane in range(first, planes):
+        resample_plane(voxels, plane * stride, stride, cells, fractions, BLOCK * b, samples, to + BLOCK * plane)
+
+
+@inner_loop
+def _resample_lit(lamps, voxels, stride, cells, fractions, first, samples, to):
+    """Resample the planes that all samples have that are lit; how many these are."""
+    if lamps is None:
+        return 0
+    resample_lit_planes(voxels, 0, stride, cells, fractions, first, samples, to)
+    return 1 + NORMAL
 
 
 @inner_loop
@@ -347,10 +357,9 @@ def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, i
 @inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
-    planes = plane_count(medium.planes.count)
+    planes, stride = plane_count(medium.planes.count), medium.planes.stride
     clear_light(medium.planes.lamps, own.rows.light)
     line = own.line.line
-    stride = line.size // planes
     line[:stride] = NOT_KEPT
     line[stride:] = np.float32(0.0)
     for samples in (own.sheet.samples, own.sheet_before.samples):

@@ -18,7 +18,7 @@ from .reference.scalar_sheets import splat_scalar_sheets_numpy
 from .sample_lamps import HELD, sample_lamps
 from .scalar_group import GROUP
 from .scalar_sheets import splat_scalar_rows
-from .scratch import scratch_for, worth_grouping
+from .scratch import Scratch, scratch_for, worth_grouping
 from .splat import OPAQUE, row_steps, sheet_list
 
 ALMOST_MOST = 1.0 + 1e-5  # of the largest count: means of it may be rounded up, and the warp limits them anyway
@@ -93,13 +93,14 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     )  # fmt: skip
 
 
-def _planes(encoded: ScalarVolume, light, plane: BasePlane, least) -> CodePlanes:
+def _planes(encoded: ScalarVolume, light, plane: BasePlane, least, scratch: Scratch) -> CodePlanes:
     """``light``: the SampleLight that is wanted."""
+    line = scratch.line.line.shape[1]
     if encoded.codes is None:
-        return CodePlanes(None, 0, None)
+        return CodePlanes(None, line, 0, None)
     channels = encoded.codes.shape[1]
     lamps = None if light is None else sample_lamps(light, plane, encoded.shape_xyz, least)
-    return CodePlanes(1 + channels, channels if encoded.thinned else 0, lamps)
+    return CodePlanes(1 + channels, line // (1 + channels), channels if encoded.thinned else 0, lamps)
 
 
 def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None):
@@ -118,11 +119,10 @@ def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quali
         yield from splat_scalar_sheets_numpy(*arguments, encoded.thinned, light, plane, mist, least, *image.arrays)
         return image
     workers = thread_count(quality.threads)
-    planes = _planes(encoded, light, plane, float(least))
-    arguments = (*arguments, planes, mist, grouped, least)
-    channels, group = planes.count or 1, GROUP if grouped else 1
+    channels, group = 1 if encoded.codes is None else 1 + encoded.codes.shape[1], GROUP if grouped else 1
     held = 0 if light is None else HELD
     scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True, group=group, light=held)
+    arguments = (*arguments, _planes(encoded, light, plane, float(least), scratch), mist, grouped, least)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
     return image
 

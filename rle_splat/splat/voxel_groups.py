@@ -102,14 +102,21 @@ def _mixer_of_codes(count, channels=None):
                 found = _columns(builder, pointer, count, channels) if channels else [
                     _column(builder, pointer, count, stored)
                 ]
-                return [(Vector(builder, _as_single(builder, one, codes_type.dtype)) * PER_CODE).value for one in found]
+                return [Vector(builder, _as_single(builder, one, codes_type.dtype)) * PER_CODE for one in found]
 
-            for number, both in enumerate(zip(columns(near), columns(far), strict=True)):
+            def put(number, vector):
                 plane = builder.add(channel, ir.Constant(to.type, number + 1))
-                at = builder.add(builder.mul(stride, plane), to)
-                _mixed(builder, *both, weight, far_weight, pair).store(
-                    place(context, builder, line_type, line, at)
-                )
+                vector.store(place(context, builder, line_type, line, builder.add(builder.mul(stride, plane), to)))
+
+            nearer = columns(near)
+            with builder.if_else(pair) as (both, alone):
+                with both:
+                    shares = [Vector.spread(builder, share, count) for share in (weight, far_weight)]
+                    for number, (one, other) in enumerate(zip(nearer, columns(far), strict=True)):
+                        put(number, one.mixed(shares[0], other, shares[1]))
+                with alone:
+                    for number, one in enumerate(nearer):
+                        put(number, one)
             return context.get_dummy_value()
 
         numbers = (types.float32, types.float32, types.boolean)

@@ -97,15 +97,17 @@ def splatted(
     return drain(scalar_splat.scalar_splat_steps(encoded, table, plane, quality)).pixels
 
 
-def agree(*arguments, within=1e-5, **how):
+def agree(*arguments, within=3e-5, flipped=4e-4, **how):
     """What kernels make of the arguments of ``splatted``, which must be what numpy does.
 
-    A sample whose value is rounded differently may have the next entry of the lookup table.
+    A sample whose value is rounded differently may have another entry of the lookup table, or none: one pixel of a
+    thousand, all of them with a function that changes, may be as wrong as that.
     """
-    within = max(within, 4e-4 if how.get("function") is RAMP else 0.0)
     kernels, reference = both(lambda: splatted(*arguments, **how))
     assert reference[..., 3].min() < 0.5 and np.isfinite(reference).all()
-    assert np.abs(kernels - reference).max() < within * max(1.0, reference.max())
+    errors = np.abs(kernels - reference) / max(1.0, reference.max())
+    assert errors.max() < max(within, flipped)
+    assert how.get("function") is RAMP or np.quantile(errors, 0.999) < within
     return kernels
 
 
@@ -120,7 +122,7 @@ def test_kinds_of_lamps(kind, perspective):
 @pytest.mark.parametrize("name", MATERIALS)
 def test_materials(name):
     how = dict(lights=ALL, headlight_direction=(0.6, 0.0, 0.8), perspective=True)
-    lit = agree(MATERIALS[name], **how, within=1e-3 if name == "mirror" else 1e-4)
+    lit = agree(MATERIALS[name], **how, within=1e-4)
     assert np.abs(lit - splatted(replace(SHADE, specular=0.3), **how)).max() > 1e-3
 
 

@@ -155,8 +155,9 @@ def cut_ends_numpy(intervals, begin, end, here, there, least):
 
 def share_here(here, there, low, high, depth) -> np.ndarray:
     """See ``sample_block._share_here``; all (H, W), but the ends ``low`` and ``high`` of what is shown."""
-    apart = np.maximum(np.abs(here.astype(np.float64) - there), 1e-30)
-    ends = [np.clip((end - np.minimum(here, there)) / apart, 0.0, 1.0) for end in (low, high)]
+    here, there = here.astype(np.float64), there.astype(np.float64)
+    apart, least = np.maximum(np.abs(here - there), 1e-30), np.minimum(here, there)
+    ends = [np.clip((end - least) / apart, 0.0, 1.0) for end in (low, high)]
     first, last = (np.where(here >= there, one, 1.0 - other) for one, other in (ends, ends[::-1]))
     return (first + (last - first) / (2.0 + 0.5 * depth)).astype(np.float32)
 
