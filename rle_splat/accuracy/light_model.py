@@ -236,13 +236,14 @@ class Faces:
 
     def at(self, world) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """At world points (N, 3): the faces' part of m (N, 3), the share (N,) that is left of the field's own m, and
-        the distance (N,) to the nearest face."""
+        the distance (N,) to the nearest face that counts."""
         total, rest, nearest = np.zeros_like(world), np.ones(len(world)), np.full(len(world), np.inf)
         for normal, offset in self._inside:
             width = voxel_width(normal[None], self._matrix)
             distance = np.abs(offset - np.einsum("ni,i->n", world, normal))
             near = 1.0 - smoothstep(*FACE, distance / width)
-            total, rest, nearest = total + near[:, None] * normal, rest * (1.0 - near), np.minimum(nearest, distance)
+            total, rest = total + near[:, None] * normal, rest * (1.0 - near)
+            nearest = np.where(near > 0.0, np.minimum(nearest, distance), nearest)
         for own in self._removed:
             # The faces of a box that is removed end at its edges: the nearest point of the box decides.
             at = np.einsum("ni,ji->nj", world, own[:3, :3]) + own[:3, 3]
@@ -251,7 +252,8 @@ class Faces:
             with np.errstate(divide="ignore", invalid="ignore"):
                 near = 1.0 - smoothstep(*FACE, distance / voxel_width(away, self._matrix))
             near = np.where(distance > 0.0, near, 0.0)
-            total, rest, nearest = total - near[:, None] * away, rest * (1.0 - near), np.minimum(nearest, distance)
+            total, rest = total - near[:, None] * away, rest * (1.0 - near)
+            nearest = np.where(near > 0.0, np.minimum(nearest, distance), nearest)
         return total, rest, np.where(rest < 1.0, nearest, 0.0)
 
 

@@ -21,7 +21,8 @@ from .transfer import Segments, extinction
 POINTS = 16  # on a lamp that is not a point
 WIDEST_SUN = 0.5 * np.pi  # angle
 OPAQUE = 10.0  # optical depth from which a ray is not followed further: at most 5e-5 of the light arrives
-BLOCK = 4  # cells along a side of what is passed over at once where it is empty
+SHIFT = 2
+BLOCK = 1 << SHIFT  # cells along a side of what is passed over at once where it is empty
 FURTHEST = 8  # blocks
 RAYS_AT_ONCE = 16384
 RAYS_NEAR_MESHES = 256
@@ -61,36 +62,37 @@ class Tracer:
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
         the middle of the volume, or the points of an area.  The renderer takes up to 8 (``shade.light_samples``).
         """
-        start, total = self._world(index), np.zeros(len(index))
-        targets = _targets(light, self._center)
-        for target in targets:
-            if light.type == "SUN":
-                total += self._cast(start, target, np.inf)
-            else:
-                away = target - start
-                total += self._cast(start, unit(away), np.linalg.norm(away, axis=1))
-        return total / len(targets)
+        start, targets, parallel = self._world(index), _targets(light, self._center), light.type == "SUN"
+        directions = [np.broadcast_to(target, start.shape) if parallel else target - start for target in targets]
+        lengths = [np.full(len(start), np.inf) if parallel else np.linalg.norm(way, axis=1) for way in directions]
+        return self._mean(start, [unit(way) for way in directions], lengths, np.full(len(targets), 1.0 / len(targets)))
 
     def openness(self, index: np.ndarray) -> np.ndarray:
         """O: (N,) mean transmittance from (N, 3) positions over the directions of SKY."""
         start = self._world(index)
-        return sum(weight * self._cast(start, towards, np.inf) for weight, towards in zip(SKY_WEIGHTS, SKY))
+        directions = [np.broadcast_to(towards, start.shape) for towards in SKY]
+        return self._mean(start, directions, [np.full(len(start), np.inf)] * len(SKY), SKY_WEIGHTS)
 
     def _world(self, index):
         return np.einsum("ni,ji->nj", index, self._matrix[:3, :3]) + self._matrix[:3, 3]
 
-    def _cast(self, start, direction, length) -> np.ndarray:
-        """(N,) transmittance from world points (N, 3) along unit vectors over a world length, (N,) or a number."""
-        direction, length = np.broadcast_to(direction, start.shape), np.broadcast_to(length, len(start))
-        arrives = np.empty(len(start))
-        for first in range(0, len(start), RAYS_AT_ONCE):
+    def _mean(self, start, directions, lengths, weights) -> np.ndarray:
+        """(N,) weighted mean transmittance from world points (N, 3) along rays of several directions.
+
+        ``directions``, ``lengths``: for each, unit vectors (N, 3) and world lengths (N,).
+        """
+        count = len(weights) * len(start)
+        rays = WorldRays(np.tile(start, (len(weights), 1)), np.concatenate(directions), np.ones(count))
+        length = np.concatenate(lengths)
+        depth = np.empty(count)
+        for first in range(0, count, RAYS_AT_ONCE):  # of all directions, as short arrays take longer
             part = slice(first, first + RAYS_AT_ONCE)
-            rays = WorldRays(start[part], direction[part], np.ones(len(start[part])))
-            arrives[part] = np.exp(-self._depth(rays, length[part]))
+            depth[part] = self._depth(rays[part], length[part])
+        arrives = np.exp(-depth).reshape(len(weights), -1)
         if self._meshes is not None:
-            lit = np.flatnonzero(arrives > 0.0)
-            arrives[lit[self._meshes.block(start[lit], direction[lit], length[lit])]] = 0.0
-        return arrives
+            for one, *ray in zip(arrives, directions, lengths):
+                one[self._meshes.block(start, *ray)] = 0.0
+        return np.einsum("k,kn->n", weights, arrives)
 
     def _depth(self, rays: WorldRays, length) -> np.ndarray:
         """(N,) optical depth of rays over a world length (N,); all rays go on by one cell at a time."""
@@ -109,26 +111,27 @@ class Tracer:
         last = (self._high - 1.0)[:, None]
         while len(on):
             cell = np.clip(np.floor(o + d * begin + NUDGE * np.sign(d)), 0.0, last).astype(np.int64)
-            x, y, z = cell // BLOCK
-            around = self._empty[z, y, x]  # blocks
-            far = np.where(d > 0.0, np.maximum(around * BLOCK, 1), np.minimum((1 - around) * BLOCK, 0))
-            low = np.where(around > 0, cell // BLOCK * BLOCK, cell)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                out = np.where(d != 0.0, (low + far - o) / d, np.inf)
-            until = np.minimum(np.minimum(out[0], out[1]), np.minimum(out[2], end))
+            block = cell >> SHIFT
+            around = self._empty[block[2], block[1], block[0]]  # blocks
             shown = around == 0
+            # The faces ahead of the cell, or of the empty blocks around.
+            near = np.where(shown, cell, block * BLOCK)
+            face = near + np.where(d > 0.0, np.maximum(around * BLOCK, 1), np.minimum((1 - around) * BLOCK, 0))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                out = np.where(d != 0.0, (face - o) / d, np.inf)
+            until = np.minimum(np.minimum(out[0], out[1]), np.minimum(out[2], end))
             if crossings is not None:
                 until = np.minimum(until, np.where(crossings[on] > begin[:, None], crossings[on], np.inf).min(axis=1))
                 shown &= clipping.keeps(on, 0.5 * (begin + until))
             until = np.maximum(until, np.nextafter(begin, np.inf))
             here = np.flatnonzero(shown)
-            tau[here] += self._cell_depth(o[:, here], d[:, here], begin[here], until[here], cell[:, here])
+            tau[here] += self._cell_depth(*(part.take(here, axis=-1) for part in (o, d, begin, until, cell)))
             begin = until
-            going = (until < end) & (tau < OPAQUE)
-            if not going.all():
-                depth[on[~going]] = tau[~going]
-                on, begin, end, tau = (part[going] for part in (on, begin, end, tau))
-                o, d = o[:, going], d[:, going]
+            depth[on] = tau
+            going = np.flatnonzero((until < end) & (tau < OPAQUE))
+            if len(going) < len(on):
+                on, begin, end, tau = (part.take(going) for part in (on, begin, end, tau))
+                o, d = o.take(going, axis=1), d.take(going, axis=1)
         return depth
 
     def _cell_depth(self, origin, step, begin, until, cell):

@@ -15,7 +15,8 @@ from .rays import camera_rays, pixel_centers
 from .transfer import world_opacity_distance
 
 TRUTHS = ("T1", "T2")
-RAYS_AT_ONCE = 128  # between two steps of the generator
+# Between two steps of the generator, without light at every point and with it.
+RAYS_AT_ONCE, LIT_RAYS_AT_ONCE = 128, 16
 
 
 def check_shown(scene: Scene, truth_name: str) -> None:
@@ -91,9 +92,9 @@ def truth_steps(scene: Scene, truth_name: str, columns, rows, tolerance=TOLERANC
 
     ``columns``, ``rows``: (N,) positions from the left and the top, pixel centers at + 0.5.
     """
-    found = np.empty((len(columns), 4))
-    for first in range(0, len(columns), RAYS_AT_ONCE):
+    found, count = np.empty((len(columns), 4)), LIT_RAYS_AT_ONCE if "light" in shading else RAYS_AT_ONCE
+    for first in range(0, len(columns), count):
         yield first / len(columns)
-        part = slice(first, first + RAYS_AT_ONCE)
+        part = slice(first, first + count)
         found[part], _ = truth(scene, truth_name, pixels=(columns[part], rows[part]), tolerance=tolerance, **shading)
     return found

@@ -105,7 +105,7 @@ def light_steps(light, occluders: Occluders, offsets=None):
     light : Light
     occluders : Occluders
     offsets : (m, 3) ndarray of int16 or None
-        From the voxels to their points, as of ``surface_points.place_surfaces``; None for the voxels themselves.
+        From the voxels to their points, as of ``surface_points.place_steps``; None for the voxels themselves.
 
     Yields
     ------

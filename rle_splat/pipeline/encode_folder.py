@@ -42,7 +42,7 @@ from ..runtime.steps import Clock, Progress, announce, drain, rescale, time_step
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.shading import DENSITY
 from ..shade.surface_normals import BEYOND, gaussian, surface_steps
-from ..shade.surface_points import faces_of, place_surfaces
+from ..shade.surface_points import faces_of, place_steps
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
 from ..volume.reduced import reduce_steps
@@ -416,9 +416,8 @@ class _ScalarChunks(_Chunks):
             around.measured["value_range"] = volume.value_range  # by which values are scaled: as in the whole volume
         surfaces = drain(surface_steps(around, rows, local.column, sigma, threads=self.threads))
         function, matrix, voxels = scene.transfer_function, scene.index_to_world, self.in_volume(local, first)
-        return place_surfaces(
-            surfaces, voxels, volume, function, matrix, self.faces, with_points=False, threads=self.threads
-        )[0]
+        given = surfaces, voxels, volume, function, matrix, self.faces
+        return drain(place_steps(*given, with_points=False, threads=self.threads))[0]
 
     def header(self, facts) -> dict:
         found, volume, matrix = super().header(facts), self.volume, self.scene.index_to_world.tolist()

@@ -18,7 +18,7 @@ from ..runtime.steps import announce, time_steps
 from ..scene import Scene
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
 from ..shade.surface_normals import automatic_sigma, surface_steps
-from ..shade.surface_points import faces_of, place_surfaces
+from ..shade.surface_points import faces_of, place_steps
 from .shadows import arriving_steps, casting, shadow_count
 from .source import Work, array_key
 
@@ -64,11 +64,11 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
     def place():
         faces = faces_of(scene.clips, matrix)
         function = scene.transfer_function
-        made = place_surfaces(surfaces, voxels, volume, function, matrix, faces, with_points=shaded, threads=threads)
-        return Placed(*made)
+        given = surfaces, voxels, volume, function, matrix, faces
+        return Placed(*(yield from place_steps(*given, with_points=shaded, threads=threads)))
 
-    with clock.stage("shade"):
-        placed = job.get("normals", normals_key, place)
+    steps = time_steps(job.steps("normals", normals_key, place), clock, "shade")
+    placed = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
     if not shaded:
         return placed.codes, normals_key
     steps = arriving_steps(scene, occluders, job, clock, placed.offsets, normals_key)
@@ -80,7 +80,7 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
 
 
 class Placed:
-    """Codes of the normals of voxels, (m, 3) int16, and how far beside each shadows begin; see ``place_surfaces``."""
+    """Codes of the normals of voxels, (m, 3) int16, and how far beside each shadows begin; see ``place_steps``."""
 
     def __init__(self, codes: np.ndarray, offsets: np.ndarray | None):
         self.codes, self.offsets = codes, offsets

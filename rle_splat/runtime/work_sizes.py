@@ -8,5 +8,6 @@ from __future__ import annotations
 MIXED_AT_ONCE = 1 << 20  # voxels of labels and channels whose float64 properties still fit into the cache
 RECORDS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
 SMOOTHED_AT_ONCE = 1 << 20  # voxels that are smoothed between two chances to cancel, 20 ms on one core
+PLACED_AT_ONCE = 1 << 18  # voxels whose surfaces are placed between two chances to cancel, 15 ms on one core
 RAYS_AT_ONCE = 4096  # single rays between two looks at the user's Esc
 MESH_SAMPLES = 16  # rays per pixel on which meshes are searched for

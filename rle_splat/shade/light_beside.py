@@ -31,8 +31,7 @@ from .surface_points import STEPS
 
 SORTED_AT_ONCE = 1 << 17  # voxels of a part that is sorted by one worker; 2 ms
 MOST_PARTS = 64
-# Parts and bands of a step of the generators, for each thread: so long is a step of 512^3 voxels at most 30 ms.
-PARTS_AT_ONCE, BANDS_AT_ONCE = 4, 2
+AT_ONCE = 1 << 19  # voxels that a worker sorts or reads between two chances to cancel, 10 ms
 _ZERO, _ONE, _HALF, _FULL = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(FULL)
 
 
@@ -87,7 +86,7 @@ def light_beside_steps(
     found = yield from _sort_steps(sweep, voxels, offsets, place, threads)
     layers = (sweep.slices, sweep.scale, sweep.offset_x, sweep.offset_y, sweep.whole)
     held = tuple(read_only(array) for array in (tables.scanline_pointers, tables.runs, starts, extinction))
-    bands, at_once = len(found.first), BANDS_AT_ONCE * thread_count(threads)
+    bands, at_once = len(found.first), _at_once(len(found.first), len(found.voxel), threads)
     for first in range(0, bands, at_once):
         yield 0.5 + 0.5 * first / bands
         count = min(at_once, bands - first)
@@ -95,6 +94,11 @@ def light_beside_steps(
             _light_bands(
                 first, count, layers, held, meshes, sweep.width, sweep.height, tables.width, sweep.length, found, codes
             )
+
+
+def _at_once(parts: int, voxels: int, threads: int) -> int:
+    """How many of the parts, which have so many voxels together, a step of the generators handles."""
+    return max(AT_ONCE * parts // max(voxels, 1), 1) * thread_count(threads)
 
 
 def _sort_steps(sweep: Sweep, voxels: VisibleVoxels, offsets, place, threads: int):
@@ -108,7 +112,7 @@ def _sort_steps(sweep: Sweep, voxels: VisibleVoxels, offsets, place, threads: in
     sheet = (tuple(place.ravel().tolist()), source, sweep.side, slices, sweep.width, sweep.height)
     lists = (read_only(voxels.row_start), read_only(voxels.column), offsets, voxels.shape_xyz[1])
     to = np.zeros((parts, bands * slices), np.int64)
-    voxel, found, at_once = np.empty(0, np.uint32), np.empty((0, 3), np.float32), PARTS_AT_ONCE * thread_count(threads)
+    voxel, found, at_once = np.empty(0, np.uint32), np.empty((0, 3), np.float32), _at_once(parts, len(voxels), threads)
     for filling in range(2):
         for begin in range(0, parts, at_once):
             yield 0.25 * (filling + begin / parts)

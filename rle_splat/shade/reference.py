@@ -220,11 +220,9 @@ def _convolved(values, taps, axis: int) -> np.ndarray:
     return found
 
 
-def find_surfaces(
-    smoothed, low, n_z, first, last, _wanted, lists, slopes, noise, error, center, per_mm, vectors, steep
-):
+def find_surfaces(smoothed, low, n_z, first, last, _wanted, lists, slopes, floor, per_mm, vectors, steep):
     """Vectors and steepness of the voxels of planes [first, last), as ``surface_normals._find``."""
-    row_start, column = lists
+    (row_start, column), (noise, error, middle) = lists, floor
     values, (_, n_y, _) = smoothed.astype(np.float64), smoothed.shape
     by_voxel = [_differences(values, axis) for axis in (2, 1, 0)]
     if low > 0:
@@ -240,7 +238,7 @@ def find_surfaces(
     row = np.searchsorted(row_start, np.arange(begin, end), side="right") - 1
     at = row // n_y - first, row % n_y, column[begin:end].astype(np.int64)
     mean, there = (around / count)[own][at], (at[0] + first - low, at[1], at[2])
-    least = noise + error * np.abs(np.nan_to_num(values[there]) + center * per_mm)
+    least = noise + error * np.abs(np.nan_to_num(values[there]) + middle)
     whole = np.maximum(mean + least**2, size[there])
     usable = (whole > 0.0) & (whole < np.inf)
     scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)

@@ -30,7 +30,7 @@ ONE = np.float32(32767.0)
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
-_ZERO, _ONE, _SHORTEST = np.float32(0.0), np.float32(1.0), np.float32(1e-30)
+_ZERO, _ONE, _TWO, _THREE = (np.float32(n) for n in range(4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,25 +98,40 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
     smoothed_rows = dilated(wanted)
     vectors, steepness = empty((len(column), 3), np.int16), empty(len(column), np.float32)
     at_once = max(SMOOTHED_AT_ONCE // (nx * ny), 1)
+    # Used by all steps, because the system clears new memory, which took as long as the work on it.
+    room, squares = np.empty((2, min(at_once + 2 * BEYOND, nz), ny, nx), np.float32)
+    from_, reached = 0, 0  # of the planes in ``room``
     for first in range(0, nz, at_once):
         yield first / nz
         last = min(first + at_once, nz)
         if not rows[first:last].any():
             continue
         low, high = max(first - BEYOND, 0), min(last + BEYOND, nz)
-        smoothed = smoothing.planes(low, high, smoothed_rows, threads)
+        known = max(reached - low, 0)  # planes of the step before
+        room[:known] = room[low - from_ : low - from_ + known]
+        smoothed, from_, reached = room[: high - low], low, high
+        smoothing.smooth(low + known, smoothed_rows, smoothed[known:], threads)
         lists = read_only(row_start), read_only(column)
         arguments = (
-            smoothed, low, nz, first, last, read_only(wanted), lists, smoothing.slopes, smoothing.noise,
-            smoothing.error, smoothing.center, smoothing.per_mm, vectors, steepness,
+            smoothed, low, nz, first, last, read_only(wanted), lists, smoothing.slopes, smoothing.floor,
+            smoothing.per_mm, vectors, steepness,
         )  # fmt: skip
         if compiled():
-            squares = empty(smoothed.shape, np.float32)
             with parallel_call(threads):
                 _find(squares, *arguments)
         else:
             reference.find_surfaces(*arguments)
+        _leave_out_holes(smoothing.voxels[first:last], row_start[first * ny : last * ny + 1], column, vectors)
     return Surfaces(read_only(vectors), read_only(steepness))
+
+
+def _leave_out_holes(planes, row_start, column, vectors) -> None:
+    """Set the vectors to 0 of the voxels of some planes that are not finite."""
+    if planes.dtype.kind != "f" or np.isfinite(planes).all():
+        return
+    own = slice(row_start[0], row_start[-1])
+    row = np.repeat(np.arange(len(row_start) - 1), np.diff(row_start))
+    vectors[own][~np.isfinite(planes.reshape(-1, planes.shape[2])[row, column[own]])] = 0
 
 
 def dilated(rows: np.ndarray) -> np.ndarray:
@@ -141,13 +156,12 @@ class Smoothing:
         Weights along x, y, z.
     center, scale : float
         Stored values are smoothed as (value - center) * scale, so that no square overflows.
-    slopes : tuple of float
-        The matrix, row by row, that makes differences per voxel a gradient per mm in the volume's own space.
-    noise : float
-        Squared: NOISE times E of integers; of floats, times machine epsilons of the value, whose factor is ``error``.
-    error : float
+    slopes : tuple of float32
+        The matrix, row by row, that makes differences per voxel a gradient in the volume's own space.
+    floor : tuple of float32
+        NOISE times E is noise + error * |value + middle|, of a smoothed value: ``noise``, ``error`` and ``middle``.
     per_mm : float
-        What a scaled gradient's length is divided by.
+        What a gradient's length is divided by to be per mm.
     """
 
     voxels: np.ndarray
@@ -155,8 +169,7 @@ class Smoothing:
     center: float
     scale: float
     slopes: tuple
-    noise: float
-    error: float
+    floor: tuple
     per_mm: float
 
     @classmethod
@@ -166,7 +179,8 @@ class Smoothing:
         taps = [gaussian(sigma, distance) for distance in spacing]
         directions = np.asarray(volume.affine, np.float64)[:3, :3] / spacing
         slopes = np.linalg.inv(directions).T / spacing
-        noise = NOISE * noise_of_gradient(taps, spacing)
+        steepest = np.abs(slopes).max()  # so that no unit of length makes squares overflow
+        noise = NOISE * noise_of_gradient(taps, spacing) / steepest
         center, scale, error = 0.0, 1.0, 0.0
         if voxels.dtype.kind == "f" or voxels.dtype.name not in NATIVE:
             low, high = sorted((value - volume.intercept) / volume.slope for value in volume.value_range)
@@ -175,20 +189,22 @@ class Smoothing:
             scale = 1.0 / largest if 0.0 < largest < np.inf else 1.0
         if voxels.dtype.kind == "f":
             error, noise = noise * FLOAT_STEPS * float(np.finfo(voxels.dtype).eps), 0.0
+        taps = tuple(read_only(each.astype(np.float32)) for each in taps)
+        floor = tuple(np.float32(each) for each in (noise * scale, error, center * scale))
         return cls(
-            voxels, tuple(read_only(each.astype(np.float32)) for each in taps), center, scale,
-            tuple(slopes.ravel().tolist()), noise * scale, error, scale,
+            voxels, taps, center, scale, tuple((slopes / steepest).astype(np.float32).ravel()), floor, scale / steepest,
         )  # fmt: skip
 
-    def planes(self, low: int, high: int, wanted: np.ndarray, threads: int) -> np.ndarray:
-        """(high - low, ny, nx) float32: smoothed planes [low, high), of rows that are ``wanted`` (nz, ny); NaN where no
-        voxel is finite.
+    def smooth(self, low: int, wanted: np.ndarray, found: np.ndarray, threads: int) -> None:
+        """Smooth the planes from ``low`` on, rows that are ``wanted`` (nz, ny), into ``found``.
+
+        ``found`` (planes, ny, nx) float32 is NaN where no voxel is finite.
 
         Voxels outside the volume and such that are not finite are left out, and the rest is divided by its weights
         (normalized convolution, Knutsson and Westin 1993).
         """
         reach = self.taps[2].size // 2
-        first, last = max(low - reach, 0), min(high + reach, len(self.voxels))
+        first, last = max(low - reach, 0), min(low + len(found) + reach, len(self.voxels))
         values, holes = self.voxels[first:last], None
         if values.dtype.name not in NATIVE or (values.dtype.kind == "f" and self.scale != 1.0):
             values = ((values.astype(np.float64) - self.center) * self.scale).astype(np.float32)
@@ -196,22 +212,20 @@ class Smoothing:
             finite = np.isfinite(values)
             if not finite.all():
                 values, holes = np.where(finite, values, _ZERO), finite.astype(np.uint8)
-        found = self._smoothed(values, first, low, high, wanted, threads)
+        self._smooth(values, first, low, wanted, found, threads)
         if holes is not None:
-            weights = self._smoothed(holes, first, low, high, wanted, threads)
+            weights = np.empty_like(found)
+            self._smooth(holes, first, low, wanted, weights, threads)
             with np.errstate(invalid="ignore", divide="ignore"):
-                found = np.where(weights > 1e-6, found / weights, np.float32(np.nan))
-        return found
+                found[:] = np.where(weights > 1e-6, found / weights, np.float32(np.nan))
 
-    def _smoothed(self, values, first, low, high, wanted, threads):
-        found = empty((high - low, *values.shape[1:]), np.float32)
+    def _smooth(self, values, first, low, wanted, found, threads) -> None:
         arguments = (read_only(np.ascontiguousarray(values)), first, low, read_only(wanted), *self.taps, found)
         if compiled():
             with parallel_call(threads):
                 _smooth(*arguments)
         else:
             reference.smooth(*arguments)
-        return found
 
 
 def noise_of_gradient(taps, spacing) -> float:
@@ -287,109 +301,109 @@ def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, 
 
 
 @kernel
-def _find(
-    squares, smoothed, low, n_z, first, last, wanted, lists, slopes, noise, error, center, per_mm, vectors, steep
-):
+def _find(squares, smoothed, low, n_z, first, last, wanted, lists, slopes, floor, per_mm, vectors, steep):
     """Fill ``vectors`` and ``steep`` of the voxels of planes [first, last); ``squares``: scratch like ``smoothed``."""
     from_, count = max(first - 1, 0), min(last + 1, n_z) - max(first - 1, 0)
     share_out(_square_planes, count, (from_, smoothed, low, n_z, wanted, slopes, squares))
     share_out(
         _find_rows, (last - first) * smoothed.shape[1],
-        (smoothed, squares, low, n_z, first, lists, slopes, noise, error, center, per_mm, vectors, steep),
+        (smoothed, squares, low, n_z, first, lists, slopes, floor, per_mm, vectors, steep),
     )  # fmt: skip
 
 
 @kernel(inline="always")
-def _difference(before, after, here, count):
-    """Change per voxel between two neighbors ``count`` apart; one that is not finite counts as ``here``."""
-    a = before if np.abs(before) < np.inf else here
-    b = after if np.abs(after) < np.inf else here
-    return (b - a) / count
+def _finite(value, here):
+    """A neighbor, or the voxel itself in place of one that is not finite."""
+    return value if np.abs(value) < np.inf else here
+
+
+@kernel(inner=True)
+def _gradient_row(smoothed, low, n_z, z, y, slopes, line, shares, gradient):
+    """Gradients of a row: central differences, one-sided at the ends.
+
+    ``line`` (nx + 2,): scratch. ``shares`` (nx,): one over the distance of the neighbors along x. ``gradient``: three
+    (nx,) arrays of float32, written. ``slopes``: nine numbers.
+    """
+    _, n_y, n_x = smoothed.shape
+    z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+    here, above, below = smoothed[z - low, y], smoothed[z0 - low, y], smoothed[z1 - low, y]
+    north, south = smoothed[z - low, y0], smoothed[z - low, y1]
+    across, deep = _ONE / np.float32(max(y1 - y0, 1)), _ONE / np.float32(max(z1 - z0, 1))
+    line[0], line[n_x + 1] = here[0], here[n_x - 1]
+    line[1 : n_x + 1] = here
+    west, east = line[:n_x], line[2:]
+    gx, gy, gz = gradient
+    for x in range(n_x):
+        own = here[x]
+        dx = shares[x] * (_finite(east[x], own) - _finite(west[x], own))
+        dy = across * (_finite(south[x], own) - _finite(north[x], own))
+        dz = deep * (_finite(below[x], own) - _finite(above[x], own))
+        known = np.abs(own) < np.inf
+        dx, dy, dz = dx if known else _ZERO, dy if known else _ZERO, dz if known else _ZERO
+        gx[x] = slopes[0] * dx + slopes[1] * dy + slopes[2] * dz
+        gy[x] = slopes[3] * dx + slopes[4] * dy + slopes[5] * dz
+        gz[x] = slopes[6] * dx + slopes[7] * dy + slopes[8] * dz
+
+
+@kernel(inner=True)
+def _row_scratch(n_x):
+    """``line``, ``shares`` and ``gradient`` of ``_gradient_row``."""
+    shares = np.full(n_x, 0.5, np.float32)
+    shares[0] = shares[n_x - 1] = _ONE
+    gradient = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
+    return np.empty(n_x + 2, np.float32), shares, gradient
 
 
 @kernel(inner=True)
 def _square_planes(begin, end, from_, smoothed, low, n_z, wanted, slopes, squares):
     """Squared lengths of the gradients of rows that are ``wanted``, of planes [from_ + begin, from_ + end)."""
     _, n_y, n_x = smoothed.shape
+    line, shares, gradient = _row_scratch(n_x)
+    gx, gy, gz = gradient
     for z in range(from_ + begin, from_ + end):
-        plane = z - low
-        above, below = max(z - 1, 0) - low, min(z + 1, n_z - 1) - low
-        deep = np.float32(max(below - above, 1))
         for y in range(n_y):
-            if not wanted[z, y]:
-                continue
-            y0, y1 = max(y - 1, 0), min(y + 1, n_y - 1)
-            across = np.float32(max(y1 - y0, 1))
-            row, to = smoothed[plane, y], squares[plane, y]
-            north, south, near, far = (
-                smoothed[plane, y0], smoothed[plane, y1], smoothed[above, y], smoothed[below, y]
-            )  # fmt: skip
-            for x in range(n_x):
-                x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-                to[x] = _squared(_gradient(
-                    row[x0], row[x1], north[x], south[x], near[x], far[x], row[x], np.float32(max(x1 - x0, 1)), across,
-                    deep, slopes,
-                ))  # fmt: skip
-
-
-@kernel(inline="always")
-def _gradient(west, east, north, south, near, far, here, along, across, deep, slopes):
-    gx = np.float64(_difference(west, east, here, along))
-    gy = np.float64(_difference(north, south, here, across))
-    gz = np.float64(_difference(near, far, here, deep))
-    known = np.abs(here) < np.inf
-    gx, gy, gz = gx if known else 0.0, gy if known else 0.0, gz if known else 0.0
-    return (
-        slopes[0] * gx + slopes[1] * gy + slopes[2] * gz,
-        slopes[3] * gx + slopes[4] * gy + slopes[5] * gz,
-        slopes[6] * gx + slopes[7] * gy + slopes[8] * gz,
-    )
-
-
-@kernel(inline="always")
-def _squared(vector):
-    x, y, z = vector
-    return np.float32(x * x + y * y + z * z)
+            if wanted[z, y]:
+                _gradient_row(smoothed, low, n_z, z, y, slopes, line, shares, gradient)
+                to = squares[z - low, y]
+                for x in range(n_x):
+                    to[x] = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
 
 
 @kernel(inner=True)
-def _find_rows(
-    begin, end, smoothed, squares, low, n_z, first, lists, slopes, noise, error, center, per_mm, vectors, steep
-):
+def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, floor, per_mm, vectors, steep):
     """``_find`` for rows [begin, end) of the planes from ``first`` on."""
-    row_start, column = lists
+    (row_start, column), (noise, error, middle) = lists, floor
     _, n_y, n_x = smoothed.shape
+    line, shares, gradient = _row_scratch(n_x)
+    gx, gy, gz = gradient
     sums = np.zeros(n_x + 2, np.float32)  # begins with voxel -1
+    inside, size_of, mm = sums[1 : n_x + 1], np.empty(n_x, np.float32), 1.0 / per_mm
+    west, east = sums[:n_x], sums[2:]
     for row in range(begin, end):
         z, y = first + row // n_y, row % n_y
-        from_, to = row_start[z * n_y + y], row_start[z * n_y + y + 1]
-        if from_ == to:
+        here = slice(row_start[z * n_y + y], row_start[z * n_y + y + 1])
+        xs, found, slope = column[here], vectors[here], steep[here]
+        if xs.size == 0:
             continue
         z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
-        inside = sums[1 : n_x + 1]
         inside[:] = _ZERO
         for k in range(z0, z1 + 1):
             for j in range(y0, y1 + 1):
                 source = squares[k - low, j]
                 for x in range(n_x):
                     inside[x] += source[x]
-        rows = (z1 - z0 + 1) * (y1 - y0 + 1)
-        here, above, below = smoothed[z - low, y], smoothed[z0 - low, y], smoothed[z1 - low, y]
-        north, south = smoothed[z - low, y0], smoothed[z - low, y1]
-        across, deep = np.float32(max(y1 - y0, 1)), np.float32(max(z1 - z0, 1))
-        for i in range(from_, to):
-            x = np.int64(column[i])
-            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-            gx, gy, gz = _gradient(
-                here[x0], here[x1], north[x], south[x], above[x], below[x], here[x], np.float32(max(x1 - x0, 1)),
-                across, deep, slopes,
-            )  # fmt: skip
-            around = np.float64(sums[x] + sums[x + 1] + sums[x + 2]) / (rows * (x1 - x0 + 1))
-            least = noise + error * abs(np.float64(here[x]) + center * per_mm)
-            size = gx * gx + gy * gy + gz * gz
+        _gradient_row(smoothed, low, n_z, z, y, slopes, line, shares, gradient)
+        rows, values = _ONE / np.float32((z1 - z0 + 1) * (y1 - y0 + 1)), smoothed[z - low, y]
+        for x in range(n_x):
+            count = _THREE if shares[x] < _ONE else min(np.float32(n_x), _TWO)
+            around = (west[x] + inside[x] + east[x]) * rows / count
+            least = noise + error * np.abs(values[x] + middle)
+            size = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
             whole = max(around + least * least, size)
-            scale = np.float64(ONE) / np.sqrt(whole) if 0.0 < whole < np.inf else 0.0
-            vectors[i, 0] = np.int16(np.rint(gx * scale))
-            vectors[i, 1] = np.int16(np.rint(gy * scale))
-            vectors[i, 2] = np.int16(np.rint(gz * scale))
-            steep[i] = np.float32(np.sqrt(size) / per_mm)
+            scale = ONE / np.sqrt(whole) if _ZERO < whole < np.inf else _ZERO
+            gx[x], gy[x], gz[x] = np.rint(gx[x] * scale), np.rint(gy[x] * scale), np.rint(gz[x] * scale)
+            size_of[x] = np.sqrt(size)
+        for i in range(xs.size):
+            x = np.uint64(xs[i])
+            found[i, 0], found[i, 1], found[i, 2] = np.int16(gx[x]), np.int16(gy[x]), np.int16(gz[x])
+            slope[i] = np.float64(size_of[x]) * mm

@@ -12,14 +12,16 @@ the surface: the distance to the nearest value that shows nothing, over the stee
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from ..runtime.work_sizes import PLACED_AT_ONCE
 from . import reference
 from .sample_light import ONE, TRUSTED
 from .surface_normals import Surfaces
@@ -101,10 +103,10 @@ def shown_ranges(opacity) -> np.ndarray:
     return np.array(found, np.float64).reshape(-1, 2)
 
 
-def place_surfaces(
+def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
-) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
+):  # fmt: skip
     """Turn the vectors of kept voxels to where extinction falls, and find where their shadows begin.
 
     Parameters
@@ -120,6 +122,11 @@ def place_surfaces(
         Whether points are asked for.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
 
     Returns
     -------
@@ -145,11 +152,15 @@ def place_surfaces(
         tuple(matrix[:3].ravel().tolist()), tuple(upward.ravel().tolist()), world_per_mm,
         faces, box, codes, offsets,
     )  # fmt: skip
-    if compiled():
-        with parallel_call(threads):
-            _place(*arguments)
-    else:
+    if not compiled():
         reference.place_surfaces(*arguments)
+        return read_only(codes), read_only(offsets) if with_points else None
+    pieces = -(-len(voxels) // PLACED_AT_ONCE)
+    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
+    for piece, (first, last) in enumerate(pairwise(ends)):
+        yield piece / pieces
+        with parallel_call(threads):
+            _place(first, last - first, *arguments)
     return read_only(codes), read_only(offsets) if with_points else None
 
 
@@ -158,24 +169,27 @@ def place_surfaces(
 
 @kernel
 def _place(
-    vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix, to_index,
-    world_per_mm, faces, box, codes, offsets,
+    first, count, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
+    to_index, world_per_mm, faces, box, codes, offsets,
 ):  # fmt: skip
-    """Kernel of ``place_surfaces``; ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers."""
+    """Kernel of ``place_steps`` for ``count`` rows from ``first`` on.
+
+    ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers.
+    """
     share_out(
-        _place_rows, row_start.size - 1,
-        (vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
+        _place_rows, count,
+        (first, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
          to_index, world_per_mm, faces, box, codes, offsets),
     )  # fmt: skip
 
 
-@kernel(inner=True)
+@inner_loop
 def _smoothstep(t):
     t = min(max(t, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 
-@kernel(inner=True)
+@inner_loop
 def _side(value, ranges):
     """1 where extinction falls towards lower values, -1 towards higher ones, between them where both are as near; and
     the distance to the nearest value on that side that shows nothing, 0 where there is none or it is this one."""
@@ -201,7 +215,7 @@ def _side(value, ranges):
     return 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
 
 
-@kernel(inner=True)
+@inner_loop
 def _balance(one, other, has_one, has_other):
     """(one - other) / (one + other) of two distances, of which one may be infinite; 1 where both are 0."""
     if not has_one:
@@ -242,7 +256,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
     return keep, fx, fy, fz, nearest
 
 
-@kernel(inner=True)
+@inner_loop
 def _width(nx, ny, nz, matrix):
     """Extent of a voxel along a unit vector, world; ``matrix``: three rows of four."""
     return (
@@ -252,7 +266,7 @@ def _width(nx, ny, nz, matrix):
     )
 
 
-@kernel(inner=True)
+@inner_loop
 def _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest):
     """As ``_clip_faces``, of the box of voxel centers, whose faces count on the two outermost layers; ``box``: (3, 4)
     unit normals of the faces of x, y, z, upwards, and the distance of two layers."""
@@ -271,15 +285,16 @@ def _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest):
 
 @kernel(inner=True)
 def _place_rows(
-    begin, end, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
-    to_index, world_per_mm, faces, box, codes, offsets,
+    begin, end, first, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector,
+    matrix, to_index, world_per_mm, faces, box, codes, offsets,
 ):  # fmt: skip
-    """``_place`` for rows [begin, end)."""
-    n_y = shape_xyz[1]
+    """``_place`` for rows [first + begin, first + end)."""
+    n_x, n_y, n_z = shape_xyz
     one, steep_unit = np.float64(ONE), abs(slope) / world_per_mm
     cut = faces.widths.size > 0 or faces.removed.shape[0] > 0
-    for row in range(begin, end):
+    for row in range(first + begin, first + end):
         y, z = row % n_y, row // n_y
+        outer_row = min(min(y, n_y - 1 - y), min(z, n_z - 1 - z)) <= BOX_NEAR
         for i in range(row_start[row], row_start[row + 1]):
             x = np.int64(column[i])
             ax, ay, az = np.float64(vectors[i, 0]), np.float64(vectors[i, 1]), np.float64(vectors[i, 2])
@@ -290,7 +305,9 @@ def _place_rows(
             size = math.sqrt(mx * mx + my * my + mz * mz)
             scale = side * math.sqrt(ax * ax + ay * ay + az * az) / (one * size) if size > 0.0 else 0.0
             mx, my, mz = mx * scale, my * scale, mz * scale
-            keep, fx, fy, fz, nearest = _box_faces(x, y, z, shape_xyz, box, 1.0, 0.0, 0.0, 0.0, LARGEST)
+            keep, fx, fy, fz, nearest = 1.0, 0.0, 0.0, 0.0, LARGEST
+            if outer_row or x <= BOX_NEAR or x >= n_x - 1 - BOX_NEAR:
+                keep, fx, fy, fz, nearest = _box_faces(x, y, z, shape_xyz, box, keep, fx, fy, fz, nearest)
             if cut:
                 px = matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[3]
                 py = matrix[4] * x + matrix[5] * y + matrix[6] * z + matrix[7]
@@ -315,6 +332,12 @@ def _place_rows(
             if keep < 1.0:
                 depth = keep * depth + (1.0 - keep) * nearest
             b = _smoothstep(size / TRUSTED) * min(depth + width, most)
-            for axis in range(3):
-                moved = b * (nx * to_index[3 * axis] + ny * to_index[3 * axis + 1] + nz * to_index[3 * axis + 2])
-                offsets[i, axis] = np.int16(np.rint(min(max(moved, -FURTHEST), FURTHEST) * STEPS))
+            offsets[i, 0] = _moved(b, nx * to_index[0] + ny * to_index[1] + nz * to_index[2])
+            offsets[i, 1] = _moved(b, nx * to_index[3] + ny * to_index[4] + nz * to_index[5])
+            offsets[i, 2] = _moved(b, nx * to_index[6] + ny * to_index[7] + nz * to_index[8])
+
+
+@inner_loop
+def _moved(b, way):
+    """Code of an offset of ``b`` times ``way`` voxels."""
+    return np.int16(np.rint(min(max(b * way, -FURTHEST), FURTHEST) * STEPS))

@@ -14,6 +14,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import NotingKernels, compiled, kernel
 from rle_splat.scene import Light, Quality, Scene
 from rle_splat.shade.shading import normals
+from rle_splat.shade.surface_normals import surface_steps
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.ways import NUMPY
@@ -47,8 +48,11 @@ KERNELS = {
 }  # fmt: skip
 GIVEN = "as given"  # a quality of this name is no preset, whose plan depends on the scene
 # What light adds to them.
-LIT_STAGES = {"pre": {"normals"}, "post": {"normals", "light", "lights"}}
-LIT_KERNELS = {"pre": {"volume.gradient._sobel"}, "post": {"volume.gradient._sobel", "shade.voxel_light._code_light"}}
+LIT_STAGES = {"pre": {"normals"}, "post": {"surfaces", "normals", "codes"}}
+LIT_KERNELS = {
+    "pre": {"volume.gradient._sobel"},
+    "post": {"shade.surface_normals._smooth", "shade.surface_normals._find", "shade.surface_points._place"},
+}
 
 
 def scene_of(azimuth=25.0, **more) -> Scene:
@@ -127,9 +131,11 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
 
 @pytest.mark.parametrize("classification", KERNELS)
 def test_shading_that_is_off_by_hand_computes_no_gradient(classification, way, monkeypatch):
-    calls, asked = [], normals
-    for module in ("rle_splat.pipeline.scan_source", "rle_splat.pipeline.scalar_source"):
-        monkeypatch.setattr(f"{module}.normals", lambda *a, **k: calls.append(a) or asked(*a, **k))
+    name, asked = {"pre": ("scan_source.normals", normals), "post": ("scalar_light.surface_steps", surface_steps)}[
+        classification
+    ]
+    calls = []
+    monkeypatch.setattr(f"rle_splat.pipeline.{name}", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))
     assert worked(replace(lit, effects={"shading": False}), classification)[0] == STAGES[classification]
     assert not calls
@@ -137,18 +143,17 @@ def test_shading_that_is_off_by_hand_computes_no_gradient(classification, way, m
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize("classification", KERNELS)
-def test_only_highlights_are_shaded_again_when_the_camera_moves(classification, way):
-    """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it: that is shaded again,
-    or, where light is made as it is read, nothing is made but the picture."""
+@pytest.mark.parametrize("classification, again", [("pre", 2), ("post", 1)])
+def test_only_highlights_of_voxels_are_shaded_again_when_the_camera_moves(classification, again, way):
+    """What light leaves on a voxel is kept while the camera moves, unless a highlight follows it.  Samples are lit in
+    every picture anyway, and nothing is made for that but the picture."""
     quality = Quality(classification=classification, name=GIVEN)
-    kept, codes = {"pre": ("records", "records"), "post": ("light", "normal codes")}[classification]
-    for tf, shaded, again in ((MATT, kept, 1), (SHINY, codes, 2 if classification == "pre" else 1)):
+    kept = {"pre": "records", "post": "codes"}[classification]
+    for tf, times in ((MATT, 1), (SHINY, again)):
         cache = StageCache()
         for azimuth in (25.0, 27.0):
             render(scene_of(azimuth, transfer_function=tf, lights=(Light("SUN"),)), quality, cache=cache)
-        assert cache.made[shaded] == again and cache.made["normals"] == 1
-        assert (tf is MATT) or "light" not in cache.made
+        assert cache.made[kept] == times and cache.made["normals"] == 1
 
 
 @needs_kernels

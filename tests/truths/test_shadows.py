@@ -9,7 +9,6 @@ import pytest
 from rle_splat.accuracy.lighting import ReferenceLight, shading_of
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import analyze
-from rle_splat.effects.shadows import NEAR_SKY
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
@@ -17,6 +16,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
+from rle_splat.shade.surface_points import STEPS
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.ways import NUMPY, both, by
@@ -57,7 +57,8 @@ def scene_of(field, affine=None, lights=(), **more) -> Scene:
 
 
 def reaching(scene, classification="pre", stage="shadows", way="numpy", threads=0):
-    """(m, 3) indices x, y, z of voxels, and (m,) what reaches each of the scene's light."""
+    """(m, 3) indices x, y, z of voxels, of post those of the points beside them at which shadows begin, and (m,) what
+    reaches each of the scene's light."""
     cache = StageCache()
     quality = Quality(classification=classification, threads=threads, name="")
     with by(way):
@@ -66,7 +67,8 @@ def reaching(scene, classification="pre", stage="shadows", way="numpy", threads=
     voxels = held["visible"] if classification == "pre" else held["relevant"].voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     ny = voxels.shape_xyz[1]
-    return np.stack((voxels.column.astype(int), row % ny, row // ny), axis=1), held[stage] * CODE
+    at = np.stack((voxels.column.astype(int), row % ny, row // ny), axis=1)
+    return at if classification == "pre" else at + held["normals"].offsets / STEPS, held[stage] * CODE
 
 
 def smooth(shape, rng, most=0.3):
@@ -107,16 +109,16 @@ def test_a_sun_through_a_homogeneous_box_is_beer_lambert(along):
     """Post fills the box of voxel centers: the way to the face that the light comes in by tells all.  Of rays that stay
     clear of the faces they go along: there a sheet pixel is half in the box and half out of it."""
     lit = scene_of(np.full((11, 12, 13), 0.2), SKEWED, [sun(along)])
-    voxels, found = reaching(lit, "post")
+    points, found = reaching(lit, "post")
     back = np.linalg.solve(SKEWED[:3, :3], -np.asarray(along) / np.linalg.norm(along))
     most = np.array((12, 11, 10))
-    ways = np.where(back > 0.0, most - voxels, -voxels) / back
-    way, principal = ways.min(axis=1), np.abs(back).argmax()
+    enter, leave = (np.where((back > 0.0) == far, most - points, -points) / back for far in (False, True))
+    begin, end, principal = np.maximum(enter.max(axis=1), 0.0), leave.min(axis=1), np.abs(back).argmax()
+    way = np.maximum(end - begin, 0.0)
     beside = np.delete(np.arange(3), principal)
-    ends = np.stack((voxels, voxels + way[:, None] * back))[..., beside]
-    straight = ways[:, principal] == way
-    clear = straight & ((ends > 1.5) & (ends < most[beside] - 1.5)).all(axis=(0, 2))
-    assert clear.sum() > 100
+    ends = np.stack([points + t[:, None] * back for t in (begin, end)])[..., beside]
+    clear = (leave[:, principal] == end) & ((ends > 1.5) & (ends < most[beside] - 1.5)).all(axis=(0, 2))
+    assert clear.sum() > 100 and np.ptp(way[clear]) > 5
     np.testing.assert_allclose(found[clear], np.exp(-0.2 * way[clear]), atol=3 * CODE)
 
 
@@ -137,7 +139,7 @@ def test_a_slab_is_beer_lambert_for_sun_and_point_at_any_angle(classification):
         middle = ((voxels[:, :2] + away > 3) & (voxels[:, :2] + away < 36)).all(axis=1)
         middle &= ((voxels[:, :2] > 3) & (voxels[:, :2] < 36)).all(axis=1) & (voxels[:, 2] < 8)
         middle &= np.abs(way[:, :2]).max(axis=1) < way[:, 2]  # other rays go along the slab rather than through it
-        expected = np.exp(-0.4 * length * (7 - voxels[:, 2] + ramp))
+        expected = np.exp(-0.4 * length * (np.clip(7 - voxels[:, 2], 0, 7) + ramp))
         assert middle.sum() > 1500
         np.testing.assert_allclose(found[middle], expected[middle], atol=3 * CODE)
 
@@ -145,8 +147,9 @@ def test_a_slab_is_beer_lambert_for_sun_and_point_at_any_angle(classification):
 def test_a_light_in_the_midst_of_a_medium_reaches_by_distance():
     lit = scene_of(np.full((21, 21, 21), 0.1), None, [point((10.2, 9.7, 10.4))])
     voxels, found = reaching(lit, "post")
-    away = np.linalg.norm(voxels - (10.2, 9.7, 10.4), axis=1)
-    np.testing.assert_allclose(found, np.exp(-0.1 * away), atol=0.01)
+    away, inside = np.linalg.norm(voxels - (10.2, 9.7, 10.4), axis=1), (np.abs(voxels - 10) <= 10).all(axis=1)
+    assert inside.sum() > 4000
+    np.testing.assert_allclose(found[inside], np.exp(-0.1 * away[inside]), atol=0.01)
 
 
 LIGHTS = {
@@ -189,9 +192,10 @@ def test_what_a_clip_cuts_away_casts_no_shadow(keep):
     """Beer and Lambert through what is left of a box between two heights, cut between two slices and at one."""
     clip = Clip("box", np.diag((100.0, 100.0, 3.25, 1.0)) + np.outer((0, 0, 8.25, 0), (0, 0, 0, 1)), keep)  # 5 to 11.5
     voxels, found = reaching(scene_of(np.full((20, 7, 7), 0.2), None, [sun((0, 0, -1))], clips=(clip,)), "post")
-    z = voxels[:, 2]
+    middle = (np.abs(voxels[:, :2] - 3) < 1.5).all(axis=1)  # others begin beside the box
+    z, found = voxels[middle, 2], found[middle]
     within = np.clip(11.5 - np.maximum(z, 5), 0.0, None)
-    way = within if keep == "inside" else 19 - z - within
+    way = within if keep == "inside" else np.clip(19 - np.maximum(z, 0), 0, None) - within
     assert np.ptp(way) > 5
     np.testing.assert_allclose(np.log(found), -0.2 * way, atol=0.2 * 0.55)
     past = (z < 4) | (z > 12)  # half a voxel at a cut is more or less its own
@@ -325,9 +329,8 @@ def test_the_sky_in_a_thin_medium_is_the_mean_of_beer_lambert():
     lit = scene_of(thin, None, [sun((0, 0, -1))], volume_shadows=False, ambient_occlusion=1.0, world=(1, 1, 1))
     voxels, found = reaching(lit, "post", "ambient occlusion")
     center = (voxels == 12).all(axis=1)
-    slices = 12 - NEAR_SKY - 0.5  # that lie before the voxel and count, the outermost by half
     lengths = np.linalg.norm(SKY_DIRECTIONS, axis=1) / np.abs(SKY_DIRECTIONS).max(axis=1)
-    true = SKY_WEIGHTS @ np.exp(-0.05 * slices * lengths)
+    true = SKY_WEIGHTS @ np.exp(-0.05 * 12 * lengths)
     assert abs(found[center][0] - true) < 2e-3
 
 

@@ -172,7 +172,7 @@ def test_a_plate_shades_by_how_much_of_it_lies_before_the_point(axis, sign):
 @pytest.mark.parametrize("meshes", [False, True])
 def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, monkeypatch):
     monkeypatch.setattr("rle_splat.shade.light_beside.SORTED_AT_ONCE", 500)
-    monkeypatch.setattr("rle_splat.shade.light_beside.BANDS_AT_ONCE", 1)
+    monkeypatch.setattr("rle_splat.shade.light_beside.AT_ONCE", 1)
     field = smooth((22, 40, 20), most=0.5)
     field[field < 0.15] = 0.0
     triangles = np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 30.0, 8.0)]]) if meshes else None

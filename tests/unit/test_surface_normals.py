@@ -97,6 +97,14 @@ def test_a_constant_has_no_normals_even_beside_holes():
     assert np.abs(surfaces.vectors).max() == 0
 
 
+def test_a_hole_has_no_normal_itself():
+    voxels = ball(np.float32)[0]
+    voxels[8, 12, 12] = np.nan
+    surfaces, _ = found(voxels)
+    m = surfaces.vectors.reshape(*voxels.shape, 3)
+    assert not m[8, 12, 12].any() and np.linalg.norm(m[8, 12, 13]) > 0.5 * ONE
+
+
 @pytest.mark.parametrize("factor", [1e-30, 1e30])
 def test_normals_do_not_depend_on_the_scale_of_values(factor):
     voxels, _, _ = ball(np.float32)

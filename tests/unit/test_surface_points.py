@@ -8,10 +8,11 @@ import pytest
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import VisibleVoxels
 from rle_splat.runtime.jit import use_reference
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_normals import Surfaces
-from rle_splat.shade.surface_points import STEPS, faces_of, place_surfaces, shown_ranges
+from rle_splat.shade.surface_points import STEPS, faces_of, place_steps, shown_ranges
 from rle_splat.volume.volume import Volume
 
 SHEARED = np.array([[1.0, 0.3, -0.2, 9.0], [0.1, 1.2, 0.5, -4.0], [0.0, 0.3, 1.8, 1.0], [0, 0, 0, 1.0]])
@@ -68,9 +69,13 @@ FUNCTIONS = {
 }
 
 
+def place_surfaces(*given, **settings):
+    return drain(place_steps(*given, **settings))
+
+
 @pytest.mark.parametrize("clips", CLIPS)
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_kernels_are_as_numpy(name, clips):
+def test_kernels_are_as_numpy(name, clips, monkeypatch):
     volume, surfaces = random_scene()
     faces = faces_of(CLIPS[clips], SHEARED)
     arguments = surfaces, everything(volume), volume, FUNCTIONS[name], SHEARED, faces
@@ -79,6 +84,7 @@ def test_kernels_are_as_numpy(name, clips):
         expected, expected_offsets = place_surfaces(*arguments, with_points=True)
     np.testing.assert_allclose(codes, expected, atol=1.0)
     np.testing.assert_allclose(offsets, expected_offsets, atol=2.0)
+    monkeypatch.setattr("rle_splat.shade.surface_points.PLACED_AT_ONCE", 300)
     alone, none = place_surfaces(*arguments, with_points=False, threads=2)
     np.testing.assert_array_equal(alone, codes)
     assert none is None

@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ...effects.mesh_depth import mesh_depth
-from ...runtime.steps import Progress, announce
+from ...runtime.steps import announce
 from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
 from ...view.ray_intervals import box_depths
 from ..lighting import shading_of
 from ..probes import choose_probes, error_summary, probe_errors, truth_tolerance
-from ..truths import truth, truth_steps
+from ..truths import truth_steps
 
 SUSPECT_SHARE = 0.5  # of the number of ordinary probes: probes more, where the error estimate is largest
 FIRST_SHARE = 0.25  # of the probes are integrated first: a picture that fails at these needs no others
 PIXELS_FROM_MESHES = 6  # the reach of the warp's filter and prefilter from a pixel whose ray ends at a mesh
-RAYS_AT_ONCE = 256  # of a truth: about a tenth of a second, after which the user may cancel
 
 
 def true_pixel_steps(scene: Scene, name: str, columns, rows, begin: float, end: float):
@@ -126,14 +125,11 @@ class ProbeErrors:
         columns, rows, random = columns[new], rows[new], random[new]
         self._known[rows, columns] = True
         left, top = self._scene.region[:2]
-        found, tolerance = [self._true], truth_tolerance(self._shading)
-        for first in range(0, len(columns), RAYS_AT_ONCE):
-            yield Progress(begin + (end - begin) * first / len(columns), "Measuring the error at probe pixels")
-            part = slice(first, first + RAYS_AT_ONCE)
-            centers = columns[part] + left + 0.5, rows[part] + top + 0.5
-            found.append(truth(self._scene, self._name, pixels=centers, tolerance=tolerance, **self._shading)[0])
+        centers, tolerance = (columns + left + 0.5, rows + top + 0.5), truth_tolerance(self._shading)
+        steps = truth_steps(self._scene, self._name, *centers, tolerance, **self._shading)
+        found = yield from announce(steps, begin, end, "Measuring the error at probe pixels")
         self.columns, self.rows = np.concatenate((self.columns, columns)), np.concatenate((self.rows, rows))
-        self._random, self._true = np.concatenate((self._random, random)), np.concatenate(found)
+        self._random, self._true = np.concatenate((self._random, random)), np.concatenate((self._true, found))
 
 
 def _spread(pixels: np.ndarray) -> np.ndarray:
