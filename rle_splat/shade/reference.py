@@ -9,7 +9,6 @@ import numpy as np
 
 from ..classify.classification import RED
 from ..classify.reference import find_targets
-from ..encode.reference import code
 from ..volume.reference import CHUNK
 from .environment import light_by_normal
 from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
