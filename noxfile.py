@@ -106,6 +106,7 @@ def shadows(parser, words) -> int:
 def test(parser, words) -> int:
     """Run every test that this machine can run; other arguments go to pytest."""
     parser.add_argument("--quick", action="store_true", help="leave out slow tests and all but one Blender")
+    parser.add_argument("--all", action="store_true", help="run all tests of Blender in its older versions, too")
     parser.add_argument("--catalogue", action="store_true", help="run the hard cases alone; write their page")
     parser.add_argument(
         "--mutations", nargs="?", const="", metavar="NAME",
@@ -117,14 +118,17 @@ def test(parser, words) -> int:
         return mutations.mutations(known.mutations)
     if known.fuzz is not None:
         return fuzzing.fuzz(known.fuzz, rest)
-    return testing.test_catalogue() if known.catalogue else testing.test(rest, quick=known.quick)
+    return testing.test_catalogue() if known.catalogue else testing.test(rest, known.quick, known.all)
 
 
 def _part_of_test(name: str) -> None:
     """Make a session of one part of the whole test run."""
 
     def part(parser, words) -> int:
-        return testing.test_part(name, words)
+        if name.startswith("bpy-"):
+            parser.add_argument("--all", action="store_true", help="run all tests, not only those marked every_blender")
+        known, rest = parser.parse_known_args(words)
+        return testing.test_part(name, rest, getattr(known, "all", False))
 
     part.__doc__ = f"Run one part of the tests: {name}; arguments go to pytest."
     job(part, name=name)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import shutil
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import Callable
 
 from .build import build
@@ -32,7 +33,6 @@ CLUSTER_TESTS = TESTS_FOLDER / "cli" / "cluster"
 FIGURES = REPORTS / "catalogue.json"
 
 AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages waited for processes and windows
-LONGEST = ("truths", "unit")  # of the core's folders, begun first
 WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
@@ -42,10 +42,17 @@ IDLE_THREADS = {
     "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
 }  # fmt: skip
 
-SLOW, EXTRAS = "slow", "extras"  # marks of tests
+SLOW, EXTRAS, EVERY_BLENDER = "slow", "extras", "every_blender"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
+NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
+
+# The order of the parts, each begun when it can.  The longest come first.  Parts that need the same kernels do not
+# begin together, because each would compile all of them: truths begin beside readers, which need none, and benchmarks
+# and the other Blender of the same Python come last.  (Benchmarks beside truths compiled the same kernels for 90 s.)
+FIRST = (REAL_BLENDER, "core-truths", f"bpy-{NEWEST}", "hard-cases", "core-unit", "bpy-5.0", "core-read")
+LAST = ("core-cli", "core-benchmarks", "bpy-4.5")
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
 
@@ -92,11 +99,10 @@ def _core(arguments, name: str = "core", aside: bool = False, **variables: str) 
 
 
 def core_folders() -> list[str]:
-    """The folders of the core's tests but for the catalogue of hard cases, those that take longest first."""
+    """The folders of the core's tests but for the catalogue of hard cases."""
     others = (BLENDER_TESTS, STABILITY_TESTS)
     folders = [folder for folder in TESTS_FOLDER.iterdir() if any(folder.glob("test_*.py"))]
-    names = sorted(folder.name for folder in folders if folder not in others)
-    return sorted(names, key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
+    return sorted(folder.name for folder in folders if folder not in others)
 
 
 def _in_other(name: str, environment: Path | Failure, words, aside: bool) -> Stage:
@@ -164,7 +170,8 @@ def _other(name: str) -> Path | Failure:
 
 
 def _versions(quick: bool) -> list[str]:
-    return ["5.0"] if quick else list(BPY)
+    """The versions of bpy to test, the newest first: it runs the most tests."""
+    return [NEWEST] if quick else list(reversed(BPY))
 
 
 def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
@@ -202,28 +209,29 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
     return core, blender, options
 
 
-def parts(options=(), quick: bool = False) -> dict[str, Part]:
-    """The parts of the whole run by name, the longest first; ``options``: pytest's."""
+def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str, Part]:
+    """The parts of the whole run by name, in their order; ``options``: pytest's.
+
+    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version.
+    """
     slow = [SLOW] if quick else []
-    core = {
-        folder: [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
-        for folder in core_folders()
-    }
-    found = {
-        f"core-{folder}": Part(
-            lambda ready, aside, words=words, name=f"core, {folder}": [_core(words, name, aside)],
-            waits=folder in WANT_BLENDER,
-        )
-        for folder, words in core.items()
-    }
+    whole = not (quick or options)
+
+    def core(folder: str) -> Part:
+        words = [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
+        return Part(lambda ready, aside: [_core(words, f"core, {folder}", aside)], waits=folder in WANT_BLENDER)
+
+    found = {}
     if not quick:
         found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zip_path), needs="zip")
-    whole = not (quick or options)
     # It waits because it compares its pictures with those of Blender's Pythons.
     found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
+    found |= {f"core-{folder}": core(folder) for folder in core_folders()}
     for version in _versions(quick):
+        marks = [] if everywhere or version == NEWEST else ["-m", EVERY_BLENDER]
+        words = [BLENDER_TESTS, *marks, *options]
         found[f"bpy-{version}"] = Part(
-            lambda ready, aside, version=version: [_bpy(version, ready.zip_path, [BLENDER_TESTS, *options], aside)],
+            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zip_path, words, aside)],
             needs="zip",
         )
     if not quick:
@@ -232,30 +240,49 @@ def parts(options=(), quick: bool = False) -> dict[str, Part]:
         found["clusters"] = Part(
             lambda ready, aside: [_in_other(CLUSTER_STAGE, ready.pythons["cluster"], words, aside)], needs="cluster"
         )
-    return found
+    order = (*FIRST, *(name for name in found if name not in FIRST + LAST), *LAST)
+    return {name: found[name] for name in order if name in found}
 
 
-def _everything(options, quick: bool) -> list[Stage]:
-    """All stages, a few at a time: most of each is work for one core, or waiting."""
+def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
+    """All stages, a few at a time: most of each is work for one core, or waiting.
+
+    Each part begins as soon as it can: the windows, which take longest, as soon as their Blender is there.
+    """
     ensure(CORE)
-    with ThreadPoolExecutor(AT_ONCE) as workers:
-        making = workers.submit(_make_ready, quick)  # submitted first, so that it runs when other parts wait for it
+    found = list(parts(options, quick, everywhere).values())
+    pending, stages, lock = list(found), {}, Lock()
 
-        def run(part: Part) -> list[Stage]:
+    def take() -> Part | None:
+        """The next part that can begin; None when every part has begun."""
+        while pending:
+            with lock:
+                part = next((part for part in pending if making.done() or not part.waits), None)
+                if part:
+                    pending.remove(part)
+                    return part
+            wait([making])
+        return None
+
+    def work() -> None:
+        while part := take():
             ready = making.result() if part.waits else Ready()
-            return [] if part.needs == "zip" and not ready.zip_path else part.run(ready, True)
+            can_run = part.needs != "zip" or ready.zip_path
+            stages[part] = part.run(ready, True) if can_run else []
 
-        ordered = sorted(parts(options, quick).values(), key=lambda part: part.waits)  # no worker waits beside work
-        running = [workers.submit(run, part) for part in ordered]
-        stages = [making.result().zip_stage] + [stage for part in running for stage in part.result()]
-    return stages + (_not_quick(EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
+    with ThreadPoolExecutor(AT_ONCE) as workers:
+        making = workers.submit(_make_ready, quick)  # takes the place of one of the parts meanwhile
+        for worker in [workers.submit(work) for _ in range(AT_ONCE)]:
+            worker.result()
+    made = [making.result().zip_stage, *(stage for part in found for stage in stages[part])]
+    return made + (_not_quick(EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
 
 
-def test_part(name: str, options) -> int:
+def test_part(name: str, options, everywhere: bool = False) -> int:
     """Run one of the parts alone, its output as it comes; returns the exit code."""
     if options and name == REAL_BLENDER:
         raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
-    part = parts(options)[name]
+    part = parts(options, everywhere=everywhere)[name]
     ready = _zip() if part.needs == "zip" else Ready()
     if part.needs in OTHERS:
         ready.pythons[part.needs] = _other(part.needs)
@@ -285,10 +312,15 @@ def _some(core, blender, options, quick: bool) -> list[Stage]:
     return stages
 
 
-def test(arguments, quick: bool = False) -> int:
-    """Run everything, or the paths among the arguments; print the summary; the exit code is 0 when nothing failed."""
+def test(arguments, quick: bool = False, everywhere: bool = False) -> int:
+    """Run everything, or the paths among the arguments; print the summary; the exit code is 0 when nothing failed.
+
+    The tests of a path run in every version of bpy.
+    """
     core, blender, options = _split(arguments)
-    return summary(_some(core, blender, options, quick) if core or blender else _everything(options, quick))
+    if core or blender:
+        return summary(_some(core, blender, options, quick))
+    return summary(_everything(options, quick, everywhere))
 
 
 def test_catalogue() -> int:

@@ -239,7 +239,8 @@ def _share_here(here: Vector, there: Vector, low, high, depth: Vector, usual: Ve
     builder = here.builder
     one, rises = Vector(builder, here.like(1.0)), here.at_least(there)
     least = here.least(there)
-    per_value = inverse((here.most(there) - least).most(TINY))
+    # Where one has no value they are so far apart that the inverse would be a denormal number, which is slow.
+    per_value = inverse((here.most(there) - least).most(TINY).least(1.0 / TINY))
     first, last = (((end - least) * per_value).most(0.0).least(1.0) for end in (low, high))
     first, last = first.where(rises, one - last), last.where(rises, one - first)
     # 1 / (2 + depth / 2) is nearly 1 / depth - 1 / (exp(depth) - 1), where light is absorbed evenly.
@@ -297,6 +298,8 @@ def _lighter(between: bool):
             kind = context.get_data_type(state_type.dtype)
             left = Vector.load(builder, place(context, builder, state_type, state, transmittance), BLOCK, kind)
             left = left if kind == FLOAT else left.as_single()
+            seen = left.at_least(Vector.spread(builder, lit.value("opaque"), BLOCK))
+            left = left.where(seen, 0.0)
             owed = depth.least(1.0).fused(left, Vector.load(builder, own(0), BLOCK))
             due = owed.at_least(Vector.spread(builder, lit.value("least"), BLOCK))
             owed.store(own(0))

@@ -51,6 +51,8 @@ class SampleLamps(NamedTuple):
     sign, middle : float
         ``sign * s - middle`` is the distance along the axis from the middle of the volume, of a sample ``s`` voxels
         along the viewing direction.
+    opaque : float32
+        Transmittance below which a pixel is opaque.
     least : float32
         Weight of a pixel's samples from which on their light is evaluated anew.
     """
@@ -71,6 +73,7 @@ class SampleLamps(NamedTuple):
     ahead: np.ndarray
     sign: float
     middle: float
+    opaque: np.float32
     least: np.float32
 
 
@@ -99,7 +102,7 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
         _single(material[[0, 4, 5, 6, 3]]), _single(sky), falling.has_highlights, bool(material[PHONG] > 0.0),
         bool(material[BACK] > 0.0), _single(_padded(slopes[0])), _single(slopes[1]), _single(_padded(bases[0])),
         _single(bases[1]), _single(directions), _single(ahead), float(plane.sign), float(middle[k]),
-        np.float32(LEAST * termination),
+        np.float32(termination), np.float32(LEAST * termination),
     )  # fmt: skip
 
 

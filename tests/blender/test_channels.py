@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 N, ALPHA = 9, 0.2
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.2, 0.9)
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.blender import scenes
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 COLOR = (0.9, 0.5, 0.2)
 

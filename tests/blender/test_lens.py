@@ -6,6 +6,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 
 @pytest.fixture
 def blot(tmp_path, core, bridge):

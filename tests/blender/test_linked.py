@@ -11,6 +11,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SHAPE = (7, 6, 5)
 EDITABLE = ("override", "override hierarchy", "append", "append collection", "link, make local")
 SENTENCE = "'scan' is linked from library.blend; make a library override (Object > Library Override > Make) or make it"

@@ -92,7 +92,7 @@ def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
     assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 0), viewport.problem
     assert viewport.pictures[0].rgba[..., 3].max() > 0.5 and viewport.is_busy
     assert viewport.wait() == pytest.approx(live.viewport.STILL)
-    assert not viewport.work() or viewport.counts["refinements"] == 0, "refined before all was still"
+    assert not viewport.work() and viewport.counts["refinements"] == 0, "refined before all was still"
     finish(viewport, clock)
     assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 1)
 

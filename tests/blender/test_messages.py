@@ -12,7 +12,7 @@ import pytest
 
 from tests.blender import scenes
 
-pytestmark = pytest.mark.usefixtures("classified_first")
+pytestmark = pytest.mark.usefixtures("by_numpy", "classified_first")
 
 N = 9
 ALPHA = 0.1

@@ -10,6 +10,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SAVED = Path(__file__).parent / "data"
 
 

@@ -14,6 +14,8 @@ from tests.blender import scenes
 from tests.blender.conftest import contents
 from tests.blender.test_panels import draw_all, texts
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 SIZE = 24
 BALL = np.clip(
     250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0

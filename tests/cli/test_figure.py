@@ -187,8 +187,8 @@ def test_another_version_is_remarked(call, plain):
 def test_another_model_of_light_is_remarked_where_something_is_lit(call, plain, tmp_path):
     sidecar = json.loads((plain / SIDECAR).read_text())
     function, said = sidecar["panels"][0]["scene"]["transfer_function"], "with an earlier model of light"
-    shade = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 20}
-    for light, shade, count in ((True, shade, 0), (False, shade, 1), (False, None, 0)):
+    shiny = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 20}
+    for light, shade, count in ((True, shiny, 0), (False, shiny, 1), (False, None, 0)):
         if not light:
             sidecar.pop("light", None)
         function["shade"] = shade

@@ -52,7 +52,7 @@ def test_each_option_changes_the_light_and_nothing_else(render):
         assert [n for n in effects if effects[n]["on"] != off[n]["on"]] == [name]
         np.testing.assert_array_equal(rgba[..., 3], plain[..., 3])
         gained = (rgba - plain)[..., 0] * (1 if brighter else -1)
-        assert gained.max() > 0.02 and gained.min() > -2e-3  # the warp overshoots at edges
+        assert gained.max() > 0.02 and gained.min() > -5e-3  # the warp overshoots at edges
     np.testing.assert_allclose(render("--world", "0.2", "0.1", "0")[0][..., 2], plain[..., 2], atol=1e-3)
 
 
@@ -77,7 +77,7 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
     share = taken[seen][:, 1] / rgba[seen][:, 3]
     left = rgba[seen][:, :3].sum(axis=1) / plain[seen][:, :3].sum(axis=1)
     np.testing.assert_allclose(1.0 - share, np.minimum(left, 1.0), atol=1e-5)
-    assert share.max() > 0.3
+    assert share.max() > 0.25
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks import effects as prices
+from benchmarks.scenes import shells
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import EFFECTS, analyze, analyze_effects
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -106,6 +109,8 @@ PAIRS = {
     "clipping": (near_plane(scene_of()), scene_of()),
 }
 
+PRICED = [label for label, price in prices.PRICES.items() if price.effect not in PAIRS]  # modes and two clips, too
+
 
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
 @pytest.mark.parametrize("name", PAIRS)
@@ -121,8 +126,30 @@ def test_an_effect_forced_off_leaves_the_picture_of_a_scene_without_it(name, cla
     assert np.abs(render(having, quality).rgba - forced.rgba).max() > 0.01  # the effect does show
 
 
-def test_every_effect_of_the_table_that_the_scene_alone_decides_is_paired():
-    assert set(PAIRS) <= set(EFFECTS)
+def blurred(scene) -> Scene:
+    """The scene with its lens opened, so that a small picture shows it."""
+    return replace(scene, camera=replace(scene.camera, aperture_radius=6.0 * scene.camera.aperture_radius))
+
+
+@pytest.mark.parametrize("classification", CLASSIFICATIONS)
+@pytest.mark.parametrize("label", PRICED)
+def test_so_do_the_others_forced_off(label, classification):
+    """In the benchmarks' scenes; kernels have no part in what is left out."""
+    quality, price = Quality(classification=classification), prices.PRICES[label]
+    base = prices.Setting("shells", *shells(24), True, ()).at(prices.AZIMUTH, 24)
+    having, without = prices.given(base, label), base if price.over is None else prices.given(base, price.over)
+    having = blurred(having) if label == "depth of field" else having
+    with use_reference():
+        forced = render(replace(having, effects={price.effect: False}), quality)
+        shown, plain = render(having, quality), render(without, quality)
+    np.testing.assert_array_equal(forced.rgba.view(np.uint32), plain.rgba.view(np.uint32))
+    entry = next(e for e in forced.report["effects"] if e["name"] == price.effect)
+    assert entry == {"name": price.effect, "on": False, "reason": "by hand", "ms": 0.0}
+    assert np.abs(shown.rgba - forced.rgba).max() > 0.003  # the effect does show
+
+
+def test_every_effect_of_the_table_is_forced_off():
+    assert {*PAIRS, *(prices.PRICES[label].effect for label in PRICED)} == set(EFFECTS)
 
 
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from devtools.places import BPY_PYTHON, running_python
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime import jit, memory
@@ -345,7 +346,10 @@ def test_F5_memory_limited_by_the_system(record, classification, stage):
 @pytest.mark.parametrize("stage", ("Encoding", "Splatting"))
 def test_F5_blender_goes_on_living(record, stage):
     """The same inside Blender's own process, and Blender then does something of its own."""
-    pythons = sorted((ROOT / ".venvs").glob("bpy-*/bin/python"))
+    # Where its Python is of this version, the kernels that it needs are compiled already.
+    versions = sorted(BPY_PYTHON, key=lambda version: (BPY_PYTHON[version] == running_python(), version))
+    pythons = [ROOT / ".venvs" / f"bpy-{version}" / "bin" / "python" for version in versions]
+    pythons = [python for python in pythons if python.exists()]
     if not pythons:
         pytest.skip("no environment with Blender is at hand")
     program = "import bpy\n" + LITTLE_MEMORY + "bpy.ops.mesh.primitive_cube_add()\nprint(len(bpy.data.objects))\n"

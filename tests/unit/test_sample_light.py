@@ -97,17 +97,16 @@ def splatted(
     return drain(scalar_splat.scalar_splat_steps(encoded, table, plane, quality)).pixels
 
 
-def agree(*arguments, within=3e-5, flipped=4e-4, **how):
+def agree(*arguments, within=3e-5, **how):
     """What kernels make of the arguments of ``splatted``, which must be what numpy does.
 
-    A sample whose value is rounded differently may have another entry of the lookup table, or none: one pixel of a
-    thousand, all of them with a function that changes, may be as wrong as that.
+    A sample whose value is rounded differently may have another entry of the lookup table, or count for nothing: one
+    pixel of a thousand may be as wrong as that.
     """
     kernels, reference = both(lambda: splatted(*arguments, **how))
     assert reference[..., 3].min() < 0.5 and np.isfinite(reference).all()
     errors = np.abs(kernels - reference) / max(1.0, reference.max())
-    assert errors.max() < max(within, flipped)
-    assert how.get("function") is RAMP or np.quantile(errors, 0.999) < within
+    assert errors.max() < 1e-2 and np.quantile(errors.max(axis=-1), 0.999) < within
     return kernels
 
 
@@ -130,7 +129,7 @@ def test_materials(name):
 @pytest.mark.parametrize("azimuth", (0.0, 80.0, 200.0))
 def test_shadows_and_occlusion(rule, azimuth):
     how = dict(lights=ALL, rule=rule, azimuth=azimuth, perspective=azimuth > 100.0, function=RAMP)
-    shadowed = agree(SHADE, casting=(3, 1), opened=True, **how)
+    shadowed = agree(SHADE, casting=(3, 1), opened=True, **how, within=1e-4)
     assert shadowed[..., :3].sum() < 0.8 * splatted(SHADE, **how)[..., :3].sum()
 
 
@@ -154,7 +153,7 @@ def test_a_world_that_differs_by_direction(rule):
 
 @pytest.mark.parametrize("rule", (ALONE, TOGETHER, BETWEEN))
 def test_without_light(rule):
-    agree(None, rule=rule, function=RAMP)
+    agree(None, rule=rule, function=RAMP, within=1e-4)
 
 
 @pytest.mark.parametrize("rule", (ALONE, TOGETHER, BETWEEN))

@@ -1,23 +1,19 @@
-"""The tables of a scalar volume: three axes that decode to the voxels and scalars there are, and the light of each
-voxel against the truth's own."""
+"""The tables of a scalar volume: three axes that decode to the voxels, scalars and codes there are."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.lighting import ReferenceLight
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.encode.scalars import NOT_A_NUMBER, scalars_of
 from rle_splat.pipeline.scalar_source import ScalarSource
 from rle_splat.pipeline.source import Work
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
-from rle_splat.scene import Camera, Light, Quality, Scene
-from rle_splat.splat.reference.lamps import light_of_normals
+from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
-from tests.ways import NUMPY, both
 
 SHAPE = (9, 10, 12)
 # Where decoded tables lie in (nz, ny, nx): principal x has slices of x, scanlines along y; y and z have them along x.
@@ -97,7 +93,7 @@ def test_three_axes_decode_to_the_voxels_and_their_values(dtype, way):
     assert 0.3 < kept.mean() < 0.95
     own = np.dtype(dtype).itemsize <= 2 or dtype == "float32"
     for axis, table in tables.items():
-        assert table.axis == axis and table.lights is None
+        assert table.axis == axis and table.codes is None and table.light is None
         assert table.scalars.dtype == (np.dtype(dtype) if own else np.float32)
         assert table.record == table.scalars.itemsize and (table.center == 0.0 or not own)
         found = decoded(table, table.scalars)
@@ -160,127 +156,18 @@ def test_a_range_without_a_voxel():
         assert len(table.scalars) == 0 and decoded(table, table.scalars) == {}
 
 
-# --- light ----------------------------------------------------------------------------------------------------
+# --- codes ------------------------------------------------------------------------------------------------------
 
 
-def placed(position, along=(0.0, 0.0, -1.0)):
-    back = -np.asarray(along, float) / np.linalg.norm(along)
-    side = np.cross((0.3, 1.0, 0.2), back) / np.linalg.norm(np.cross((0.3, 1.0, 0.2), back))
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    matrix[:3, 3] = position
-    return matrix
-
-
-MATT, GLOSSY = Shade(0.2, 0.7, 0.0, 5.0), Shade(0.1, 0.6, 0.5, 17.5)
-SUN = Light("SUN", energy=3.0, matrix_world=placed((0, 0, 0), (0.3, -0.5, -1.0)))
-RED_SUN = replace(SUN, color=(1.0, 0.3, 0.1), matrix_world=placed((0, 0, 0), (-1.0, 0.2, 0.4)))
-POINT = Light("POINT", energy=5000.0, matrix_world=placed((20.0, -12.0, 9.0)))
-INSIDE = Light("POINT", (0.4, 0.7, 1.0), 300.0, placed((4.3, 5.2, 3.9)), radius=0.3)
-SPOT = Light("SPOT", energy=4000.0, matrix_world=placed((-9, -9, 20), (14, 14, -16)), spot_size=0.6, spot_blend=0.4)
-AREA = Light("AREA", (1.0, 0.9, 0.8), 900.0, placed((5, 5, 25), (0.1, 0.0, -1.0)), size=4.0)
-LIT = {  # lights, shading, channels of a record
-    "headlight": (dict(headlight=True), MATT, 1),
-    "headlight, glossy": (dict(headlight=True), GLOSSY, 2),
-    "sun": (dict(lights=(SUN,)), MATT, 1),
-    "two suns, one red": (dict(lights=(SUN, RED_SUN)), MATT, 3),
-    "red sun, glossy": (dict(lights=(RED_SUN,), headlight=True), GLOSSY, 6),
-    "point, white": (dict(lights=(POINT,)), GLOSSY, 2),
-    "point inside, blue": (dict(lights=(INSIDE, POINT)), MATT, 3),
-    "all of them": (dict(lights=(SUN, RED_SUN, POINT, INSIDE, SPOT, AREA), headlight=True), GLOSSY, 6),
-}
-
-
-BY_NORMAL = ("headlight", "headlight, glossy", "red sun, glossy")  # parallel light that follows the view
-# The slope of a power of a cosine where it is steepest, times the error of a coded normal's direction.
-STEEPEST = 0.61 * GLOSSY.shininess**0.5 * 0.5 * 3**0.5 / 32767.0
-
-
-def lit_scene(name, perspective=False, dtype=np.float32):
-    """Values with a flat stretch, where there are no normals, and a sheared, mirrored orientation in the world."""
-    lights, shade, _ = LIT[name]
-    values = waves()
-    values[5:9, 5:10, :6] = 60.0
-    volume = Volume(values.astype(dtype), np.eye(4))
-    matrix = np.array([[1.0, 0.2, 0.0, 0.5], [0.0, -1.1, 0.3, 10.0], [0.1, 0.0, 0.9, 0.0], [0, 0, 0, 1.0]])
-    scene = replace(scene_of(volume, shade=shade, **lights), volume_matrix=matrix)
-    if perspective:
-        eye = placed((6.0, 5.0, 30.0))
-        scene = replace(scene, camera=Camera(eye))
-    return scene
-
-
-def light_of(scene, **machine):
-    """((z, y, x) of voxels, (m, channels) decoded light, the table) of principal z."""
-    table = encoded(scene, axes=(2,), **machine)[2]
-    if table.lamps is None:
-        light = (table.lights.astype(np.uint32) << np.uint32(12)).view(np.float32) * table.light_unit
-        found = decoded(table, light)
-    else:
-        channels, normals = table.lights.shape[1], table.lamps.normals.T
-        found = {
-            index: light_of_normals(table.lamps, channels, normal[:, None], index[::-1])[0]
-            for index, normal in decoded(table, normals).items()
-        }
-    return tuple(np.array(list(found)).T), np.array(list(found.values())), table
-
-
-@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-@pytest.mark.parametrize("name", LIT)
-def test_light_on_voxels_is_that_of_the_truth(name, perspective):
-    scene = lit_scene(name, perspective)
-    indices, light, table = light_of(scene)
-    assert table.lights.dtype == np.uint16 and light.shape[1] == LIT[name][2]
-    assert (table.lamps is not None) == (name in BY_NORMAL)
-    assert table.record == 4 + (6 if name in BY_NORMAL else 2 * LIT[name][2])
-    true, highlight = ReferenceLight(scene).light(indices)
-    each = 1 if light.shape[1] < 3 else 3
-    parts = [(light[:, :each], true)] + ([(light[:, each:], highlight)] if light.shape[1] > each else [])
-    if each == 1:  # the premise: it is white
-        assert (true == true[:, :1]).all() and (highlight == highlight[:, :1]).all()
-    if len(parts) == 1:
-        assert not highlight.any()
-    for ours, theirs in parts:
-        assert theirs.max() > 0.05
-        # A code of light errs by a share of itself, a coded normal by an angle.
-        near = dict(rtol=5e-5, atol=STEEPEST * theirs.max()) if table.lamps else dict(rtol=LIGHT_STEP * 1.01 + 5e-5)
-        np.testing.assert_allclose(ours, theirs[:, :each], **{"atol": 1e-6, **near})
-    flat = (true == 1.0).all(axis=1) & ~highlight.any(axis=1)
-    assert flat.sum() > 10 and (light[flat, :each] == 1.0).all() and not light[flat, each:].any()
-
-
-@pytest.mark.parametrize("name", ("sun", "point, white", "all of them"))
-def test_light_from_kernel_and_reference(name):
-    scene = lit_scene(name, perspective=True)
-    (_, one, first), (_, two, second) = both(lambda: light_of(scene))
-    assert first.light_unit == second.light_unit
-    np.testing.assert_allclose(one, two, rtol=2.0 * LIGHT_STEP, atol=1e-6)
-    assert (first.lights == second.lights).mean() > 0.9
-
-
-@pytest.mark.parametrize("knobs, by_normal", [
-    ({}, True), ({"depth_rule": "slice"}, True), ({"depth_rule": "midpoint-2"}, False), ({"rays": 0.5}, False),
-])  # fmt: skip
-@NUMPY
-def test_light_is_made_where_it_is_read_where_that_is_once(knobs, by_normal, way):
-    table = encoded(lit_scene("headlight, glossy"), axes=(2,), **knobs)[2]
-    assert (table.lamps is not None) == by_normal and (len(table.lights) == 0) == by_normal
-
-
-def test_normals_of_all_axes(way):
-    found = encoded(lit_scene("red sun, glossy"))
-    z = decoded(found[2], found[2].lamps.normals.T)
-    for axis in (0, 1):
-        normals = decoded(found[axis], found[axis].lamps.normals.T)
-        assert set(normals) == set(z) and all((normals[index] == z[index]).all() for index in z)
-
-
-def test_light_of_all_axes_and_any_number_of_threads():
-    scene = lit_scene("all of them")
-    alone = encoded(scene, threads=1)
-    together = encoded(scene, threads=2)
-    z = decoded(alone[2], alone[2].lights)
+def test_codes_of_all_axes_and_any_number_of_threads():
+    shade = Shade(0.1, 0.6, 0.5, 17.5)
+    matrix = np.diag((1.0, -1.1, 0.9, 1.0))
+    scene = replace(scene_of(Volume(waves(), np.eye(4)), shade=shade, headlight=True), volume_matrix=matrix)
+    alone, together = (encoded(scene, threads=threads) for threads in (1, 2))
+    z = decoded(alone[2], alone[2].codes)
+    assert alone[2].codes.dtype == np.int16 and alone[2].codes.shape[1] == alone[2].light.planes == 3
+    assert alone[2].record == 4 + 6 and np.abs(alone[2].codes).max() > 10000
     for axis in (0, 1, 2):
-        np.testing.assert_array_equal(alone[axis].lights, together[axis].lights)
-        found = decoded(alone[axis], alone[axis].lights)
+        np.testing.assert_array_equal(alone[axis].codes, together[axis].codes)
+        found = decoded(alone[axis], alone[axis].codes)
         assert set(found) == set(z) and all((found[index] == z[index]).all() for index in z)

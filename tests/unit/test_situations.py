@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from devtools.catalogue import PAGE, situations
+from tests.blender.conftest import EVERY_BLENDER
 from tests.blender.situations import SITUATIONS
 
 TESTS = Path(__file__).resolve().parents[1] / "blender"
@@ -20,6 +21,11 @@ def test_each_situation_has_a_test_and_each_test_a_situation():
     without = [name for name in SITUATIONS if name not in named()]
     unknown = sorted(named() - set(SITUATIONS))
     assert not without and not unknown, f"no test holds {without}; no situation is {unknown}"
+
+
+def test_every_situation_is_tested_in_every_version_of_blender():
+    files = {path.name: path.read_text(encoding="utf-8") for path in TESTS.glob("test_*.py")}
+    assert {name for name, text in files.items() if NAMES.search(text)} <= EVERY_BLENDER <= set(files)
 
 
 def test_situations_are_numbered_and_told_apart():

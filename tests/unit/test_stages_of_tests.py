@@ -42,7 +42,7 @@ def stages(monkeypatch, tmp_path):
     """``stages(quick)`` -> (what each run of pytest was given: name -> (python, words), the table's stages); nothing is
     run.  Blender's environments are made ready only when another stage has begun meanwhile."""
 
-    def everything(quick):
+    def everything(quick, everywhere=False):
         runs, begun, made = {}, Event(), Event()
 
         def run(name, python, words, environ, aside=False):
@@ -69,7 +69,7 @@ def stages(monkeypatch, tmp_path):
         monkeypatch.setattr(testing, "_catalogue", lambda: Stage("catalogue", passed=1))
         monkeypatch.setattr(testing, "BUILD", tmp_path)  # the tests that run now use the other one
         monkeypatch.setattr(testing, "FIGURES", tmp_path / "figures.json")
-        return runs, testing._everything(["-x"], quick)
+        return runs, testing._everything(["-x"], quick, everywhere)
 
     return everything
 
@@ -90,15 +90,29 @@ def test_each_test_runs_in_one_stage(stages):
     assert "-m" not in runs["hard cases"][1] and str(TESTS / "stability") in runs["hard cases"][1]
     versions = [f"bpy {version}" for version in testing.BPY]
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
+    marked = {name: "every_blender" in runs[name][1] for name in versions}
+    assert marked == {"bpy 4.5": True, "bpy 5.0": True, "bpy 5.2": False}
     assert len(runs) == len(core) + len(versions) + 3
     assert {stage.name for stage in table} == {*runs, "extension zip", "real blender"}
 
 
+def test_everything_runs_everywhere_on_demand(stages):
+    runs, _ = stages(False, True)
+    assert not any("every_blender" in words for _, words in runs.values())
+
+
+def test_parts_begin_in_their_order():
+    """No two that need the same kernels begin together: see testing.FIRST."""
+    names = list(testing.parts())
+    assert {*testing.FIRST, *testing.LAST} < set(names)
+    assert tuple(names[: len(testing.FIRST)]) == testing.FIRST and tuple(names[-len(testing.LAST) :]) == testing.LAST
+
+
 def test_quick_says_what_it_leaves_out(stages):
     runs, table = stages(True)
-    assert [name for name in runs if name.startswith("bpy")] == ["bpy 5.0"] and testing.EXTRAS_STAGE not in runs
+    assert [name for name in runs if name.startswith("bpy")] == ["bpy 5.2"] and testing.EXTRAS_STAGE not in runs
     left_out = {stage.name for stage in table if stage.verdict == "SKIPPED"}
-    assert left_out == {testing.EXTRAS_STAGE, testing.CLUSTER_STAGE, "real blender", "bpy 4.5", "bpy 5.2"}
+    assert left_out == {testing.EXTRAS_STAGE, testing.CLUSTER_STAGE, "real blender", "bpy 4.5", "bpy 5.0"}
     assert all("not slow" in words[words.index("-m") + 1] for name, (_, words) in runs.items() if "bpy" not in name)
 
 
@@ -122,7 +136,7 @@ def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
         return testing.Part(lambda ready, aside: run.append((needs, aside)) or [Stage(needs, passed=1)], needs)
 
     monkeypatch.setattr(testing, "_other", other)
-    monkeypatch.setattr(testing, "parts", lambda options: {name: part(name) for name in ("", "zip", "bench")})
+    monkeypatch.setattr(testing, "parts", lambda *options, **more: {name: part(name) for name in ("", "zip", "bench")})
     for path, code in ((Path("the.zip"), 0), (None, 1)):
         monkeypatch.setattr(testing, "_zip", lambda path=path: zip_stage(path))
         assert testing.test_part("zip", []) == code
