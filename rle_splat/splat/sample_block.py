@@ -333,9 +333,10 @@ def _lighter(between: bool):
                 found = _light(
                     lit, normal, _to_eye(lit, pixel, row), lambda: _points(lit, pixel, row, position), plane
                 )
-                lit.constant(0.0).store(own(0))
+                # Lane by lane, so that no pixel's light depends on which others are in its block.
+                lit.constant(0.0).where(due, owed).store(own(0))
                 for n, light in enumerate(found):
-                    lit.get(light).store(own(1 + n))
+                    lit.get(light).where(due, Vector.load(builder, own(1 + n), BLOCK)).store(own(1 + n))
             for channel in range(3):
                 color = Vector.load(builder, places[channel], BLOCK)
                 (color * Vector.load(builder, own(1 + channel), BLOCK)).store(places[channel])
