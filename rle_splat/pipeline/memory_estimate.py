@@ -125,7 +125,8 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
         MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what arrives of each light
         MemoryRow("shade", "normals", (scalars and shaded) * count, 6),  # where its shadows begin
-        MemoryRow("shade", "normals", shaded * count, 10),  # while shadows are made
+        # While shadows are made; of scalars the points at which they begin are sorted.
+        MemoryRow("shade", "normals", shaded * count, 26 if scalars else 10),
         MemoryRow("shade", "visible", (scalars and (shaded or thinned)) * count, codes),  # all planes of a voxel joined
         MemoryRow("shade", "visible", (scalars and thinned) * count, 4),  # factors of extinction
         MemoryRow("encode", "runs", axes * scanlines, 72),  # pointers, and what making them takes meanwhile

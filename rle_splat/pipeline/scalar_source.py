@@ -286,7 +286,8 @@ class ScalarSource(Source):
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
-        tables = PlannedTables(0, work.axes, lit or labeled, shadows, labeled)
+        thinned = self.scene.transfer_function.gradient_opacity is not None
+        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned)
 
         def needed_by(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)

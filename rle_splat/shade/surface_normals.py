@@ -280,11 +280,7 @@ def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, 
                 sums = deep_sums[row]
                 if not ready[row]:
                     ready[row] = True
-                    sums[:] = _ZERO
-                    for other in range(z0, z1 + 1):
-                        share, source = deep[other - z + up], values[other - first, row]
-                        for x in range(n_x):
-                            sums[x] += share * np.float32(source[x])
+                    _sum_deep(values[z0 - first : z1 + 1 - first, row], deep[z0 - z + up :], sums)
                 share = across[row - y + out]
                 weight += share
                 for x in range(n_x):
@@ -298,6 +294,16 @@ def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, 
             weight = _ONE / (weight * weight_z)
             for x in range(n_x):
                 to[x] *= weight / inside[x]
+
+
+@kernel(inner=True)
+def _sum_deep(rows, weights, sums):
+    """Weighted sum of rows (n, nx) of neighboring planes."""
+    sums[:] = _ZERO
+    for n in range(rows.shape[0]):
+        share, source = weights[n], rows[n]
+        for x in range(sums.size):
+            sums[x] += share * np.float32(source[x])
 
 
 @kernel

@@ -8,6 +8,8 @@ import pytest
 
 from tests.blender import scenes
 
+pytestmark = pytest.mark.usefixtures("by_numpy")
+
 
 @pytest.fixture
 def settings(bridge, core, tmp_path):
