@@ -15,14 +15,11 @@ from .pixel_block import BLOCK
 from .voxel_groups import (
     FEW,
     MANY,
-    mix_few_codes,
-    mix_few_normals,
+    MIX_CODES,
+    MIX_NORMALS,
+    MIX_SHADOWED,
     mix_few_scalars,
-    mix_many_codes,
-    mix_many_normals,
     mix_many_scalars,
-    mix_one_code,
-    mix_one_normal,
     mix_one_scalar,
 )
 from .voxel_scanline import BEFORE, BLOCK_BITS, SLACK, mark_blocks
@@ -137,44 +134,36 @@ def fetch_scalars(scalars, first, count):
         fetch_ahead(scalars.uint16, first, count)
 
 
+def _putter(many, few, one):
+    @inner_loop
+    def put(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
+        size = MANY if count >= MANY else FEW if count >= FEW else 1
+        stored, i = codes.shape[1], 0
+        while i < count:
+            i = min(i, count - size)
+            at, near, far = to + i, voxel + i, far_voxel + i
+            if size == MANY:
+                many(line, stride, at, codes, stored, channel, near, far, weight, far_weight, pair)
+            elif size == FEW:
+                few(line, stride, at, codes, stored, channel, near, far, weight, far_weight, pair)
+            else:
+                one(line, stride, at, codes, stored, channel, near, far, weight, far_weight, pair)
+            i += size
+
+    return put
+
+
+_put_code, _put_normals, _put_shadowed = _putter(*MIX_CODES), _putter(*MIX_NORMALS), _putter(*MIX_SHADOWED)
+
+
 @inner_loop
 def put_codes(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
     """The planes of codes of the same voxels, if there are any."""
     if codes is not None:
         if codes.shape[1] == NORMAL:
-            _put_normals(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
+            _put_normals(codes, 0, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
+        elif codes.shape[1] == NORMAL + 1:
+            _put_shadowed(codes, 0, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
         else:
             for channel in range(codes.shape[1]):
                 _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
-
-
-@inner_loop
-def _put_normals(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
-    size = MANY if count >= MANY else FEW if count >= FEW else 1
-    i = 0
-    while i < count:
-        i = min(i, count - size)
-        at, near, far = to + i, voxel + i, far_voxel + i
-        if size == MANY:
-            mix_many_normals(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
-        elif size == FEW:
-            mix_few_normals(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
-        else:
-            mix_one_normal(line, stride, at, codes, NORMAL, 0, near, far, weight, far_weight, pair)
-        i += size
-
-
-@inner_loop
-def _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
-    size = MANY if count >= MANY else FEW if count >= FEW else 1
-    channels, i = codes.shape[1], 0
-    while i < count:
-        i = min(i, count - size)
-        at, near, far = to + i, voxel + i, far_voxel + i
-        if size == MANY:
-            mix_many_codes(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
-        elif size == FEW:
-            mix_few_codes(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
-        else:
-            mix_one_code(line, stride, at, codes, channels, channel, near, far, weight, far_weight, pair)
-        i += size

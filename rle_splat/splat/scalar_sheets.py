@@ -1,8 +1,8 @@
 """Sheets of the scalar, classified pixel by pixel: what ``band_walker`` does with them (algorithm.md 1.14).
 
-A sheet holds the scalar itself, and light, interpolated; a lookup table makes extinction and color of it when a slab
-is composited.  The medium fills the box of the voxel centers: a ray's first and last slab end where it enters and
-leaves the box.
+A sheet holds the scalar itself, and what samples are lit by, interpolated; a lookup table makes extinction and color of
+it when a slab is composited.  The medium fills the box of the voxel centers: a ray's first and last slab end where it
+enters and leaves the box.
 """
 
 from __future__ import annotations

@@ -126,5 +126,7 @@ def _mixer_of_codes(count, channels=None):
 
 
 mix_many_scalars, mix_few_scalars, mix_one_scalar = (_mixer_of_scalars(count) for count in (MANY, FEW, 1))
-mix_many_codes, mix_few_codes, mix_one_code = (_mixer_of_codes(count) for count in (MANY, FEW, 1))
-mix_many_normals, mix_few_normals, mix_one_normal = (_mixer_of_codes(count, NORMAL) for count in (MANY, FEW, 1))
+# Of each size of group: number ``channel`` of the codes; and all of them, normals alone or one lamp's T as well.
+MIX_CODES, MIX_NORMALS, MIX_SHADOWED = (
+    [_mixer_of_codes(count, channels) for count in (MANY, FEW, 1)] for channels in (None, NORMAL, NORMAL + 1)
+)
