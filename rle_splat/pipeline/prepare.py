@@ -59,7 +59,6 @@ PICTURES = (
     SyntheticPicture("perspective", 0.0, 0.0, perspective=True),
     SyntheticPicture("sideways", 4.3, 0.0, azimuth=90.0),
     SyntheticPicture("lights", 7.7, 0.0, scene="lights", perspective=True),
-    SyntheticPicture("lights without shadows", 1.5, 0.0, scene="no shadows", perspective=True),
     SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
@@ -82,15 +81,14 @@ def prepare_steps():
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
 
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
-      headlight; by white lamps and the world's light, without shadows, and with shadows without and with meshes that
-      hide the volume.
+      headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
+      volume.
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
     - at "standard" and "draft", with gradient opacity: by the headlight.
 
-    Not covered, and compiled when a picture first needs them: other stored types; colored lamps; transfer functions
-    without a highlight, and unshaded ones; the classification "pre"; the qualities "strict" and "paper"
-    and knobs by hand; a maximum error; labels and channels; clip objects; mist; ambient occlusion; modes other than
-    "composite"; ``.rle`` files.
+    Not covered, and compiled when a picture first needs them: other stored types; unshaded transfer functions; the
+    classification "pre"; the qualities "strict" and "paper" and knobs by hand; a maximum error; labels and channels;
+    clip objects; mist; modes other than "composite"; ``.rle`` files.
 
     Yields
     ------
@@ -167,8 +165,7 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
     By the headlight, or as ``picture.scene`` says: "surfaces", with gradient opacity; "lights", a lamp that casts
-    shadows and the world's light; "no shadows", both without shadows; "meshes", with these lights and a triangle that
-    cuts the ball.
+    shadows and the world's light; "meshes", with these lights and a triangle that cuts the ball.
     """
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
@@ -180,8 +177,7 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     beside = np.eye(4)
     beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
     lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)
-    shadows = picture.scene != "no shadows"
-    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=shadows, world=(0.05, 0.05, 0.05))
+    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
     if picture.scene != "meshes":
         return scene
     corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
