@@ -3,7 +3,7 @@
 What each depends on, so that a lamp that moves or an object that turns redoes no more than it must:
 
     surfaces  the kept voxels, and how far normals are smoothed
-    normals   surfaces, how the volume lies in the world, what clips cut, where the transfer function shows nothing
+    normals   surfaces, how the volume lies in the world, what clips cut, which values the transfer function shows
     shadows   normals, the extinction, and where each lamp is
     codes     normals, shadows and factors
 """
@@ -18,7 +18,7 @@ from ..runtime.steps import announce, time_steps
 from ..scene import Scene
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
 from ..shade.surface_normals import automatic_sigma, surface_steps
-from ..shade.surface_points import faces_of, place_steps
+from ..shade.surface_points import faces_of, place_steps, shown_ranges
 from .shadows import arriving_steps, casting, shadow_count
 from .source import Work, array_key
 
@@ -59,7 +59,8 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
     surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
     shaded = shadow_count(scene) > 0
     cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
-    normals_key = surfaces_key, array_key(matrix), cuts, scene.transfer_function.opacity, shaded
+    ranges = shown_ranges(scene.transfer_function.opacity)
+    normals_key = surfaces_key, array_key(matrix), cuts, array_key(ranges), shaded
 
     def place():
         faces = faces_of(scene.clips, matrix)

@@ -24,6 +24,7 @@ from tests.ways import NUMPY
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 SIZE, PIXELS = 20, (40, 40)
 FINE = dict(classification="post", depth_rule="gauss2", sheet_density=2.0, termination=1 / 8192)
+BY_RAYS = FINE | dict(depth_rule="preintegrated", sheet_density=1.0, rays=0.001)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
 RADIUS = radius_from_center(SIZE)
 
@@ -148,7 +149,10 @@ LIT = {
     (("headlight", 0.4, "numba"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "numba")), indirect=["way"],
 )
 def test_lit_pictures(stage, lit, specular, way, perspective):
-    """Light and highlight of one channel and of three; stored as bytes, on voxels that are no cubes."""
+    """White light and colors, with highlights and without; stored as bytes, on voxels that are no cubes.
+
+    The shell turns its back within a voxel, which no sheet's pixels of a voxel can hold: single rays do.
+    """
     field = np.round(12.0 * RADIUS).astype(np.uint8)
     tf = shell(2.5, unit=12.0, shade=replace(SHADE, specular=specular))
     scene = turned(stage, tf, perspective, spacing=(1.0, 1.0, 1.3), size=(32, 32), **LIT[lit])
@@ -157,7 +161,8 @@ def test_lit_pictures(stage, lit, specular, way, perspective):
     dark = stage.render(replace(scene, headlight=False, lights=()), **FINE).rgba
     assert difference(dark, true).rmse > 3.0
     found = stage.error(scene, true, **FINE)
-    assert found.rmse < 0.5 and found.largest < 10.0 and abs(found.bias) < 0.05
+    assert found.rmse < 1.5 and found.largest < 15.0 and abs(found.bias) < 0.05
+    assert stage.error(scene, true, **BY_RAYS).rmse < 0.1
 
 
 AFFINES = {
@@ -182,7 +187,8 @@ def test_under_any_affine(stage, name, perspective):
     scene = stage.before(volume, camera, PIXELS, shell(1.5, 5.0, unit=15.0, shade=SHADE), headlight=True)
     true = t2(scene)
     found = stage.error(scene, true, **FINE)
-    assert true[..., 3].mean() > 0.04 and found.rmse < 0.6 and found.largest < 22.0
+    assert true[..., 3].mean() > 0.04 and found.rmse < 1.3 and found.largest < 22.0
+    assert stage.error(scene, true, **BY_RAYS).rmse < 0.25
 
 
 EYES = {
@@ -349,7 +355,9 @@ def test_the_same_picture_from_both_ways_and_any_number_of_threads(stage, perspe
         stage.volume(RADIUS), stage.looking((11.3, 8.2, 10.1), (9.7, 10.1, 9.4), lens=14.0, clip_start=1e-4), PIXELS,
         shell(2.0),
     )
-    for scene in (lit_bytes(stage, perspective), turned(stage, CURVES["steps"], perspective), inside):
+    # Samples are lit by reciprocals and roots that are exact to 1e-5, and share their light while they weigh little.
+    lit, steps = lit_bytes(stage, perspective), turned(stage, CURVES["steps"], perspective)
+    for scene, same in ((lit, 1e-4), (steps, 1e-5), (inside, 1e-5)):
         for rule in ("simpson", "slice-2", "preintegrated"):
             knobs = dict(classification="post", depth_rule=rule)
             one, two = (stage.render(scene, threads=threads, **knobs) for threads in (1, 2))
@@ -359,7 +367,7 @@ def test_the_same_picture_from_both_ways_and_any_number_of_threads(stage, perspe
             np.testing.assert_array_equal(one.depth, two.depth)
             off = np.abs(one.rgba - slow.rgba)
             # The nearest entry of the table is taken: half-way between two, rounding chooses.
-            assert one.rgba.max() > 0.3 and off.max() < 3e-4 and (off > 1e-5).mean() < 3e-3
+            assert one.rgba.max() > 0.3 and off.max() < 3e-4 and (off > same).mean() < 3e-3
             near = one.depth < 1e9
             assert (near == (slow.depth < 1e9)).mean() > 0.999
             np.testing.assert_allclose(one.depth[near], slow.depth[near], atol=1e-3)

@@ -69,32 +69,33 @@ WARMER = replace(FUNCTION, color=((80, 1.0, 0.1, 0.0), (250, 1.0, 0.8, 0.2)))
 LIT = dict(lights=(SUN,))
 MATT_LIT = dict(function=MATT, **LIT)
 PRE_PROPERTIES, PRE_VISIBLE = {"properties", "records"}, {"visible", "properties", "normals", "runs", "records"}
-POST_LIGHT = {"light", "lights"}
-POST_RELEVANT = {"relevant", "normals", "light", "lights", "runs", "scalars", "table", "bricks"}
+POST_LIGHT = {"surfaces", "normals", "codes"}
+POST_RELEVANT = {"relevant", *POST_LIGHT, "runs", "scalars", "table", "bricks"}
+POST_RANGES = {"table", "normals", "codes"}  # normals point away from what is shown
 EDITS = {  # edited, first, stages where voxels are classified, stages where sheets are
     "camera, matt under a sun": (dict(azimuth=24, **MATT_LIT), MATT_LIT, set(), set()),
     "camera, unshaded": (dict(azimuth=24, function=PLAIN), dict(function=PLAIN), set(), set()),
     "camera, unlit": (dict(azimuth=24), dict(), set(), set()),
-    "camera with a headlight": (dict(azimuth=24, headlight=True), dict(headlight=True), {"records"}, POST_LIGHT),
-    "light": (dict(lights=(replace(SUN, energy=1.0),)), LIT, {"records"}, POST_LIGHT),
-    "colored light": (dict(lights=(replace(SUN, color=(1.0, 0.5, 0.2)),)), LIT, {"records"}, POST_LIGHT),
-    "shading": (MATT_LIT, LIT, {"records"}, POST_LIGHT),
+    "camera with a headlight": (dict(azimuth=24, headlight=True), dict(headlight=True), {"records"}, set()),
+    "light": (dict(lights=(replace(SUN, energy=1.0),)), LIT, {"records"}, set()),
+    "colored light": (dict(lights=(replace(SUN, color=(1.0, 0.5, 0.2)),)), LIT, {"records"}, set()),
+    "shading": (MATT_LIT, LIT, {"records"}, set()),
     "light put out": (dict(), LIT, {"records"}, set()),
-    "light lit": (LIT, dict(), {"normals", "records"}, {"normals", *POST_LIGHT}),
+    "light lit": (LIT, dict(), {"normals", "records"}, POST_LIGHT),
     "name": (dict(function=replace(FUNCTION, name="other"), **LIT), LIT, set(), set()),
     "opacities of the same values": (dict(function=FAINTER, **LIT), LIT, PRE_PROPERTIES, {"table"}),
     "opacities": (dict(function=shown((80, 0.0), (110, 0.1), (170, 0.0)), **LIT), LIT, PRE_PROPERTIES, {"table"}),
     "colors": (dict(function=WARMER, **LIT), LIT, PRE_PROPERTIES, {"table"}),
-    "fewer values shown": (dict(function=NARROWER, **LIT), LIT, PRE_VISIBLE, {"table"}),
-    "steps within": (dict(function=STEPS, **LIT), LIT, PRE_VISIBLE, {"table"}),
-    "two ranges within": (dict(function=SPLIT, **LIT), LIT, PRE_VISIBLE, {"table"}),
+    "fewer values shown": (dict(function=NARROWER, **LIT), LIT, PRE_VISIBLE, POST_RANGES),
+    "steps within": (dict(function=STEPS, **LIT), LIT, PRE_VISIBLE, POST_RANGES),
+    "two ranges within": (dict(function=SPLIT, **LIT), LIT, PRE_VISIBLE, POST_RANGES),
     # Nothing is worth keeping for nothing.
     "nothing shown": (dict(function=HIDING, **LIT), LIT, PRE_VISIBLE, POST_RELEVANT - {"bricks"}),
     "more values shown": (dict(function=WIDER, **LIT), LIT, PRE_VISIBLE, POST_RELEVANT),
     "more values shown, unlit": (dict(function=WIDER), dict(), PRE_VISIBLE - {"normals"},
-                                 POST_RELEVANT - {"normals", *POST_LIGHT}),
+                                 POST_RELEVANT - POST_LIGHT),
     "another principal axis": (dict(azimuth=70, **MATT_LIT), MATT_LIT, {"runs", "records"},
-                               {"runs", "scalars", "lights"}),
+                               {"runs", "scalars", "codes"}),
 }  # fmt: skip
 
 
@@ -226,7 +227,7 @@ def test_the_tables_are_shared_between_lights():
 MADE = {
     "pre": {"blocks": 1, "visible": 2, "properties": 2, "normals": 2, "runs": 2, "records": 4},
     "post": {
-        "blocks": 1, "relevant": 1, "normals": 1, "runs": 1, "scalars": 1, "light": 2, "lights": 2, "table": 2,
+        "blocks": 1, "relevant": 1, "surfaces": 1, "normals": 2, "codes": 2, "runs": 1, "scalars": 1, "table": 2,
         "bricks": 1,
     },
 }  # fmt: skip
@@ -308,5 +309,5 @@ def test_a_camera_inside_lights_once(classification):
         assert cache.made["records"] == 3 and cache.made["visible"] == 1
     else:
         made = cache.made
-        assert made["runs"] == 3 and made["scalars"] == made["lights"] == 2, "y and z share their records"
-        assert made["light"] == made["relevant"] == made["table"] == 1
+        assert made["runs"] == 3 and made["scalars"] == made["codes"] == 2, "y and z share their records"
+        assert made["normals"] == made["relevant"] == made["table"] == 1
