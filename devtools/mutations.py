@@ -195,21 +195,20 @@ MUTANTS = (
     ),
     _left_out(
         "the gradient opacity of thinned light", "pipeline/scalar_source.py",
-        "light_key = (light_key, hidden_key, key, tf.gradient_opacity)", "light_key = (light_key, hidden_key, key)",
+        "codes_key = (codes_key, hidden_key, key, tf.gradient_opacity)", "codes_key = (codes_key, hidden_key, key)",
     ),
     _left_out(
         "the light of thinned light", "pipeline/scalar_source.py",
-        "light_key = (light_key, hidden_key, key, tf.gradient_opacity)",
-        "light_key = (hidden_key, key, tf.gradient_opacity)",
+        "codes_key = (codes_key, hidden_key, key, tf.gradient_opacity)",
+        "codes_key = (hidden_key, key, tf.gradient_opacity)",
     ),
     _left_out(
         "the length that opacities refer to", "pipeline/scalar_source.py",
         "key = (voxels_key, tf.classification_key, length)", "key = (voxels_key, tf.classification_key)",
     ),
     _left_out(
-        "shadows, of post-classified light,", "pipeline/scalar_source.py",
-        "return (self.key, *lighting_key(scene, scene.index_to_world, self.falling), self.shadows_key)",
-        "return (self.key, *lighting_key(scene, scene.index_to_world, self.falling))",
+        "shadows, of post-classified light,", "pipeline/scalar_light.py",
+        "key = normals_key, key", "key = normals_key, ()",
     ),
     _left_out(
         "the extinction that casts shadows", "pipeline/scan_source.py",
@@ -230,7 +229,7 @@ MUTANTS = (
     ),
     _left_out(
         "the strength of ambient occlusion", "pipeline/shadows.py",
-        "keys.append((scene.ambient_occlusion, occluders.key))", "keys.append(occluders.key)",
+        "keys.append((scene.ambient_occlusion, key))", "keys.append(key)",
     ),
     _left_out(
         "the functions of labels and channels", "classify/mixture.py",

@@ -173,14 +173,14 @@ def tables_apart(one, two) -> tuple[int, float]:
         return unlike, np.inf
     if scalar:
         unlike += not np.array_equal(one.scalars, two.scalars)
-        return unlike, _apart(*(_light(each) for each in (one, two)))
+        return unlike, max((_apart(*pair) for pair in zip(_codes(one), _codes(two), strict=True)), default=0.0)
     densities, colors = ([each.decoded()[:, part] for each in pair] for part in (slice(3, 4), slice(0, 3)))
     return unlike, max(_apart(*densities), _apart(*colors))
 
 
-def _light(encoded):
-    """Light of a ScalarVolume, in some unit."""
-    return np.zeros(0) if encoded.lights is None else (encoded.lights.astype(np.uint32) << 12).view(np.float32)
+def _codes(encoded):
+    """Normals, and what arrives and thins, of a ScalarVolume, in some unit."""
+    return () if encoded.codes is None else (encoded.codes[:, :3], encoded.codes[:, 3:])
 
 
 def _apart(one, two) -> float:

@@ -22,7 +22,7 @@ from rle_splat.read import streaming
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime import memory
 from rle_splat.runtime.jit import compiled
-from rle_splat.scene import CLASSIFICATIONS, Quality
+from rle_splat.scene import CLASSIFICATIONS, Light, Quality
 from rle_splat.splat import scratch
 from tests.unit.memory_setup import BANDED, FUNCTION, GIB, POST, QUALITY, blobs, noise, scene_of, traced
 
@@ -224,7 +224,8 @@ def test_the_scratch_of_a_picture_is_as_large_as_is_said(classification, monkeyp
     monkeypatch.setattr(scratch, "_memory", lambda size: made.append(size) or np.zeros(size, np.uint8))
     source = importlib.import_module("rle_splat.pipeline.source")
     monkeypatch.setattr(source, "scratch_bytes", lambda *a: counted.append(scratch.scratch_bytes(*a)) or 0)
-    render(scene_of(noise(32), 200), replace(QUALITY, classification=classification, warp_filter="bilinear"))
+    shaded = replace(scene_of(noise(32), 200), lights=(Light("SUN"),), headlight=False, volume_shadows=True)
+    render(shaded, replace(QUALITY, classification=classification, warp_filter="bilinear"))
     assert scratch.SPREAD * max(counted) == pytest.approx(max(made), rel=0.001)  # but for the ends of cache lines
 
 
