@@ -264,8 +264,8 @@ def _lighter(between: bool):
         """Multiply classified colors ``sampled`` (4, BLOCK), flat, from number ``first`` on, by the light on them, and
         add highlights.
 
-        Light is evaluated anew once the samples of a pixel that the last one was used for weigh ``lamps.least``: in
-        haze it need not be at every sheet, nor in front of a surface.
+        Light is evaluated anew once the samples of a pixel that the last one was used for have an optical depth of
+        ``lamps.least``: in haze it need not be at every sheet, nor in front of a surface.
 
         ``sheet``, ``before``: as ``scalar_block.look_between``, which has found ``shares``.  ``low``, ``high``: ends of
         the stored values that are shown.  ``length``, ``deep``, ``thickness``: see ``scalar_block.
@@ -299,8 +299,8 @@ def _lighter(between: bool):
             left = Vector.load(builder, place(context, builder, state_type, state, transmittance), BLOCK, kind)
             left = left if kind == FLOAT else left.as_single()
             seen = left.at_least(Vector.spread(builder, lit.value("opaque"), BLOCK))
-            left = left.where(seen, 0.0)
-            owed = depth.least(1.0).fused(left, Vector.load(builder, own(0), BLOCK))
+            # Without the transmittance, which a group of sheets has but once: one after the other they light the same.
+            owed = Vector.load(builder, own(0), BLOCK) + depth.least(1.0).where(seen, 0.0)
             due = owed.at_least(Vector.spread(builder, lit.value("least"), BLOCK))
             owed.store(own(0))
             with builder.if_then(builder.icmp_unsigned("!=", count_lanes(builder, due, BLOCK), lit.whole(0))):
