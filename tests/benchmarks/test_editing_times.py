@@ -24,10 +24,10 @@ REDONE = {
         "camera": set(),
         "camera, unshaded": set(),
         "camera, headlight": set(),
-        "light": {"light", "lights"},
+        "light": set(),
         "colors": {"table"},
         "opacities": {"table"},
-        "wider range": {"relevant", "table", "normals", "light", "runs", "scalars", "lights"},
+        "wider range": {"relevant", "table", "surfaces", "normals", "codes", "runs", "scalars"},
     },
 }
 
