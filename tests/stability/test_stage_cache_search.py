@@ -35,7 +35,7 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # What a search begins with -> how many scenes are edited anyhow, how many by each kind of edit alone, and stages of
 # which some results must be found again.
 SEARCHES = {
-    "post": (9, 2, ("relevant", "table", "gradients", "thinned", "normals", "light", "lights", "runs", "scalars")),
+    "post": (9, 2, ("relevant", "table", "gradients", "thinned", "surfaces", "normals", "codes", "runs", "scalars")),
     "pre": (9, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4
