@@ -38,6 +38,7 @@ RAMP = 0.2
 TURNED = 0.4
 SHARPEST = 1e9  # shininess
 ALMOST_NONE = 1e-6  # |m| below which there is no direction
+FAINTEST = 1e-30  # of bounds, which are divided by
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,7 @@ def sample_light(falling: Lighting, shape_xyz, casting=(), opened: bool = False)
     if not falling.is_parallel:
         strengths = strengths / _nearest(falling, shape_xyz)[:, None]
     strongest = max(map(sum, zip(*strengths.tolist())), default=0.0)
-    most_light = max(1.0, max(falling.most_everywhere.tolist()) + diffuse * strongest)
+    most_light = max(max(falling.most_everywhere.tolist()) + diffuse * strongest, FAINTEST)
     most_highlight = specular * strongest
     refuse_too_bright(max(most_light, most_highlight))
     return SampleLight(falling, tuple(casting), bool(opened), most_light, most_highlight)

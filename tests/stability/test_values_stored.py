@@ -195,14 +195,15 @@ def test_V8_a_constant_volume_is_symmetric(record, width, way):
 
 
 @every_finer
-def test_V8_a_constant_volume_is_symmetric_and_unshaded_however_classified(record, width, classification, way):
+def test_V8_a_constant_volume_is_symmetric_however_classified(record, width, classification, way):
     cube = np.full((6, 6, 6), 50.0, np.float32)
     plain = from_above(cube, transfer(((0, 0.3),), ((0, 0.2, 0.5, 1.0),)))
     shaded = replace(plain, transfer_function=replace(plain.transfer_function, shade=Shade()), headlight=True)
     pictures = [drawn(scene, classification) for scene in (plain, shaded)]
     assert pictures[0][..., 3].max() > 0.5
-    record("V8", f"{BITS} of the shaded picture from the unshaded", unlike(*pictures), 0, width)
-    worst = max(np.abs(pictures[0] - np.flip(pictures[0], axis)).max() for axis in (0, 1))
+    if classification == "pre":  # with post the faces of its box are lit
+        record("V8", f"{BITS} of the shaded picture from the unshaded", unlike(*pictures), 0, width)
+    worst = max(np.abs(each - np.flip(each, axis)).max() for each in pictures for axis in (0, 1))
     record("V8", f"asymmetry of its picture, {classification}, levels", 255.0 * worst, 0.01, width)
 
 
