@@ -18,9 +18,9 @@ import numpy as np
 REACH = 3.0  # sigmas at which the Gaussian is cut
 LARGEST_SIGMA = 2.0  # mm: slices 5 mm apart must not erase vessels
 # The error of a stored value is uniform over one step of this size: rounding of integers, and for floats as many
-# machine epsilons of the values around as a computed constant may carry.
+# machine epsilons of float32, so that what a renderer's smoothing in float32 adds is not seen.
 WHOLE_STEP = 1.0
-FLOAT_STEPS = 8.0
+FLOAT_STEPS = 256.0
 # Gradients that are E long have the trust .02, gradients from 13 E on the trust 1 (16-bit scans: .6 stored values per
 # voxel after smoothing by one voxel).
 NOISE = 40.0
@@ -149,7 +149,7 @@ def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np
     gradient = np.einsum("...i,ij->...j", slopes, np.linalg.inv(directions))
     step = WHOLE_STEP
     if voxels.dtype.kind == "f":
-        step = FLOAT_STEPS * float(np.finfo(voxels.dtype).eps) * np.abs(np.nan_to_num(smoothed))
+        step = FLOAT_STEPS * float(np.finfo(np.float32).eps) * np.abs(np.nan_to_num(smoothed))
     squared = (gradient**2).sum(axis=-1)
     scale = np.sqrt(box_mean(squared) + (NOISE * noise_of_gradient(sigma, spacing) * step) ** 2)[..., None]
     vector = np.divide(gradient, scale, out=np.zeros_like(gradient), where=scale > 0.0)

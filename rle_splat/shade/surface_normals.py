@@ -25,7 +25,7 @@ from . import reference
 CUT = 3.0  # standard deviations at which the Gaussian ends
 MOST_SMOOTHED = 2.0  # mm, by itself: slices 5 mm apart must not erase vessels
 NOISE = 40.0  # times E: gradients from 13 E on are trusted wholly
-FLOAT_STEPS = 8.0  # machine epsilons that a computed constant may carry
+FLOAT_STEPS = 256.0  # machine epsilons: what values carry, and what smoothing in float32 adds, must not be seen
 ONE = np.float32(32767.0)
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
@@ -188,7 +188,7 @@ class Smoothing:
             largest = max(abs(low - center), abs(high - center))
             scale = 1.0 / largest if 0.0 < largest < np.inf else 1.0
         if voxels.dtype.kind == "f":
-            error, noise = noise * FLOAT_STEPS * float(np.finfo(voxels.dtype).eps), 0.0
+            error, noise = noise * FLOAT_STEPS * float(np.finfo(np.float32).eps), 0.0
         taps = tuple(read_only(each.astype(np.float32)) for each in taps)
         floor = tuple(np.float32(each) for each in (noise * scale, error, center * scale))
         return cls(
