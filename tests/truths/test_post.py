@@ -188,7 +188,7 @@ def test_under_any_affine(stage, name, perspective):
     true = t2(scene)
     found = stage.error(scene, true, **FINE)
     assert true[..., 3].mean() > 0.04 and found.rmse < 1.3 and found.largest < 22.0
-    assert stage.error(scene, true, **BY_RAYS).rmse < 0.25
+    assert stage.error(scene, true, **BY_RAYS).rmse < 0.5
 
 
 EYES = {
