@@ -187,7 +187,7 @@ def test_under_any_affine(stage, name, perspective):
     scene = stage.before(volume, camera, PIXELS, shell(1.5, 5.0, unit=15.0, shade=SHADE), headlight=True)
     true = t2(scene)
     found = stage.error(scene, true, **FINE)
-    assert true[..., 3].mean() > 0.04 and found.rmse < 1.3 and found.largest < 22.0
+    assert true[..., 3].mean() > 0.04 and found.rmse < 1.3 and found.largest < 40.0
     assert stage.error(scene, true, **BY_RAYS).rmse < 0.5
 
 
