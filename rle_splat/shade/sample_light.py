@@ -27,7 +27,7 @@ import numpy as np
 from .environment import light_by_normal
 from .lighting import BACK, PHONG, Lighting, unit_vectors
 from .lights import KIND, NEAREST, POSITION, RGB, SUN
-from .reference import find_light
+from .reference import find_light, smoothstep
 from .shading import refuse_too_bright
 
 ONE = np.float32(32767.0)  # code of 1 in planes of voxels: components of m, T, O, and factors of extinction
@@ -100,12 +100,6 @@ def _nearest(falling: Lighting, shape_xyz) -> np.ndarray:
     center = matrix[:3, :3] @ half + matrix[:3, 3]
     away = np.maximum(np.linalg.norm(rows[:, POSITION : POSITION + 3] - center, axis=1) * (1.0 - 1e-9) - radius, 0.0)
     return np.where(rows[:, KIND] == SUN, 1.0, np.maximum(rows[:, NEAREST], away**2))
-
-
-def smoothstep(t: np.ndarray) -> np.ndarray:
-    """3 t^2 - 2 t^3 of numbers that are limited to [0, 1]."""
-    t = np.clip(t, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
 
 
 def light_of_samples(light: SampleLight, planes, to_eye, points) -> tuple[np.ndarray, np.ndarray]:

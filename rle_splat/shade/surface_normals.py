@@ -21,12 +21,12 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..runtime.work_sizes import SMOOTHED_AT_ONCE
 from . import reference
+from .sample_light import ONE
 
 CUT = 3.0  # standard deviations at which the Gaussian ends
 MOST_SMOOTHED = 2.0  # mm, by itself: slices 5 mm apart must not erase vessels
 NOISE = 40.0  # times E: gradients from 13 E on are trusted wholly
 FLOAT_STEPS = 256.0  # machine epsilons: what values carry, and what smoothing in float32 adds, must not be seen
-ONE = np.float32(32767.0)
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
