@@ -10,7 +10,7 @@ from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.raycast.scalar_rays import RowVoxels, bricks_of, rays_through
 from rle_splat.raycast.trace import trace
-from rle_splat.scene import Environment, Light, Quality
+from rle_splat.scene import Environment, Quality
 from rle_splat.shade.lighting import lighting
 from rle_splat.shade.sample_light import ONE, sample_light
 from rle_splat.view.base_plane import base_plane
@@ -18,30 +18,13 @@ from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.lamps import LAMPS
 from tests.ways import both
 
 SHAPE = (13, 15, 70)  # z, y, x: rows of more than a word of bits
 FUNCTION = TransferFunction("all", None, ((0.2, 0.0), (1.0, 0.5)), ((0.0, 0.9, 0.3, 0.1), (1.0, 0.3, 0.4, 1.0)), 1.0)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.5)
 SIDE = 20
-
-
-def placed(x, y, z, **fields):
-    """A light there, which shines along -x, -y and z in equal parts."""
-    axis = np.array((1.0, 1.0, -1.0)) / np.sqrt(3.0)
-    right = np.cross((0.0, 0.0, 1.0), axis) / np.linalg.norm(np.cross((0.0, 0.0, 1.0), axis))
-    matrix = np.eye(4)
-    matrix[:3] = np.stack((right, np.cross(axis, right), axis, (x, y, z)), axis=1)
-    return Light(matrix_world=matrix, color=(1.0, 0.7, 0.4), **fields)
-
-
-LAMPS = {
-    "sun": placed(0, 0, 0, type="SUN", energy=3.0),
-    "point": placed(9.0, 4.0, -5.0, type="POINT", energy=2000.0),
-    "spot": placed(9.0, 6.0, -5.0, type="SPOT", energy=9000.0, spot_size=1.5, spot_blend=0.4),
-    "area": placed(9.0, 4.0, -5.0, type="AREA", energy=900.0, size=2.0),
-    "inside": placed(1.0, 0.5, 0.0, type="POINT", energy=90.0),
-}
 MATERIALS = {
     "matt": replace(SHADE, specular=0.0), "phong": replace(SHADE, highlight="phong"),
     "two-sided": replace(SHADE, two_sided=True), "sharp": replace(SHADE, shininess=1e9),
