@@ -33,7 +33,7 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
     return {"get": get, "set": put}
 
 
-def draw_number(layout, data, name: str, switch: str) -> None:
+def draw_number(layout, data, name: str, switch: str, text: str = "") -> None:
     """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
 
     Parameters
@@ -44,8 +44,10 @@ def draw_number(layout, data, name: str, switch: str) -> None:
         What has both properties.
     name, switch : str
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
+    text : str
+        In place of the number's name, where that would be cut off.
     """
-    column = layout.column(align=True, heading=data.rna_type.properties[name].name)
+    column = layout.column(align=True, heading=text or data.rna_type.properties[name].name)
     column.prop(data, switch)
     if not getattr(data, switch):
         column.prop(data, name, text=" ")
