@@ -64,11 +64,12 @@ ARCHIVES = (
     ),
 )  # fmt: skip
 
-# What each run begins with: processor numbers, which Wine reads in /sys, and a screen.  The processes see no others and
-# end together.  The shell stays as the first of them and waits for those whose parent has ended: else Wine takes them
-# for running.
+# What each run begins with: processor numbers, which Wine reads in /sys, its sockets in /tmp, and a screen.  Its
+# processes see no others and end together.  The shell stays as the first of them and waits for those whose parent has
+# ended: else Wine takes them for running.
 _BEGIN = """
 mount -t sysfs -o ro sysfs "$0/sys"
+mount -t tmpfs tmpfs "$0/tmp"
 chroot "$0" Xvfb :1 -screen 0 1280x800x24 -nolisten tcp -nolisten local >/dev/null 2>&1 &
 chroot "$0" env --chdir="$1" wine "$2" "${@:3}"
 exit $?
@@ -172,7 +173,8 @@ def _pytest(name: str, environment: Environment, words, **variables: str) -> Sta
 
 
 def _core(name: str, words) -> Stage:
-    return _pytest(name, CORE, [*words, "--ignore=tests/cli/cluster"], RLE_SPLAT_CACHE="C:\\kernels")
+    words = ["--ignore=tests/cli/cluster", "-m", "not extras and not slow", *words]
+    return _pytest(name, CORE, words, RLE_SPLAT_CACHE="C:\\kernels")
 
 
 def _bpy(words) -> list[Stage]:
