@@ -26,7 +26,7 @@ from .uv import uv
 # EEVEE draws with the OpenGL of a virtual screen; without one it ends the whole run.
 PACKAGES = ("wine", "wine64", "xvfb", "libgl1", "libgl1-mesa-dri", "libglx-mesa0", "libegl1")
 SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "1.3 GB, and as much for Windows' part")
-PREFIX = "/root/wine"  # in the small system
+PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
 PYTHON = DRIVE / "python"

@@ -54,4 +54,4 @@ def test_another_archive_than_the_pinned_one_is_refused(archive, tmp_path):
 def test_paths_and_commands_of_windows():
     assert windows._of_windows(windows.CLONE / "out" / "a.jsonl") == "C:\\rle_splat\\out\\a.jsonl"
     command = windows._command("python.exe", "-c", "1", inside=windows.CLONE)
-    assert command[-5:] == [str(windows.SYSTEM.folder), "/root/wine/drive_c/rle_splat", "python.exe", "-c", "1"]
+    assert command[-5:] == [str(windows.SYSTEM.folder), "/wine/drive_c/rle_splat", "python.exe", "-c", "1"]
