@@ -107,6 +107,7 @@ def test(parser, words) -> int:
     """Run every test that this machine can run; other arguments go to pytest."""
     parser.add_argument("--quick", action="store_true", help="leave out slow tests and all but one Blender")
     parser.add_argument("--all", action="store_true", help="run all tests of Blender in its older versions, too")
+    parser.add_argument("--windows", action="store_true", help="run tests in Windows' Pythons instead, under Wine")
     parser.add_argument("--catalogue", action="store_true", help="run the hard cases alone; write their page")
     parser.add_argument(
         "--mutations", nargs="?", const="", metavar="NAME",
@@ -118,6 +119,8 @@ def test(parser, words) -> int:
         return mutations.mutations(known.mutations)
     if known.fuzz is not None:
         return fuzzing.fuzz(known.fuzz, rest)
+    if known.windows:
+        return testing.test_windows(rest)
     return testing.test_catalogue() if known.catalogue else testing.test(rest, known.quick, known.all)
 
 

@@ -25,6 +25,7 @@ from .real_blender_tests import WHOLE, real_blender_stages, window_stage
 from .stages import REPORTS, Stage, broken, file_name, measured, skipped, summary, untested
 from .uv import find_python
 from .wheels import this_platform
+from .windows import windows_stages
 
 TESTS_FOLDER = ROOT / "tests"
 BLENDER_TESTS = TESTS_FOLDER / "blender"
@@ -321,6 +322,11 @@ def test(arguments, quick: bool = False, everywhere: bool = False) -> int:
     if core or blender:
         return summary(_some(core, blender, options, quick))
     return summary(_everything(options, quick, everywhere))
+
+
+def test_windows(arguments) -> int:
+    """Run tests of the core and of the extension in Windows' Pythons, under Wine."""
+    return summary(windows_stages(*_split(arguments)))
 
 
 def test_catalogue() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 from ..runtime.whole_files import part_of, writing
@@ -24,22 +25,28 @@ def check_outputs(paths, inputs=()) -> None:
     RleSplatError
         If an output cannot be written, is named twice, or would overwrite an input.
     """
-    seen = set()
-    for path in map(Path, paths):
-        folder = path.parent
-        if not folder.is_dir():
-            raise RleSplatError(f"Cannot write {path}: the folder {folder} does not exist; make it first.")
-        if path.is_dir():
-            raise RleSplatError(f"Cannot write {path}: it is a folder; give a file name.")
-        if path.exists() and not path.is_file():
-            raise RleSplatError(f"Cannot write {path}: it is not an ordinary file; give another name.")
-        resolved = os.path.realpath(path)  # Path.resolve raises where links form a loop
-        if resolved in seen:
-            raise RleSplatError(f"{path} is named twice as an output; give each output its own name.")
-        seen.add(resolved)
-        if path.exists() and any(path.samefile(source) for source in inputs if source and os.path.exists(source)):
-            raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
-        trial = part_of(path)
-        with writing(path):
-            trial.touch()
-            trial.unlink()
+    seen, trials = set(), []
+    with ExitStack() as stack:
+        for path in map(Path, paths):
+            _check_place(path)
+            resolved = os.path.realpath(path)  # Path.resolve raises where links form a loop
+            if path.exists() and any(path.samefile(source) for source in inputs if source and os.path.exists(source)):
+                raise RleSplatError(f"{path} is read by this command and cannot be its output; give another name.")
+            trial = part_of(path)
+            with writing(path):
+                trial.touch()
+            stack.callback(trial.unlink, missing_ok=True)
+            if resolved in seen or any(map(trial.samefile, trials)):  # the latter on disks that ignore case
+                raise RleSplatError(f"{path} is named twice as an output; give each output its own name.")
+            seen.add(resolved)
+            trials.append(trial)
+
+
+def _check_place(path: Path) -> None:
+    """RleSplatError if no file can be at a path."""
+    if not path.parent.is_dir():
+        raise RleSplatError(f"Cannot write {path}: the folder {path.parent} does not exist; make it first.")
+    if path.is_dir():
+        raise RleSplatError(f"Cannot write {path}: it is a folder; give a file name.")
+    if path.exists() and not path.is_file():
+        raise RleSplatError(f"Cannot write {path}: it is not an ordinary file; give another name.")

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..runtime.file_lock import only_one
-from ..runtime.whole_files import writing
+from ..runtime.whole_files import rename, writing
 from ..scene import RleSplatError
 from .members import HEADER, JOURNAL, VERSION, bytes_of, make_header
 
@@ -188,32 +188,29 @@ class FolderWriter:
         """Write the header and give the folder its name; return its bytes."""
         with writing(self.path):
             shutil.rmtree(self._aside, ignore_errors=True)
-            self._check_is_replaceable()
             chunks = [[chunk.planes, chunk.tables] for chunk in self.chunks]
             (self.folder / HEADER).write_bytes(make_header({**header, "slabs": chunks}))
-            (self.folder / JOURNAL).unlink()
             size = 0
             for file in filter(Path.is_file, self.folder.rglob("*")):
                 with open(file, "rb+") as stream:
                     os.fsync(stream.fileno())
-                size += file.stat().st_size
-            if self.path.exists():
-                os.replace(self.path, self._aside)
-            os.replace(self.folder, self.path)
+                size += file.stat().st_size if file.name != JOURNAL else 0
+            self._give_name()
+            (self.path / JOURNAL).unlink()
             shutil.rmtree(self._aside, ignore_errors=True)
         return size
 
-    def _check_is_replaceable(self) -> None:
-        """RleSplatError that leaves the chunks, if the folder that is there cannot be renamed: Windows holds mapped
-        files."""
-        if not self.path.exists():
-            return
+    def _give_name(self) -> None:
+        """Rename the folder; RleSplatError that leaves the chunks where Windows refuses, because a file is open."""
         try:
-            os.replace(self.path, self._aside)
+            if self.path.exists():
+                rename(self.path, self._aside)
+            rename(self.folder, self.path)
         except PermissionError:
             self._is_held_up = True
+            if not self.path.exists() and self._aside.exists():
+                os.replace(self._aside, self.path)
             raise RleSplatError(
-                f"Cannot replace {self.path}, because a program shows it; close it there, and run this again, which "
-                "goes on where it ended."
+                f"Cannot write {self.path}, because a program shows it or reads its files; close it there, and run "
+                "this again, which goes on where it ended."
             ) from None
-        os.replace(self._aside, self.path)

@@ -54,10 +54,10 @@ class VoxelCount(NamedTuple):
     @classmethod
     def in_rows(cls, volume, counted, dtype=None) -> VoxelCount:
         """From ``counted``: voxels and connected pieces per row, (nz * ny,) each; ``dtype``: other than the voxels'."""
-        counts, pieces = counted
+        count, pieces = (int(n.sum(dtype=np.int64)) for n in counted)  # numpy 1 on Windows sums int32 as int32
         return cls(
-            volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), int(counts.sum()), int(pieces.sum()),
-            int(np.count_nonzero(counts)), volume.voxels.nbytes,
+            volume.shape_xyz, np.dtype(dtype or volume.voxels.dtype), count, pieces,
+            int(np.count_nonzero(counted[0])), volume.voxels.nbytes,
         )  # fmt: skip
 
 

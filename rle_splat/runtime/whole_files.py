@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..scene import RleSplatError
 
-PAUSES = 0.1, 0.4  # seconds before a file that another program holds is renamed again
+PAUSES = 0.1, 0.4  # seconds before a file or folder that another program holds is renamed again
 PART = ".part-"  # between the process id and the name of a file that is not complete
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -56,7 +56,7 @@ def whole_files(paths):
     try:
         yield parts
         for part, target in zip(parts, targets):
-            _replace(part, target)
+            rename(part, target)
     except OSError as problem:
         of_parts = {str(part): str(target) for part, target in zip(parts, targets)}
         written = [target for part, target in of_parts.items() if os.path.exists(part)]
@@ -72,14 +72,14 @@ def whole_files(paths):
             part.unlink(missing_ok=True)
 
 
-def _replace(part: Path, target: Path) -> None:
-    """Rename a file; tried again where Windows refuses, because a virus scanner looks at a new file for a moment."""
+def rename(source: Path, target: Path) -> None:
+    """Rename a file or folder, again where Windows refuses: a virus scanner opens new files for a moment."""
     for pause in PAUSES:
         try:
-            return os.replace(part, target)
+            return os.replace(source, target)
         except PermissionError:
             time.sleep(pause)
-    return os.replace(part, target)
+    return os.replace(source, target)
 
 
 @contextmanager

@@ -68,7 +68,7 @@ def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
 
 @pytest.mark.parametrize("name, words", [
     ("", "needs a name"), ("   ", "needs a name"), ("a/b", "may not have any of"), ("..", "period"), ("x" * 81, "80"),
-    ("con", "Windows has a device of this name"), ("Nul.bone", "add a word"),
+    ("con", "Windows has a device of this name"), ("Nul.bone", "add a word"), ("com¹", "add a word"),
 ])  # fmt: skip
 def test_names_that_no_file_can_have_are_refused(volume_object, own, refused, name, words):
     refused(bpy.ops.rle_splat.save_own_preset, words, name=name)

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rle_splat.cli import output
 from rle_splat.cli.output import check_outputs
 from rle_splat.cli.progress import ProgressLine
 from rle_splat.cli.report import plain, write_report
@@ -98,6 +99,19 @@ def test_the_error_of_a_full_disk_names_the_file(tmp_path):
                 part.write_text("half")
             raise problem
         assert raised.value is problem
+
+
+def test_two_outputs_whose_names_differ_by_case(tmp_path, monkeypatch):
+    """They are one file on the disks of Windows and macOS."""
+    both = [tmp_path / "a.png", tmp_path / "A.png"]
+
+    def part_of(path):
+        return whole_files_module.part_of(path.with_name(path.name.lower()))
+
+    monkeypatch.setattr(output, "part_of", part_of)
+    with pytest.raises(RleSplatError, match=r"A\.png is named twice"):
+        check_outputs(both)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows needs a right to make links")

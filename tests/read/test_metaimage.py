@@ -96,7 +96,8 @@ def test_a_file_elsewhere_is_refused(tmp_path, name):
         with pytest.raises(RleSplatError, match=r"a\.mhd names .*other.a\.raw, which is outside its folder; move"):
             read_volume(header)
     header.write_text(f"{HEADER}ElementDataFile = /other\0/a.raw\n")
-    with pytest.raises(RleSplatError, match=r"a\.mhd needs a\.raw beside it, which is not there"):
+    cut = "is outside its folder" if os.name == "nt" else "beside it, which is not there"  # Python cuts the name there
+    with pytest.raises(RleSplatError, match=cut):
         read_volume(header)
     for name in ("below/a.raw", "../scan/below/a.raw", tmp_path / "scan/below/a.raw"):
         header.write_text(f"{HEADER}ElementDataFile = {name}\n")

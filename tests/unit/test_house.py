@@ -308,6 +308,12 @@ def test_blender_versions_are_told_apart_in_one_file_only(sources):
     assert askers <= {"bridge/versions.py"}
 
 
+def test_shaders_are_made_from_a_create_info(sources):
+    """Vulkan and Metal take no others, and have no OpenGL."""
+    old = ("GPUShader(", "import bgl", "from bgl")
+    assert not [f"{path}: {word}" for path, source in sources.items() for word in old if word in source]
+
+
 # Parts of numba that replace or patch its compiler, and settings of the whole process.
 COMPILERS = ("numba.core.lowering", "numba.core.typed_passes", "numba.core.compiler_machinery", "numba.core.compiler")
 

@@ -74,6 +74,19 @@ def test_where_the_system_tells_nothing_all_of_it_is_there(tmp_path, monkeypatch
     assert memory.available_bytes() == memory.total_bytes()
 
 
+class _OfWindows(np.ndarray):
+    """Its sums have the type that numpy 1 gives them on Windows."""
+
+    def sum(self, dtype=np.int32):
+        return super().sum(dtype=dtype)
+
+
+def test_counts_beyond_32_bits_are_summed_as_64():
+    counted = [np.full(4, 2**30, np.int32).view(_OfWindows) for _ in range(2)]
+    found = estimate.VoxelCount.in_rows(noise(4), counted)
+    assert found.count == found.pieces == 2**32
+
+
 # --- what work will take --------------------------------------------------------------------------------------
 
 

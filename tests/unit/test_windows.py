@@ -1,0 +1,57 @@
+"""The tests under Wine: what they need, the archives that are unpacked, and the reason where they cannot run."""
+
+import hashlib
+import zipfile
+
+import pytest
+
+from devtools import testing, windows
+from devtools.places import Failure
+
+
+@pytest.mark.parametrize("lacking", ["unshare", "mvn"])
+def test_a_skip_with_its_reason_where_a_program_is_missing(monkeypatch, lacking, capsys):
+    monkeypatch.setattr(windows.shutil, "which", lambda name: None if name == lacking else f"/usr/bin/{name}")
+    assert testing.test_windows([]) == 1  # nothing passed
+    assert f"Windows under Wine (Windows' Python under Wine needs the program {lacking})" in capsys.readouterr().out
+
+
+def test_a_skip_with_its_reason_without_root(monkeypatch, tmp_path):
+    monkeypatch.setattr(windows, "SYSTEM", windows.SmallSystem("trixie", tmp_path, ("wine",), "Wine", "1 GB"))
+    monkeypatch.setattr("devtools.small_system.can_apt", lambda: False)
+    monkeypatch.setattr(windows.shutil, "which", lambda name: f"/usr/bin/{name}")
+    (stage,) = windows.windows_stages([], [], [])
+    assert stage.verdict == "SKIPPED" and stage.missing == "Wine needs root and apt-get to be set up here"
+
+
+@pytest.fixture
+def archive(monkeypatch, tmp_path):
+    """An archive that has been fetched, with one file that is wanted and two that are not."""
+    monkeypatch.setattr(windows, "BUILD", tmp_path)
+    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
+    path = tmp_path / "java" / "lib-1-windows-x86_64.jar"
+    path.parent.mkdir()
+    with zipfile.ZipFile(path, "w") as made:
+        for name in ("in/a.dll", "in/b.dll", "out/a.dll"):
+            made.writestr(name, name)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return windows.Archive("org:lib:1:jar:windows-x86_64", digest, "in/", ("a.dll",))
+
+
+def test_the_wanted_files_of_an_archive_are_unpacked(archive, tmp_path):
+    windows._unpack(archive)
+    assert [(file.name, file.read_text()) for file in (tmp_path / "python").iterdir()] == [("a.dll", "in/a.dll")]
+
+
+def test_another_archive_than_the_pinned_one_is_refused(archive, tmp_path):
+    with zipfile.ZipFile(tmp_path / "java" / archive.name, "a") as made:
+        made.writestr("in/c.dll", "c")
+    with pytest.raises(Failure, match="does not have the pinned checksum"):
+        windows._unpack(archive)
+    assert not (tmp_path / "python").exists()
+
+
+def test_paths_and_commands_of_windows():
+    assert windows._of_windows(windows.CLONE / "out" / "a.jsonl") == "C:\\rle_splat\\out\\a.jsonl"
+    command = windows._command("python.exe", "-c", "1", inside=windows.CLONE)
+    assert command[-5:] == [str(windows.SYSTEM.folder), "/wine/drive_c/rle_splat", "python.exe", "-c", "1"]
