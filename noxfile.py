@@ -21,6 +21,7 @@ from devtools import gallery as pictures
 from devtools import release as releases
 from devtools.build import build as build_zips
 from devtools.environments import CORE, JUDGES, ensure, ensure_bench
+from devtools.kernels import make_kernels
 from devtools.places import OUT, ROOT, Failure, clean_environ, say
 from devtools.wheels import TAG_PATTERNS
 
@@ -186,6 +187,14 @@ def build(parser, words) -> int:
     """Make the extension zips in dist/."""
     parser.add_argument("--platform", action="append", choices=list(TAG_PATTERNS), help="only this one")
     build_zips(tuple(parser.parse_args(words).platform or TAG_PATTERNS))
+    return 0
+
+
+@job
+def kernels(parser, words) -> int:
+    """Compile the kernels that travel with the extension, into rle_splat/kernels."""
+    parser.parse_args(words)
+    make_kernels()
     return 0
 
 

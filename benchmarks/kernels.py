@@ -27,7 +27,8 @@ SIZE = 48  # voxels along each axis: the time is that of compiling, not of rende
 TEXT = """# Kernels of a first picture
 
 A *kernel* is a function that numba compiles to machine code. Kernels are compiled when a picture first needs them and
-kept on disk, so only the first picture ever waits for them; `rle-splat prepare` compiles them ahead.
+kept on disk, so only the first picture ever waits for them. `rle-splat prepare` compiles those of usual pictures ahead,
+and the extension's zip brings them compiled ([Prepare kernels](../how-to/prepare-kernels.md)).
 
 The table lists what the default first picture compiles: a uint8 volume, post-classified, quality `standard`, shaded by
 a headlight. The seconds are processor time of one thread, and those of a kernel include the functions that only it
@@ -49,6 +50,18 @@ make none: each version has two loops over the blocks of pixels, one with them a
 for each sheet. (With a single loop for both, a frame without them took up to a fifth longer.) Nor does the stored type:
 the kernel branches once for each run of voxels, which cost no time that could be measured.
 
+## Kernels in the extension's zip
+
+`dev.py kernels` runs `rle-splat prepare` in a process for which numba compiles for a level of processors in place of
+its own (`NUMBA_CPU_NAME=x86-64-v3`), and packs the kernels that the process has used into one zip file for each version
+of Python (`devtools/pack_kernels.py`). An entry's name is a digest of the types of the arguments, of LLVM's name of the
+system, and of the digest below. A kernel that does not fit its source is never found. The digest does not depend on the
+name of the package: Blender imports the extension under a name of its own, and the reader replaces the package's name
+in what an entry refers to (`rle_splat/runtime/shipped_kernels.py`).
+
+A kernel is looked for in the user's folder, then in this file if the processor has all features of the level, and is
+compiled otherwise. A damaged entry is noticed by the zip's checksum.
+
 ## What is kept on disk, and when it is compiled again
 
 A kernel on disk is used when the following are the same: the types of the arguments, the processor and its features,
@@ -65,6 +78,14 @@ panel in Blender.
 
 No setting of numba or of the process is changed.
 """
+
+
+def compile_here() -> dict[str, str]:
+    """Environment variables with which a process compiles for this processor, whatever kernels the package brings."""
+    from llvmlite.binding import get_host_cpu_name
+    from numba.core.codegen import get_host_cpu_features
+
+    return {"NUMBA_CPU_NAME": get_host_cpu_name(), "NUMBA_CPU_FEATURES": get_host_cpu_features()}
 
 
 def first_picture() -> dict:
@@ -150,7 +171,7 @@ def main(arguments) -> int:
         with tempfile.TemporaryDirectory() as folder:
             done = subprocess.run(
                 [sys.executable, "-m", "benchmarks", "kernels", "--json"], cwd=ROOT, check=True, capture_output=True,
-                text=True, env={**os.environ, "RLE_SPLAT_CACHE": folder, "NUMBA_CACHE_DIR": ""},
+                text=True, env={**os.environ, "RLE_SPLAT_CACHE": folder, "NUMBA_CACHE_DIR": "", **compile_here()},
             )  # fmt: skip
         runs.append(json.loads(done.stdout))
     best = min(runs, key=lambda run: run["seconds"])

@@ -6,7 +6,6 @@ from . import paths
 # isort: split
 from . import (
     handlers,
-    kernel_preparation,
     letters,
     live,
     own_presets,
@@ -19,7 +18,7 @@ from . import (
 )
 
 __all__ = [
-    "handlers", "kernel_preparation", "letters", "live", "own_presets", "paths", "preferences", "previews",
+    "handlers", "letters", "live", "own_presets", "paths", "preferences", "previews",
     "properties", "register", "source_paths", "thumbnails", "translations",
     "unregister",
 ]
@@ -32,7 +31,6 @@ def register():
     previews.register()
     source_paths.register()
     handlers.register()
-    kernel_preparation.register()
     letters.register()
     live.register()
     own_presets.register()
@@ -44,7 +42,6 @@ def unregister():
     own_presets.unregister()
     live.unregister()
     letters.unregister()
-    kernel_preparation.unregister()
     handlers.unregister()
     source_paths.unregister()
     previews.unregister()

@@ -7,7 +7,6 @@ import time
 from contextlib import suppress
 
 from ..rle_splat.runtime.jit import KERNELS, cache_folder
-from . import kernel_preparation
 
 FRESH = 10.0  # seconds for which a size counts, because the preferences draw often
 
@@ -38,7 +37,6 @@ def clear() -> int:
     -----
     The folders of this version stay, because loaded kernels are saved to them.
     """
-    kernel_preparation.end()
     _FolderSize.at = -FRESH
     before = size()
     with suppress(OSError):

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ..rle_splat.runtime import memory
 from ..rle_splat.runtime.jit import cache_folder
-from . import kernel_cache, kernel_preparation
+from . import kernel_cache
 from .automatic import draw_number, switch
 from .paths import EXTENSION
 from .translations import filled
@@ -25,10 +25,6 @@ DRAFT_ITEMS = [
     ("AUTO", "Automatic", "Every pixel, or every second one where the view would not move smoothly"),
     ("HALF", "Half Resolution", "Every second pixel along each side, which leaves more of the processor to other work"),
 ]
-
-
-def _prepare_kernels_changed(_preferences, _context):
-    kernel_preparation.begin()
 
 
 def _memory_limit_changed(preferences, _context):
@@ -76,10 +72,6 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
-    prepare_kernels: BoolProperty(
-        name="Prepare Kernels in the Background", default=True, update=_prepare_kernels_changed,
-        description="Compile what a first picture needs ahead, once for each version, in a process of low priority")
-
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
@@ -91,7 +83,6 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
             column.prop(self, name)
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
             draw_number(layout, self, name, automatic)
-        layout.prop(self, "prepare_kernels")
         row = layout.row()
         row.label(text=filled("Compiled kernels: {size}", size=memory.bytes_text(kernel_cache.size())))
         row.operator("rle_splat.clear_kernels", icon="TRASH")

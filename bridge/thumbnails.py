@@ -2,7 +2,7 @@
 
 A panel asks for icons while it is drawn.  For one that is missing it draws a placeholder, and a timer makes the picture
 in short steps: from the disk, or from a coarser copy of voxels that are in memory.  No file of voxels is read for it.
-Nothing runs in background mode, during a render, beside an operator, while kernels are prepared or a viewport refines,
+Nothing runs in background mode, during a render, beside an operator, while a viewport refines,
 or once the tab is not shown.
 """
 
@@ -17,10 +17,11 @@ import numpy as np
 
 from ..rle_splat.pipeline.stage_cache import StageCache
 from ..rle_splat.pipeline.thumbnail import SIDE, VOXELS, thumbnail_key, thumbnail_steps
+from ..rle_splat.runtime import jit
 from ..rle_splat.runtime.steps import announce, rescale
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.reduced import factors_of, reduce_steps
-from . import jobs, kernel_preparation, live, preset_entries, thumbnail_files, viewports, volumes
+from . import jobs, live, preset_entries, thumbnail_files, viewports, volumes
 from .canvas import redraw_sidebars
 from .held import Held
 from .preset_entries import Entry
@@ -142,7 +143,7 @@ def _rest() -> None:
 
 def _others_work() -> bool:
     """Whether something runs that users wait for."""
-    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running() or kernel_preparation.is_due():
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
         return True
     return any(viewport.is_busy for area in _areas() for viewport in live.viewports_of(area))
 
@@ -223,8 +224,9 @@ def picture_steps(entry: Entry, volume):
     kept = thumbnail_files.load(key)
     if kept is not None:
         return kept
-    if function.gradient_opacity is not None and kernel_preparation.are_missing():  # the viewport compiled the others
-        raise RleSplatError("A preset with gradient opacity has no thumbnail until kernels are prepared.")
+    # The viewport has compiled the kernels of others.
+    if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
+        raise RleSplatError("A preset with gradient opacity has no thumbnail where it would have to compile kernels.")
     if not _coarse or _coarse[0].key != volume.key:
         small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]

@@ -7,10 +7,10 @@ import json
 import subprocess
 from pathlib import Path
 
-from .build import build, shipped
+from .build import build_here, shipped
 from .environments import ensure_bpy
-from .places import BUILD, ROOT, Failure, clean_environ, say
-from .wheels import WHEEL_PINS, this_platform
+from .places import BPY_PYTHON, BUILD, ROOT, Failure, clean_environ, say
+from .wheels import WHEEL_PINS
 
 
 def run_job(version: str, script: str, folder: Path, **job) -> None:
@@ -22,7 +22,7 @@ def run_job(version: str, script: str, folder: Path, **job) -> None:
     zip_path = ""
     if not stamp.is_file() or stamp.read_text() != digest:
         stamp.unlink(missing_ok=True)
-        zip_path = str(build((this_platform(),), output=BUILD / "zip-demo")[this_platform()])
+        zip_path = str(build_here(BPY_PYTHON[version], BUILD / "zip-demo"))
     job = {"zip": zip_path, "install": bool(zip_path), "folder": str(folder), **job}
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "blender.log"

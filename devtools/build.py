@@ -12,9 +12,10 @@ import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
+from .kernels import make_kernels
 from .licenses import license_texts
-from .places import DIST, PYTHONS, ROOT, Failure, run_quietly, say
-from .wheels import TAG_PATTERNS, wheels_for
+from .places import BLENDERS, DIST, PYTHONS, ROOT, Failure, run_quietly, say
+from .wheels import TAG_PATTERNS, this_platform, wheels_for
 
 MANIFEST = ROOT / "blender_manifest.toml"
 SHIPPED_FILES = ("__init__.py", "LICENSE")
@@ -26,7 +27,7 @@ NOT_SHIPPED = (
 SHIPPED_SUFFIXES = (".py", ".json", ".svg", ".png")
 
 # The Extensions platform refuses larger files; and nobody likes to wait.
-LARGEST_ZIP_BYTES = 200 * 1000 * 1000
+LARGEST_ZIP_BYTES = 110 * 1000 * 1000
 
 # Inside Blender's scripts folder: its packaging tool, and the tags that the Extensions platform knows.
 TOOL = "addons_core/bl_pkg/cli/blender_ext.py"
@@ -53,29 +54,40 @@ def version() -> str:
     return found[1]
 
 
-def filled_manifest(platform: str, wheel_names) -> str:
-    """The manifest's text with its platform and wheels, in place of the comment that announces them."""
-    lines = [f'platforms = ["{platform}"]', "wheels = ["]
+def _newest(python: str) -> str:
+    """The first Blender that has another Python, or "" where none is known."""
+    return BLENDERS.get(python, ("", ""))[1]
+
+
+def filled_manifest(platform: str, python: str, wheel_names) -> str:
+    """The manifest's text with its platform, the Blenders that have this Python, and its wheels."""
+    text = MANIFEST.read_text(encoding="utf-8")
+    if python in BLENDERS:  # a Blender that a distribution builds may have any other
+        text = re.sub(r'^(blender_version_min) = .*$', rf'\1 = "{BLENDERS[python][0]}"', text, flags=re.M)
+    lines = [f'blender_version_max = "{_newest(python)}"'] if _newest(python) else []
+    lines += [f'platforms = ["{platform}"]', "wheels = ["]
     lines += [f'    "./wheels/{name}",' for name in wheel_names] + ["]"]
     text, count = re.subn(
-        r"^# dev\.py build adds.*$", lambda _: "\n".join(lines), MANIFEST.read_text(encoding="utf-8"), flags=re.M
-    )
+        r"^# dev\.py build adds.*$", lambda _: "\n".join(lines), text, flags=re.M)
     if count != 1:
         raise Failure("blender_manifest.toml has lost the comment line 'dev.py build adds' where the wheels go.")
     return text
 
 
-def pack(platform: str, wheels, path: Path) -> None:
-    """Write the extension's zip for a platform with these wheels; ``path`` appears only when it is complete."""
+def pack(platform: str, python: str, wheels, path: Path, kernels=()) -> None:
+    """Write the extension's zip for a platform and a Python, with wheels and files of kernels; ``path`` appears only
+    when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".part")
     with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        archive.writestr("blender_manifest.toml", filled_manifest(platform, [wheel.name for wheel in wheels]))
+        archive.writestr("blender_manifest.toml", filled_manifest(platform, python, [wheel.name for wheel in wheels]))
         for file in shipped():
             archive.write(ROOT / file, file.as_posix())
         for name, text in license_texts(wheels).items():
             archive.writestr(name, text)
-        for wheel in wheels:  # compressed already
+        for file in kernels:  # compressed already, as wheels are
+            archive.write(file, f"rle_splat/kernels/{file.name}", zipfile.ZIP_STORED)
+        for wheel in wheels:
             archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
     os.replace(partial, path)
 
@@ -98,15 +110,32 @@ def _validate(path: Path) -> str:
     return f"validated by the tool of Blender {version}"
 
 
-def build(platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST) -> dict[str, Path]:
-    """Make one zip for each platform; returns platform -> zip."""
+def zip_name(platform: str, python: str) -> str:
+    """The name of the zip for a platform and a Python, which says what Blender it is for."""
+    oldest = BLENDERS[python][0].rpartition(".")[0] if python in BLENDERS else ""
+    where = f"blender{oldest}" if oldest else f"python{python}"
+    return f"rle_splat-{version()}-{platform.replace('-', '_')}-{where}.zip"
+
+
+def build(platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST) -> dict[tuple[str, str], Path]:
+    """Make one zip for each platform and Python; returns (platform, Python) -> zip.
+
+    Those of this platform bring kernels.  With the others, kernels are compiled when they are first needed.
+    """
     made = {}
     for platform in platforms:
-        path = output / f"rle_splat-{version()}-{platform.replace('-', '_')}.zip"
-        pack(platform, wheels_for([platform], pythons), path)
-        size = path.stat().st_size
-        if size >= LARGEST_ZIP_BYTES:
-            raise Failure(f"{path.name} has {size / 1e6:.0f} MB; {LARGEST_ZIP_BYTES / 1e6:.0f} MB is the most.")
-        say(f"{path.relative_to(ROOT)}: {size / 1e6:.1f} MB, {_validate(path)}")
-        made[platform] = path
+        for python in pythons:
+            path = output / zip_name(platform, python)
+            kernels = make_kernels([python]) if platform == this_platform() else []
+            pack(platform, python, wheels_for([platform], [python]), path, kernels)
+            size = path.stat().st_size
+            if size >= LARGEST_ZIP_BYTES:
+                raise Failure(f"{path.name} has {size / 1e6:.0f} MB; {LARGEST_ZIP_BYTES / 1e6:.0f} MB is the most.")
+            say(f"{path.relative_to(ROOT)}: {size / 1e6:.1f} MB, {_validate(path)}")
+            made[platform, python] = path
     return made
+
+
+def build_here(python: str, output: Path) -> Path:
+    """The zip for this platform and a Python."""
+    return build((this_platform(),), (python,), output)[this_platform(), python]

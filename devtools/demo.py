@@ -55,8 +55,6 @@ def demo(volumes) -> int:
         report = json.loads((folder / "report.json").read_text())
         seconds = report["seconds"]
         say("  " + ", ".join(f"{key.replace('_', ' ')} {value:.1f} s" for key, value in seconds.items()))
-        if report["preparation"]:
-            say(f"  Beside it: {report['preparation']}.")
         for remark in report.get("remarks", ()):
             say(f"  {remark}")
         for file, what in (

@@ -11,7 +11,6 @@ import math
 import os
 import sys
 import time
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -219,10 +218,6 @@ def main(job: dict) -> int:
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     timed("enable", lambda: enable(job["zip"], job["install"]))
-    # In a window a timer does this: a process of its own compiles what default pictures need, and the first picture
-    # waits only for the kernels that it needs itself.
-    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    prepared = ahead.advance() is None
     scene = bpy.context.scene
     blend = str(folder / "scene.blend")
     bpy.ops.wm.save_as_mainfile(filepath=blend)  # first, so that the volume's path is kept relative to it
@@ -249,9 +244,7 @@ def main(job: dict) -> int:
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
 
-    prepared = prepared or ahead.advance() is None
-    report.update(title=job["title"], seconds=clock, preparation="" if prepared else ahead.text())
-    ahead.end()  # as Blender's end does; it goes on where it was when Blender is started again
+    report.update(title=job["title"], seconds=clock)
     return finish(folder, report)
 
 

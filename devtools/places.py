@@ -19,7 +19,9 @@ WHEELS = BUILD / "wheels"
 KERNELS = BUILD / "kernels"
 BPY_KERNELS = BUILD / "kernels-bpy"  # of the installed extension; its versions of one Python share them
 
-PYTHONS = ("3.11", "3.13")
+# A Python that an extension zip is made for -> the oldest Blender with it, and the oldest without it any more, or "".
+BLENDERS = {"3.11": ("4.5.0", "5.1.0"), "3.13": ("5.1.0", "")}
+PYTHONS = tuple(BLENDERS)
 
 # Blender's version -> the Python that its bpy module is built for.  The exact pins are in requirements/.
 BPY_PYTHON = {"4.5": "3.11", "5.0": "3.11", "5.2": "3.13"}

@@ -11,13 +11,12 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-from .build import build
+from .build import build_here
 from .environments import CORE, ensure
-from .places import BPY_KERNELS, BUILD, PYTHONS, REQUIREMENTS, ROOT, Failure, say
+from .places import BPY_KERNELS, BUILD, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, ensure_blender, environ_for, find_blender
 from .stages import REPORTS, Stage, broken, counted, file_name, measured, untested
 from .uv import uv
-from .wheels import this_platform
 
 SHORT = "real_blender.py"
 WHOLE = "whole_suite.py"
@@ -67,14 +66,13 @@ def _lent_pytest() -> Path:
 
 @cache
 def _zip_for(python: str) -> Path:
-    """The extension's zip for a Python that no bpy module has."""
-    return build((this_platform(),), (python,), BUILD / f"zip-{python}")[this_platform()]
+    """The extension's zip for a Python: Debian's Blender runs on the system's, which no bpy module has."""
+    return build_here(python, BUILD / f"zip-{python}")
 
 
-def _workplace(blender: Blender, zip_path: Path | None, with_pytest: bool) -> Path:
-    """A folder that the Blender can see, with the tests and a zip that fits its Python: the given one, or a new one."""
-    if zip_path is None or blender.python not in PYTHONS:  # Debian's Blender runs on the system's Python
-        zip_path = _zip_for(blender.python)
+def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool) -> Path:
+    """A folder that the Blender can see, with the tests and the zip for its Python, which is built if not given."""
+    zip_path = zips.get(blender.python) or _zip_for(blender.python)
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     # With the files, phantoms and scripts that tests show.
     for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to", "devtools"):
@@ -117,9 +115,9 @@ def label_of(script: str) -> str:
 
 
 def window_stage(
-    zip_path: Path | None, script: Path, label: str, size: tuple[int, int], backend: str | None = None
+    zips: dict[str, Path], script: Path, label: str, size: tuple[int, int], backend: str | None = None
 ) -> Stage:
-    """A script that needs a window, on a virtual screen of this size; without ``zip_path`` a zip is built.
+    """A script that needs a window, on a virtual screen of this size; ``zips``: those that are built, by Python.
 
     ``backend``: what Blender draws with, "opengl" or "vulkan"; None for its own choice.
     """
@@ -130,33 +128,33 @@ def window_stage(
             place = [*simulates, "--window-geometry", "0", "0", *map(str, size)]
             place += ["--gpu-backend", backend] if backend else []
             label += f", {backend}" if backend else ""
-            return _run(blender, zip_path, script, f", {label}", place, DISPLAY=display)
+            return _run(blender, zips, script, f", {label}", place, DISPLAY=display)
     except Failure as problem:
         return untested(f"real blender, {label}", str(problem))
 
 
-def real_blender_stages(zip_path: Path, script: str = SHORT, backend: str | None = None) -> list[Stage]:
-    """A script of tests/blender in the background, then those of windows, two at a time, with the extension's zip.
+def real_blender_stages(zips: dict[str, Path], script: str = SHORT, backend: str | None = None) -> list[Stage]:
+    """A script of tests/blender in the background, then those of windows, two at a time, with the zip for its Python.
 
     They show what Blender's module cannot: F12 off the main thread, work from a timer, keys, mouse, panels, viewports.
     """
     try:
-        background = _run(ensure_blender(), zip_path, TESTS / script, "", ["--background"])
+        background = _run(ensure_blender(), zips, TESTS / script, "", ["--background"])
     except Failure as problem:
         return [untested("real blender and its windows", str(problem))]
 
     def run(name: str) -> Stage:
-        return window_stage(zip_path, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend)
+        return window_stage(zips, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend)
 
     with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
         return [background, *workers.map(run, WINDOW_SCRIPTS)]
 
 
-def _run(blender: Blender, zip_path: Path | None, script: Path, label: str, place: list[str], **environ: str) -> Stage:
+def _run(blender: Blender, zips: dict[str, Path], script: Path, label: str, place: list[str], **environ: str) -> Stage:
     """Run a script in a folder of its own with the tests of Blender beside it; keep its photographs."""
     name = f"real blender {blender.version[0]}.{blender.version[1]}{label}"
     try:
-        folder = _workplace(blender, zip_path, script.name == WHOLE)
+        folder = _workplace(blender, zips, script.name == WHOLE)
     except Failure as problem:
         return broken(name, str(problem))
     copy = folder / "tests/blender" / script.name

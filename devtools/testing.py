@@ -16,15 +16,15 @@ from pathlib import Path
 from threading import Lock
 from typing import Callable
 
-from .build import build
+from .build import build_here
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .places import BPY_KERNELS, BUILD, KERNELS, ROOT, Failure, clean_environ, pixels, say
+from .kernels import make_kernels
+from .places import BPY_KERNELS, BPY_PYTHON, BUILD, KERNELS, PYTHONS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
 from .real_blender_tests import WHOLE, real_blender_stages, window_stage
 from .stages import REPORTS, Stage, broken, file_name, measured, skipped, summary, untested
 from .uv import find_python
-from .wheels import this_platform
 from .windows import windows_stages
 
 TESTS_FOLDER = ROOT / "tests"
@@ -60,10 +60,11 @@ OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the
 
 @dataclass
 class Ready:
-    """What several stages need: the zip, with the stage of its making, and Pythons by name, or why there is none."""
+    """What several stages need: the zip of each Python, with the stage of their making, and Pythons by name, or why
+    there is none."""
 
     zip_stage: Stage | None = None
-    zip_path: Path | None = None
+    zips: dict[str, Path] = field(default_factory=dict)
     pythons: dict[str, Path | Failure] = field(default_factory=dict)
 
 
@@ -138,19 +139,19 @@ def _catalogue() -> Stage:
     return Stage("catalogue", passed=1)
 
 
-def _zip() -> Ready:
-    """The extension's zip for this machine."""
+def _zips(pythons=PYTHONS) -> Ready:
+    """The extension's zips for this machine."""
     started = time.monotonic()
     try:
-        path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
+        zips = {python: build_here(python, BUILD / "zip-test") for python in pythons}
     except Failure as problem:
-        return Ready(broken("extension zip", str(problem)))
-    return Ready(Stage("extension zip", passed=1, seconds=time.monotonic() - started), path)
+        return Ready(broken("extension zips", str(problem)))
+    return Ready(Stage("extension zips", passed=1, seconds=time.monotonic() - started), zips)
 
 
 def _make_ready(quick: bool) -> Ready:
-    """The zip, and every environment: one after the other, so that no two of them install what the system lacks."""
-    ready = _zip()
+    """The zips, and every environment: one after the other, so that no two of them install what the system lacks."""
+    ready = _zips(_pythons(_versions(quick)))
     for version in _versions(quick):
         if find_python(BPY[version].pythons[0]) is not None:
             with suppress(Failure):  # its own stage says what is wrong
@@ -175,7 +176,12 @@ def _versions(quick: bool) -> list[str]:
     return [NEWEST] if quick else list(reversed(BPY))
 
 
-def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
+def _pythons(versions) -> list[str]:
+    """The Pythons of these versions of bpy, each once."""
+    return list(dict.fromkeys(BPY_PYTHON[version] for version in versions))
+
+
+def _bpy(version: str, zips: dict[str, Path], arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
@@ -188,8 +194,8 @@ def _bpy(version: str, zip_path: Path, arguments, aside: bool) -> Stage:
     shutil.rmtree(user, ignore_errors=True)
     user.mkdir(parents=True)
     environ = clean_environ(
-        RLE_SPLAT_EXTENSION_ZIP=str(zip_path), BLENDER_USER_RESOURCES=str(user), LIBGL_ALWAYS_SOFTWARE="1",
-        RLE_SPLAT_CACHE=str(BPY_KERNELS),
+        RLE_SPLAT_EXTENSION_ZIP=str(zips[BPY_PYTHON[version]]), BLENDER_USER_RESOURCES=str(user),
+        LIBGL_ALWAYS_SOFTWARE="1", RLE_SPLAT_CACHE=str(BPY_KERNELS),
     )  # fmt: skip
     stage = _pytest(name, python, arguments, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
@@ -224,7 +230,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
 
     found = {}
     if not quick:
-        found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zip_path), needs="zip")
+        found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zips), needs="zip")
     # It waits because it compares its pictures with those of Blender's Pythons.
     found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders()}
@@ -232,7 +238,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         marks = [] if everywhere or version == NEWEST else ["-m", EVERY_BLENDER]
         words = [BLENDER_TESTS, *marks, *options]
         found[f"bpy-{version}"] = Part(
-            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zip_path, words, aside)],
+            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
             needs="zip",
         )
     if not quick:
@@ -251,6 +257,8 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     Each part begins as soon as it can: the windows, which take longest, as soon as their Blender is there.
     """
     ensure(CORE)
+    with suppress(Failure):  # the stage of the zips says what is wrong
+        make_kernels(_pythons(_versions(quick)) + [CORE.version])  # first, so that no test compiles any of them
     found = list(parts(options, quick, everywhere).values())
     pending, stages, lock = list(found), {}, Lock()
 
@@ -268,7 +276,7 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     def work() -> None:
         while part := take():
             ready = making.result() if part.waits else Ready()
-            can_run = part.needs != "zip" or ready.zip_path
+            can_run = part.needs != "zip" or ready.zips
             stages[part] = part.run(ready, True) if can_run else []
 
     with ThreadPoolExecutor(AT_ONCE) as workers:
@@ -284,11 +292,11 @@ def test_part(name: str, options, everywhere: bool = False) -> int:
     if options and name == REAL_BLENDER:
         raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
     part = parts(options, everywhere=everywhere)[name]
-    ready = _zip() if part.needs == "zip" else Ready()
+    ready = _zips() if part.needs == "zip" else Ready()
     if part.needs in OTHERS:
         ready.pythons[part.needs] = _other(part.needs)
     stages = [ready.zip_stage] if ready.zip_stage else []
-    if part.needs != "zip" or ready.zip_path:
+    if part.needs != "zip" or ready.zips:
         stages += part.run(ready, False)
     return summary(stages)
 
@@ -305,10 +313,11 @@ def _some(core, blender, options, quick: bool) -> list[Stage]:
     if core:
         stages.append(_core([*core, *_leave_out(*([SLOW] if quick else [])), *options]))
     if blender:
-        made = _zip()
+        versions = _versions(quick)
+        made = _zips(_pythons(versions))
         stages.append(made.zip_stage)
-        if made.zip_path:
-            stages += [_bpy(version, made.zip_path, [*blender, *options], False) for version in _versions(quick)]
+        if made.zips:
+            stages += [_bpy(version, made.zips, [*blender, *options], False) for version in versions]
         stages += _not_quick() if quick else []
     return stages
 
@@ -340,12 +349,11 @@ def test_catalogue() -> int:
 
 def test_real_blender(backend: str | None = None) -> int:
     """The whole of tests/blender inside the real Blender, and what needs its window, drawn with ``backend``."""
-    zip_path = build((this_platform(),), output=BUILD / "zip-test")[this_platform()]
-    return summary(real_blender_stages(zip_path, WHOLE, backend))
+    return summary(real_blender_stages({}, WHOLE, backend))
 
 
 def photograph(scenario: Path, size: str, backend: str | None = None) -> int:
     """Run a scenario of tests/blender/window_driver.py in a window; its photographs are kept in build/window-shots/."""
     if not scenario.is_file():
         raise Failure(f"There is no scenario {scenario}.")
-    return summary([window_stage(None, scenario, scenario.stem, pixels(size), backend)])
+    return summary([window_stage({}, scenario, scenario.stem, pixels(size), backend)])

@@ -1,7 +1,7 @@
 """What the tab shows before the first volume: three steps with their buttons, and whether kernels are ready."""
 
-from ..bridge import kernel_preparation
 from ..bridge.translations import OURS
+from ..rle_splat.runtime.jit import nothing_compiled_yet
 from .places import paragraph
 
 
@@ -23,10 +23,9 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
-    if not kernel_preparation.text():
-        waits = kernel_preparation.are_missing()
-        sentence = "Kernels are not compiled yet: the first picture takes longer" if waits else "Kernels are ready"
-        paragraph(context, layout, sentence, icon="TIME" if waits else "CHECKMARK")
+    waits = nothing_compiled_yet()
+    sentence = "Kernels are not compiled yet: the first picture takes longer" if waits else "Kernels are ready"
+    paragraph(context, layout, sentence, icon="TIME" if waits else "CHECKMARK")
 
 
 def _step(context, layout, text: str):

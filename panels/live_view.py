@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import kernel_preparation, live, preferences, volumes
+from ..bridge import live, preferences, volumes
 from ..bridge.live import shown
 from ..bridge.translations import filled
 from .outdated import draw_outdated
@@ -49,7 +49,7 @@ def draw_state(context, layout) -> None:
         layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
     elif not preferences.shows_live():
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
-    elif (viewports := live.viewports_of(area)) and not kernel_preparation.is_due():  # the tab says that it waits
+    elif (viewports := live.viewports_of(area)):
         if any(one.waits for one in viewports):
             layout.label(text="Reading files", icon="SORTTIME")
         elif any(one.is_busy for one in viewports):

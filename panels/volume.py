@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import kernel_preparation, volumes
+from ..bridge import volumes
 from ..bridge.jobs import StepwiseOperator
 from ..bridge.loop import work
 from ..bridge.translations import OURS, told
@@ -25,9 +25,6 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
         layout = self.layout
         _warn_without_numba(context, layout)
         _draw_progress(layout)
-        preparing = kernel_preparation.text()
-        if preparing:
-            paragraph(context, layout, preparing, icon="TIME")
         if not volumes.volume_objects(context.scene):
             first_run.draw(context, layout)
             return

@@ -10,7 +10,7 @@ from collections import Counter
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import jobs, kernel_preparation, preferences, render_scene
+from .. import jobs, preferences, render_scene
 from ..messages import tell
 from ..translations import filled
 from . import drawing, shown, surface
@@ -103,14 +103,13 @@ def _after() -> None:
     calls["drawn"] += 1
     framebuffer, live.framebuffer = live.framebuffer, None
     viewport = live.viewport
-    if not kernel_preparation.is_due():
-        request = surface.request_of(context, live.keys)
-        had, waited = viewport.problem, viewport.waits
-        viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
-        _draw(live, framebuffer)
-        _tell_of(viewport, had)
-        if viewport.waits != waited:
-            _redraw_panels(context.area)
+    request = surface.request_of(context, live.keys)
+    had, waited = viewport.problem, viewport.waits
+    viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
+    _draw(live, framebuffer)
+    _tell_of(viewport, had)
+    if viewport.waits != waited:
+        _redraw_panels(context.area)
     if viewport.is_busy:
         _start_timer()
 

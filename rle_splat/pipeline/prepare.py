@@ -119,24 +119,12 @@ def prepare_steps():
             yield from rescale(steps, start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(PreparedPart(name, perf_counter() - began, tuple(new)))
-    _mark().touch()
     yield Progress(1.0, "Done")
     return prepared
 
 
-def is_needed() -> bool:
-    """Whether kernels are kept on disk, and ``prepare_steps`` has not yet run to its end for those of these sources,
-    under the name that this package has."""
-    return jit.compiled() and _can_be_kept() and not _mark().is_file()
-
-
 def _can_be_kept() -> bool:
     return jit.KERNELS.parent.is_dir()
-
-
-def _mark() -> Path:
-    """The empty file that says that it has.  Kernels are kept under the name of their module, see ``kernel_cache``."""
-    return jit.KERNELS / f"{__name__}.done"
 
 
 def _on_disk() -> set[Path]:

@@ -6,7 +6,7 @@ import math
 
 from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
-from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, thread_count
+from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, shipped_problem, thread_count
 from ..scene import NO_DEPTH, truth_of
 from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
@@ -115,4 +115,6 @@ def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
         remarks.append(
             f"{PLAIN_NUMBA}: kernels run on one thread and are not kept on disk, so each session compiles them again."
         )
+    elif shipped_problem():
+        remarks.append(shipped_problem())
     return remarks

@@ -27,8 +27,8 @@ from .called_kernels import NotingKernels
 __all__ = [
     "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "NotingKernels", "available_threads",
     "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "need_kernels", "note_loaded",
-    "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "thread_count", "use_reference",
-    "while_compiling",
+    "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "shipped_level", "shipped_problem",
+    "thread_count", "use_reference", "while_compiling",
 ]  # fmt: skip
 
 NUMBA_PROBLEM = ""  # why numba cannot be used at all, for people
@@ -61,7 +61,17 @@ if numba is not None:
 
 def nothing_compiled_yet() -> bool:
     """Whether kernels are kept on disk, and none is there yet: the next picture compiles all that it needs."""
-    return internals is not None and not _LOADED and next(KERNELS.rglob("*.nbi"), None) is None
+    return internals is not None and not (_LOADED or shipped_level() or any(KERNELS.rglob("*.nbi")))
+
+
+def shipped_level() -> str:
+    """The level of processors that this installation's kernels are made for; "" where it has none for this process."""
+    return "" if internals is None else internals.SHIPPED.level
+
+
+def shipped_problem() -> str:
+    """Why kernels of this installation are not used, for people; "" where all are, and where none came with it."""
+    return "" if internals is None else internals.SHIPPED.problem
 
 
 @contextmanager

@@ -3,6 +3,8 @@
 The key of a kernel on disk holds everything that decides over its machine code: see ``kernel_digest``.  numba itself
 does not compile a kernel again when a function that it inlines or a constant that it uses has changed.
 
+A kernel is looked for in the user's folder, then among those that came with the installation (``shipped_kernels``).
+
 A kernel that cannot be kept, on a full or read-only disk, works all the same.  A file that is damaged counts as
 missing: its kernel is compiled again.  (numba itself executes damaged machine code, or raises until the folder is
 deleted.)
@@ -28,6 +30,7 @@ from numba.core.caching import (
 from numba.core.runtime import _nrt_python
 
 from .kernel_digest import digest_of
+from .shipped_kernels import ShippedKernels, entry_name
 
 SEAL = 16  # bytes of digest at the end of each file, after the part that numba reads
 KEPT_EDITIONS = 4  # of a kernel for the same arguments and processor, from different sources
@@ -127,6 +130,9 @@ class _Folder(UserProvidedCacheLocator):
         return ""  # numba's is the number of the first line, which changes with the text above
 
 
+SHIPPED = ShippedKernels()
+
+
 def keep_in(folder) -> None:
     """Set the folder for the kernels that are compiled or loaded from now on."""
     _Folder.path = str(folder)
@@ -174,9 +180,15 @@ class KernelCache(Cache):
         _register_memory_functions()
         try:
             with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context)
+                return self._load_overload(sig, target_context) or self._load_shipped(sig, target_context)
         except OSError:
             return None
+
+    def _load_shipped(self, sig, target_context):
+        """A version that came with the installation, or None."""
+        triple, _, _ = target_context.codegen().magic_tuple()
+        data = SHIPPED.load(entry_name(sig, triple, self._digest))
+        return None if data is None else self._impl.rebuild(target_context, data)
 
     def save_overload(self, sig, data):
         """Keep a version on disk where that is possible."""

@@ -3,7 +3,7 @@
 It covers the kernel's own code and options, and in turn those of each function that its code names: kernels,
 intrinsics, the helpers and classes with which intrinsics write instructions.  It covers the values of the constants
 that they name, and the settings of numba and LLVM that change machine code.  Comments, docstrings and line numbers are
-not part of it, nor is any function that the kernel does not use.
+not part of it, nor is any function that the kernel does not use, nor the name that this package has in a process.
 
 Code of numba, llvmlite, numpy and Python is covered by name: the cache is emptied for another version of numba.
 """
@@ -24,7 +24,13 @@ SETTINGS = (
     "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "ENABLE_AVX", "DISABLE_INTEL_SVML", "USING_SVML", "LLVM_REFPRUNE_PASS",
     "LLVM_REFPRUNE_FLAGS", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES",
 )  # fmt: skip
+PACKAGE = __name__.rpartition(".runtime.")[0]  # the name that this package has in this process
 FOREIGN = {"numba", "llvmlite", "numpy", *sys.stdlib_module_names}
+
+
+def _within(name: str) -> str:
+    """The name of a module of ours within the package; the whole name of any other."""
+    return name.removeprefix(PACKAGE)
 
 
 def digest_of(kernel) -> str:
@@ -52,7 +58,8 @@ def _parts(value, seen: set) -> Iterator[str]:
     """Texts that together say what a value is; ``seen`` holds the functions and classes that were described before."""
     value = _unwrap(value)
     if isinstance(value, (FunctionType, type, ModuleType)) or hasattr(value, "py_func"):
-        yield f"{type(value).__name__} {getattr(value, '__module__', '')}.{_name(value)}"
+        module = _within(getattr(value, "__module__", None) or "")
+        yield f"{type(value).__name__} {module}.{_within(_name(value))}"
         if id(value) in seen or isinstance(value, ModuleType) or _is_foreign(value):
             return
         seen.add(id(value))
@@ -106,7 +113,7 @@ def _code_parts(code: CodeType, doc: str | None, names: dict, seen: set) -> Iter
             yield from _parts(names[name], seen)
         for module in modules:
             if not _is_foreign(module) and name in vars(module):
-                yield f"{module.__name__}.{name}"
+                yield f"{_within(module.__name__)}.{name}"
                 yield from _parts(vars(module)[name], seen)
 
 

@@ -5,7 +5,7 @@ numba's public interface alone.  The internals are:
 
 - ``Kernel``: the dispatcher's class, its ``compile`` and ``_cache``; the options ``_nrt``, ``forceinline``,
   ``no_cpython_wrapper`` and ``no_cfunc_wrapper``.
-- ``kernel_cache``: the files of numba's on-disk cache.
+- ``kernel_cache``, ``shipped_kernels``: the files of numba's on-disk cache, and what is in them.
 - ``parallel.share_out``: the entry of numba's thread pool.
 - ``OwnCopy``: what a code library does with the libraries that are linked into it.
 - ``fingerprint``: the function by which numba finds the version of a kernel for arguments.
@@ -27,9 +27,9 @@ from numba.core.caching import NullCache  # noqa: E402
 from numba.core.registry import CPUDispatcher  # noqa: E402
 
 from .called_kernels import note_call  # noqa: E402
-from .kernel_cache import cache_of, keep_in  # noqa: E402
+from .kernel_cache import SHIPPED, cache_of, keep_in  # noqa: E402
 
-__all__ = ["OwnCopy", "compile_with", "fingerprint", "keep_in"]
+__all__ = ["SHIPPED", "OwnCopy", "compile_with", "fingerprint", "keep_in"]
 
 MANGLED = "_ZN"  # names of functions that numba compiled begin so
 

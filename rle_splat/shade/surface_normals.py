@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..runtime.work_sizes import SMOOTHED_AT_ONCE
 from . import reference
@@ -323,6 +323,12 @@ def _finite(value, here):
     return value if np.abs(value) < np.inf else here
 
 
+@inner_loop(exact=True)
+def _invert_root(square):
+    """1 / sqrt(square), rounded twice: the processors' estimate of it differs between makers."""
+    return ONE / np.sqrt(square)
+
+
 @kernel(inner=True)
 def _gradient_row(smoothed, low, n_z, z, y, slopes, line, shares, gradient):
     """Gradients of a row: central differences, one-sided at the ends.
@@ -406,7 +412,7 @@ def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, fl
             least = noise + error * np.abs(values[x] + middle)
             size = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
             whole = max(around + least * least, size)
-            scale = ONE / np.sqrt(whole) if _ZERO < whole < np.inf else _ZERO
+            scale = _invert_root(whole) if _ZERO < whole < np.inf else _ZERO
             gx[x], gy[x], gz[x] = np.rint(gx[x] * scale), np.rint(gy[x] * scale), np.rint(gz[x] * scale)
             size_of[x] = np.sqrt(size)
         for i in range(xs.size):

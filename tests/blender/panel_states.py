@@ -208,17 +208,10 @@ def in_time_looped(folder):
     bpy.context.view_layer.objects.active.rle_splat.playback = "LOOP"
 
 
-def preparing(folder):
-    """Kernels are compiled by another process; until ``kernel_preparation.end`` is called."""
-    add_volume(folder)
-    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    ahead._Preparing.text = ahead.describe(40.0)
-
-
 STATES = {
     state.__name__: state for state in (
         empty, one, many_with_none_selected, linked, overridden, deleted, other_objects_deleted, without_transfer,
         shared_transfer, labels, channels, clip_objects, slices,
         slices_of_a_deleted_volume, encoded, measured, effects_listed, message, paper, custom, composited,
-        in_time, in_time_looped, preparing)
+        in_time, in_time_looped)
 }

@@ -78,9 +78,6 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
         viewport = SimpleNamespace(
             is_busy=is_busy, is_refined=is_refined, waits=waits, problem="", halvings=0, pictures=[None])
         assert [("label", text)] == [one for one in state_line(True, monkeypatch, [viewport]) if one[0] == "label"]
-    with monkeypatch.context() as preparing:
-        preparing.setattr(import_module(f"{MODULE}.bridge.kernel_preparation"), "is_due", lambda: True)
-        assert state_line(True, preparing, [viewport]) == [], "nothing is drawn yet"
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     picture()
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
@@ -273,7 +270,7 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
     for folder in (used, other):
         folder.mkdir()
         (folder / "a.nbc").write_bytes(b"x" * 100)
-    (tmp_path / "preparing.log").write_bytes(b"y")
+    (tmp_path / "other.log").write_bytes(b"y")
     monkeypatch.setattr(cache, "KERNELS", used)
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)

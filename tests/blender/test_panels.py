@@ -107,13 +107,6 @@ def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
     assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
 
 
-def test_the_panel_says_that_kernels_are_prepared(monkeypatch, tmp_path, bridge):
-    STATES["preparing"](tmp_path)
-    assert "Preparing kernels, about 40 s left" in texts(draw_all(monkeypatch))
-    bridge("kernel_preparation").end()
-    assert "Preparing" not in texts(draw_all(monkeypatch))
-
-
 def test_effects_have_titles(volume_object, monkeypatch):
     assert {"Gradient Opacity", "Depth of Field"} <= set(texts(draw_all(monkeypatch)).split("\n"))
 

@@ -157,25 +157,26 @@ def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, ca
     assert thumbnails.icon(ball, entry) == 0 and not thumbnails._wanted
 
 
-@pytest.mark.parametrize("are_missing", (True, False))
-def test_a_preset_with_gradient_opacity_waits_for_prepared_kernels(
-    ball, thumbnails, bridge, cache, core, monkeypatch, are_missing
+@pytest.mark.parametrize("level", ("", "x86-64-v3"))
+def test_a_thumbnail_compiles_no_kernels_of_gradient_opacity(
+    ball, thumbnails, bridge, cache, core, monkeypatch, level
 ):
     function = core("classify.transfer_function")
     preset = core("classify.presets").preset("mr-head")
     own = bridge("own_presets")
-    monkeypatch.setattr(bridge("kernel_preparation"), "are_missing", lambda: are_missing)
+    monkeypatch.setattr(thumbnails.jit, "compiled", lambda: not level)  # what is not refused is made by numpy
+    monkeypatch.setattr(thumbnails.jit, "shipped_level", lambda: level)
     own.save("steep", replace(preset, gradient_opacity=function.GradientOpacity(2.0, 9.0)), overwrite=True)
     try:
-        if are_missing:
-            with pytest.raises(core("scene").RleSplatError, match="until kernels are prepared"):
+        if not level:
+            with pytest.raises(core("scene").RleSplatError, match="have to compile kernels"):
                 picture(thumbnails, bridge, ball, "steep")
         else:
             steep = picture(thumbnails, bridge, ball, "steep")
             assert np.abs(steep.astype(int) - picture(thumbnails, bridge, ball, "mr-head")).max() > 10
     finally:
         own.delete("steep")
-    assert len(thumbnails.rendered) == 2 * (not are_missing)
+    assert len(thumbnails.rendered) == 2 * bool(level)
 
 
 def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, cache, monkeypatch):

@@ -97,7 +97,6 @@ def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
         ("Nobody translates this.", "Nobody translates this."),
     ):  # fmt: skip
         assert translations.told(sentence) == expected
-    assert bridge("kernel_preparation").describe(50).startswith("Kernel werden vorbereitet, noch etwa 50 s")
     assert translations.filled("Imported {volume}.", volume="head") == "head importiert."
 
 

@@ -24,7 +24,7 @@ from tests.blender.real_blender import (
     set_up_scene,
     write_exr,
 )
-from tests.blender.window_driver import drive, in_the_view, passed, preparation, until, window
+from tests.blender.window_driver import drive, in_the_view, passed, until, window
 
 LARGE = 4096  # pixels a side of a picture that takes longer than a step
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_window_"))
@@ -251,26 +251,6 @@ def check_B84_measure_accuracy_redraws():
     assert len(rows)
 
 
-def check_preparation():
-    """A timer starts the process, which compiles kernels, and says so in the panel; switched off, it ends."""
-    ahead = import_module(f"{MODULE}.bridge.kernel_preparation")
-    assert ahead._Preparing.process is None and ahead.is_needed()  # the zip has numba
-
-    def kernels():
-        return len(list(ahead.cache_folder().rglob("*.nbc")))
-
-    before = kernels()
-    preparation(True)
-    yield from until(lambda: ahead._Preparing.process is not None)
-    process = ahead._Preparing.process
-    yield from until(ahead.text)
-    yield from until(lambda: kernels() > before or process.poll() is not None)
-    assert process.poll() is None
-    preparation(False)
-    yield from until(lambda: not ahead.text())
-    assert process.poll() is not None and not bpy.app.timers.is_registered(ahead._tick)
-
-
 def steps():
     watch_renders()
     with in_the_view():
@@ -279,8 +259,7 @@ def steps():
     yield
     for check in (
         check_f12, check_animation, check_blurred_f12, check_render_image, check_B83_remove_backdrop_redraws,
-        check_B84_measure_accuracy_redraws, check_escape, check_letters, check_drafts, check_following,
-        check_preparation):
+        check_B84_measure_accuracy_redraws, check_escape, check_letters, check_drafts, check_following):
         yield from check()
         passed(check.__name__)
         yield

@@ -128,7 +128,6 @@ def drive(scenario) -> None:
 def _steps(scenario):
     check_backend()
     install()
-    preparation(False)
     yield from scenario()
 
 
@@ -148,11 +147,6 @@ def by_numpy() -> None:
     if Run.by_numpy is None:
         Run.by_numpy = import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference()
         Run.by_numpy.__enter__()
-
-
-def preparation(on: bool) -> None:
-    """Have kernels compiled ahead, or not: pictures of scenarios are the same whatever another process does."""
-    bpy.context.preferences.addons[MODULE].preferences.prepare_kernels = on
 
 
 def passed(name: str) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.kernels import compile_here
 from rle_splat.pipeline import prepare
 from rle_splat.runtime import jit
 from rle_splat.runtime.steps import Progress, drain
@@ -48,9 +49,9 @@ sys.exit(main(["prepare", *sys.argv[1:]]))
 
 @pytest.fixture
 def environ(tmp_path):
-    """Of a process whose kernels are in a folder of their own, empty at first."""
+    """Of a process that compiles all kernels, in a folder of their own that is empty at first."""
     own = {name: value for name, value in os.environ.items() if name != jit.NUMBA_VARIABLE}
-    return {**own, jit.CACHE_VARIABLE: str(tmp_path / "kernels")}
+    return {**own, **(compile_here() if jit.compiled() else {}), jit.CACHE_VARIABLE: str(tmp_path / "kernels")}
 
 
 def run(environ, *words, given=None):
@@ -100,7 +101,7 @@ def test_default_pictures_need_no_other_kernels(tmp_path):
 def test_what_is_prepared_is_kept_and_told(environ, tmp_path):
     """Of the kernels of one picture those that are not there: the small ones, for the sake of time."""
     kept, report = tmp_path / "kernels", tmp_path / "report.json"
-    run(os.environ, "-c", ONE_PICTURE)
+    run({**environ, jit.CACHE_VARIABLE: str(jit.KERNELS.parent)}, "-c", ONE_PICTURE)
     whole = {path.relative_to(jit.KERNELS) for path in jit.KERNELS.rglob("*.nbc")}
     few = shutil.ignore_patterns("*.fill_row_runs-*", "*._write_records-*", "*.count_by_table-*")
     shutil.copytree(jit.KERNELS, kept / jit.KERNELS.name, ignore=few)
@@ -128,25 +129,20 @@ def test_without_numba_one_sentence_says_so(environ):
 
 
 @pytest.fixture
-def one_picture(monkeypatch, tmp_path):
-    """Of one picture and type, with the mark in an empty folder; the kernels themselves are where they always are."""
+def one_picture(monkeypatch):
+    """Of one picture and type."""
     monkeypatch.setattr(prepare, "PICTURES", prepare.PICTURES[:1])
     monkeypatch.setattr(prepare, "STORED_TYPES", ("uint8",))
-    monkeypatch.setattr(jit, "KERNELS", tmp_path / "kernels")
-    (tmp_path / "kernels").mkdir()
 
 
 @needs_numba
-def test_a_preparation_is_marked_when_it_is_done(one_picture):
+def test_a_preparation_says_how_far_it_is(one_picture):
     steps = prepare.prepare_steps()
     said = []
     with pytest.raises(StopIteration) as done:
         while True:
-            assert prepare.is_needed()
             said.append(next(steps))
-            if said[-1].fraction == 1.0 and said[-1].message == "Done":
-                assert not prepare.is_needed()
-                next(steps)
+    assert (said[-1].fraction, said[-1].message) == (1.0, "Done")
     assert [step.fraction for step in said] == sorted(step.fraction for step in said)
     assert all(isinstance(step, Progress) for step in said)
     assert [one.picture for one in done.value.value] == ["orthographic, uint8"]
@@ -155,6 +151,5 @@ def test_a_preparation_is_marked_when_it_is_done(one_picture):
 @needs_numba
 def test_where_no_kernel_can_be_kept_none_is_prepared(monkeypatch):
     monkeypatch.setattr(jit, "KERNELS", Path(os.devnull, "kernels"))
-    assert not prepare.is_needed()
     with pytest.raises(RleSplatError, match="cannot be kept"):
         drain(prepare.prepare_steps())

@@ -3,7 +3,6 @@ kernel cache that is not as it was written.  Most of it in processes of their ow
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import subprocess
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.kernels import compile_here
 from devtools.places import BPY_PYTHON, running_python
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -196,16 +196,18 @@ print(jit.compiled(), hashlib.sha256(picture.rgba.tobytes()).hexdigest())
 """
 
 
-def digest():
-    return hashlib.sha256(render(*scene("parallel")).rgba.tobytes()).hexdigest()
+@pytest.fixture(scope="module")
+def right():
+    """What FIRST_PICTURE prints where its kernels are compiled for this processor and can be kept."""
+    return run(FIRST_PICTURE, 0, **compile_here()).split()
 
 
 @WITH_KERNELS
 @pytest.mark.skipif(memory.resource is None, reason="this system has no limits of file size")
-def test_F3_A12_no_room_on_the_disk_for_the_kernels(record, tmp_path):
+def test_F3_A12_no_room_on_the_disk_for_the_kernels(record, tmp_path, right):
     """Too little for machine code: every kernel is compiled, the picture comes, and nothing half-written stays."""
-    there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": ""}
-    wrong = run(FIRST_PICTURE, 4096, **there).split() != ["True", digest()]
+    there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": "", **compile_here()}
+    wrong = run(FIRST_PICTURE, 4096, **there).split() != right
     record("F3", "first pictures wrong without room on the disk", wrong, 0, "either", why=COUNTED)
     record("A12", "pictures that differ with a cold kernel cache", wrong, 0, "either", why=COUNTED)
     left = [*tmp_path.rglob("*.tmp.*"), *tmp_path.rglob("*.nbc")]
@@ -231,7 +233,7 @@ def test_F3_nothing_can_be_written(record, tmp_path, place):
     (tmp_path / "file").write_text("")
     nowhere = str(tmp_path / "file" / "cache")
     folder = str(tmp_path) if place == "full" else nowhere
-    there = {CACHE_VARIABLE: folder, "NUMBA_CACHE_DIR": "", "TMPDIR": str(tmp_path)}
+    there = {CACHE_VARIABLE: folder, "NUMBA_CACHE_DIR": "", "TMPDIR": str(tmp_path), **compile_here()}
     if place == "nowhere":
         there["NUMBA_CACHE_DIR"] = nowhere
     wrong = run(SMALL_KERNEL, place, **there).split() != ["True", "3", "1"]
@@ -242,11 +244,11 @@ def test_F3_nothing_can_be_written(record, tmp_path, place):
 
 
 @WITH_KERNELS
-def test_F4_a_kernel_cache_corrupted_on_purpose_and_warm(record, tmp_path):
+def test_F4_a_kernel_cache_corrupted_on_purpose_and_warm(record, tmp_path, right):
     """Every file of it cut, emptied, overwritten or with a single bit flipped, machine code included."""
     random = np.random.default_rng(4)
-    there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": ""}
-    right = ["True", digest()]
+    there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": "", **compile_here()}
+    assert right[0] == "True"
     shutil.copytree(jit.KERNELS, tmp_path / jit.KERNELS.name)  # with all that the picture needs
     files = sorted(file for file in tmp_path.rglob("*.nb?"))
     assert len(files) > 6

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import rle_splat
+from benchmarks.kernels import compile_here
 from rle_splat.runtime import cache_folder as places
 from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
 from rle_splat.runtime.jit import compiled
@@ -115,6 +116,7 @@ def test_another_add_on_and_ours_keep_what_they_compile_each_in_its_own_folder(t
     (tmp_path / "another.py").write_text(ANOTHER, encoding="utf-8")
     environ = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     environ |= {CACHE_VARIABLE: str(tmp_path / "ours"), "PYTHONPATH": os.pathsep.join((str(ROOT), str(tmp_path)))}
+    environ |= compile_here()
     done = subprocess.run(
         [sys.executable, "-c", BESIDE_ANOTHER, tmp_path], cwd=ROOT, capture_output=True, text=True, check=False,
         env=environ,
@@ -264,7 +266,7 @@ class Copy:
 
     def __init__(self, folder: Path, variable: str = CACHE_VARIABLE):
         self.folder = folder / "rle_splat"
-        shutil.copytree(ROOT / "rle_splat", self.folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / "rle_splat", self.folder, ignore=shutil.ignore_patterns("__pycache__", "kernels"))
         others = (CACHE_VARIABLE, NUMBA_VARIABLE, "NUMBA_OPT")
         self.environ = {name: value for name, value in os.environ.items() if name not in others}
         self.environ |= {variable: str(folder / "kept"), "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}

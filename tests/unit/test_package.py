@@ -22,7 +22,7 @@ def manifest():
 
 def unwanted(path: Path) -> list[str]:
     """Members of a zip that have no business there."""
-    known = re.compile(r"wheels/[\w.+-]+\.whl|licenses/[\w.-]+")
+    known = re.compile(r"wheels/[\w.+-]+\.whl|licenses/[\w.-]+|rle_splat/kernels/[\w.-]+\.zip")
     allowed = {part.as_posix() for part in build.shipped()} | {"blender_manifest.toml"}
     with zipfile.ZipFile(path) as archive:
         names = [name for name in archive.namelist() if not name.endswith("/")]
@@ -31,28 +31,47 @@ def unwanted(path: Path) -> list[str]:
 
 @pytest.fixture
 def fakes(tmp_path):
-    """Stand-ins for the wheels of one platform."""
+    """Stand-ins for the wheels of one platform and Python."""
     made = []
     for package, version in wheels.packages().items():
-        for python in ("cp311", "cp313"):
-            made.append(tmp_path / f"{package}-{version}-{python}-{python}-manylinux_2_28_x86_64.whl")
-            with zipfile.ZipFile(made[-1], "w") as wheel:
-                wheel.writestr(f"{package}-{version}.dist-info/licenses/LICENSE", f"terms of {package}")
+        made.append(tmp_path / f"{package}-{version}-cp311-cp311-manylinux_2_28_x86_64.whl")
+        with zipfile.ZipFile(made[-1], "w") as wheel:
+            wheel.writestr(f"{package}-{version}.dist-info/licenses/LICENSE", f"terms of {package}")
     return made
 
 
-def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them(fakes, tmp_path):
-    build.pack("linux-x64", fakes, tmp_path / "out" / "x.zip")
+@pytest.mark.parametrize(("python", "blenders"), [
+    ("3.11", {"blender_version_min": "4.5.0", "blender_version_max": "5.1.0"}),
+    ("3.13", {"blender_version_min": "5.1.0"}), ("3.14", {"blender_version_min": "4.5.0"})])  # fmt: skip
+def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them(fakes, tmp_path, python, blenders):
+    kernels = tmp_path / "kernels-of-x.zip"
+    kernels.write_bytes(b"kernels")
+    build.pack("linux-x64", python, fakes, tmp_path / "out" / "x.zip", [kernels])
     with zipfile.ZipFile(tmp_path / "out" / "x.zip") as archive:
         facts = tomllib.loads(archive.read("blender_manifest.toml").decode())
         wanted = {file.as_posix(): (ROOT / file).read_bytes() for file in build.shipped()}
         wanted |= {f"wheels/{fake.name}": fake.read_bytes() for fake in fakes}
+        wanted["rle_splat/kernels/kernels-of-x.zip"] = b"kernels"
         wanted |= {f"licenses/{package}-LICENSE": f"terms of {package}".encode() for package in wheels.packages()}
         assert {name: archive.read(name) for name in archive.namelist() if name != "blender_manifest.toml"} == wanted
     assert facts["platforms"] == ["linux-x64"]
     assert facts["wheels"] == [f"./wheels/{fake.name}" for fake in fakes]
-    assert {key: facts[key] for key in manifest()} == manifest()
+    assert {key: value for key, value in facts.items() if key not in ("platforms", "wheels")} == manifest() | blenders
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["x.zip"]
+
+
+def test_each_blender_of_the_tests_takes_one_zip_of_its_python():
+    """And no zip fits two Pythons: the first Blender without one is the first with the next."""
+    for version, python in places.BPY_PYTHON.items():
+        number = tuple(map(int, version.split(".")))
+        takes = [
+            other for other, (oldest, newer) in places.BLENDERS.items()
+            if tuple(map(int, oldest.split("."))) <= (*number, 0)
+            and not (newer and (*number, 0) >= tuple(map(int, newer.split("."))))
+        ]  # fmt: skip
+        assert takes == [python]
+    assert build.zip_name("linux-x64", "3.11") == f"rle_splat-{build.version()}-linux_x64-blender4.5.zip"
+    assert len({build.zip_name("linux-x64", python) for python in (*places.PYTHONS, "3.14")}) == 3
 
 
 def test_a_zip_that_blenders_tool_refuses_ends_the_build(tmp_path, monkeypatch):
@@ -117,7 +136,7 @@ def test_the_comparison_methods_are_not_shipped():
 @pytest.fixture
 def staged(fakes, tmp_path):
     """A folder with what the zip holds."""
-    build.pack("linux-x64", fakes, tmp_path / "x.zip")
+    build.pack("linux-x64", "3.11", fakes, tmp_path / "x.zip")
     with zipfile.ZipFile(tmp_path / "x.zip") as archive:
         archive.extractall(tmp_path / "staged")
     return tmp_path / "staged"

@@ -23,12 +23,12 @@ def test_extras_are_skipped_in_one_line_where_their_environment_cannot_be_made(c
     assert capsys.readouterr().out.count("\n") == 2  # an empty line before it
 
 
-def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypatch, tmp_path):
+def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypatch):
     def none():
         raise Failure("no blender in $BLENDER")
 
     monkeypatch.setattr(real_blender_tests, "ensure_blender", none)
-    (stage,) = real_blender_tests.real_blender_stages(tmp_path / "extension.zip")
+    (stage,) = real_blender_tests.real_blender_stages({})
     assert (stage.verdict, stage.missing) == ("SKIPPED", "no blender in $BLENDER")
 
 
@@ -58,11 +58,13 @@ def stages(monkeypatch, tmp_path):
             assert begun.wait(600), "nothing else runs meanwhile"
             made.set()
             pythons = {name: Path(name) for name in testing.OTHERS}
-            return testing.Ready(Stage("extension zip", passed=1), Path("the.zip"), pythons)
+            zips = dict.fromkeys(testing.PYTHONS, Path("the.zip"))
+            return testing.Ready(Stage("extension zips", passed=1), zips, pythons)
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
-        monkeypatch.setattr(testing, "real_blender_stages", lambda path: [Stage("real blender", passed=1)])
+        monkeypatch.setattr(testing, "make_kernels", lambda pythons: [])
+        monkeypatch.setattr(testing, "real_blender_stages", lambda zips: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
         monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)
         monkeypatch.setattr(testing, "find_python", lambda version: version)
@@ -93,7 +95,7 @@ def test_each_test_runs_in_one_stage(stages):
     marked = {name: "every_blender" in runs[name][1] for name in versions}
     assert marked == {"bpy 4.5": True, "bpy 5.0": True, "bpy 5.2": False}
     assert len(runs) == len(core) + len(versions) + 3
-    assert {stage.name for stage in table} == {*runs, "extension zip", "real blender"}
+    assert {stage.name for stage in table} == {*runs, "extension zips", "real blender"}
 
 
 def test_everything_runs_everywhere_on_demand(stages):
@@ -124,9 +126,9 @@ def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
     """A part of the core needs nothing made; one of Blender needs the zip, and is not run without it."""
     made, run = [], []
 
-    def zip_stage(path):
+    def zip_stage(zips):
         made.append("zip")
-        return testing.Ready(Stage("extension zip", passed=bool(path), failed=not path), path)
+        return testing.Ready(Stage("extension zips", passed=bool(zips), failed=not zips), zips)
 
     def other(name):
         made.append(name)
@@ -137,8 +139,8 @@ def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
 
     monkeypatch.setattr(testing, "_other", other)
     monkeypatch.setattr(testing, "parts", lambda *options, **more: {name: part(name) for name in ("", "zip", "bench")})
-    for path, code in ((Path("the.zip"), 0), (None, 1)):
-        monkeypatch.setattr(testing, "_zip", lambda path=path: zip_stage(path))
+    for zips, code in (({"3.13": Path("the.zip")}, 0), ({}, 1)):
+        monkeypatch.setattr(testing, "_zips", lambda zips=zips: zip_stage(zips))
         assert testing.test_part("zip", []) == code
     assert testing.test_part("", []) == testing.test_part("bench", []) == 0
     assert made == ["zip", "zip", "bench"] and run == [("zip", False), ("", False), ("bench", False)]

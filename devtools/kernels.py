@@ -1,0 +1,90 @@
+"""The kernels that travel with the extension: compiled for each Python of a Blender and each level of processors.
+
+They are files of the package, so that a clone uses them as well.  What an earlier run compiled and still fits is not
+compiled again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from .environments import CORE, Environment, ensure
+from .places import BUILD, ENVIRONMENTS, PYTHONS, REQUIREMENTS, ROOT, Failure, clean_environ, run_quietly, say
+from .wheels import packages, this_platform
+
+PACKAGE = ROOT / "rle_splat"
+FOLDER = PACKAGE / "kernels"
+COMPILED = BUILD / "kernels-shipped"
+LEVELS = {"linux-x64": ("x86-64-v3",), "windows-x64": ("x86-64-v3",)}  # as in rle_splat/runtime/shipped_kernels.py
+
+
+def core_of(version: str) -> Environment:
+    """An environment with this version of Python and what the renderer needs."""
+    if CORE.version == version:
+        return CORE
+    return Environment(f"Python {version}", ENVIRONMENTS / f"core-{version}", (version,), ("core.txt",))
+
+
+def source_digest() -> bytes:
+    """A hash of what the kernels are made from: the sources and the pinned packages."""
+    total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        total.update(path.relative_to(PACKAGE).as_posix().encode())
+        total.update(path.read_bytes())
+    return total.hexdigest().encode()
+
+
+def is_made(path: Path) -> bool:
+    """Whether a file holds the kernels of these sources: its comment says so."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.comment == source_digest()
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def _make(version: str, level: str, path: Path) -> None:
+    """Compile the kernels for a Python and a level, and pack them into a file."""
+    began = time.monotonic()
+    environ = clean_environ(
+        NUMBA_CPU_NAME=level, NUMBA_CPU_FEATURES="", RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT)
+    )
+    said = run_quietly(
+        [core_of(version).python, "-m", "devtools.pack_kernels", path, source_digest().decode()],
+        f"The kernels for Python {version} could not be compiled; the words above say why.", env=environ, cwd=ROOT,
+    )  # fmt: skip
+    size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
+    say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
+
+
+def _is_ready(version: str) -> bool:
+    """Make the environment of a Python where it is missing; whether it is there."""
+    try:
+        ensure(core_of(version))
+    except Failure as problem:
+        say(f"No kernels for Python {version}. {problem}")
+        return False
+    return True
+
+
+def make_kernels(pythons=PYTHONS) -> list[Path]:
+    """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
+
+    A Python that this machine does not have, and cannot get, has none.
+    """
+    wanted = {
+        FOLDER / f"python{version}-numba{packages()['numba']}-{level}.zip": (version, level)
+        for version in pythons for level in LEVELS.get(this_platform(), ()) if _is_ready(version)
+    }  # fmt: skip
+    due = {path: of for path, of in wanted.items() if not is_made(path)}
+    with ThreadPoolExecutor(os.cpu_count()) as workers:
+        list(workers.map(lambda path: _make(*due[path], path), due))
+    for path in FOLDER.glob("*.zip"):
+        if f"-numba{packages()['numba']}-" not in path.name:
+            path.unlink()
+    return list(wanted)

@@ -1,0 +1,142 @@
+"""Kernels that come with an installation: compiled for a level of processors that most machines reach.
+
+``dev.py kernels`` compiles what ``rle-splat prepare`` covers, and packs it into one zip file for each version of Python
+and each level.  An entry's name is a digest of all that decides over its machine code, so a kernel that does not fit
+its source is not found; the zip's checksums refuse a damaged one.  Nothing is written here.
+
+The processes that make these files and those that use them know the package by different names.
+
+This module relies on numba's internals; only ``numba_internals`` and ``kernel_cache`` import it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import pickle
+import sys
+import zipfile
+import zlib
+from functools import partial
+from pathlib import Path
+
+import numba
+from llvmlite.binding import get_host_cpu_features
+
+from .kernel_digest import PACKAGE
+
+FOLDER = Path(__file__).parents[1] / "kernels"
+MAKER = "rle_splat"  # the package's name in the process that made the files
+
+# LLVM's name of a level -> the features of a processor that reaches it: Intel's from 2013 on, AMD's from 2015 on.
+LEVELS = {
+    "x86-64-v3": (
+        "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave",
+    ),
+}  # fmt: skip
+COMPILED_INSTEAD = "Kernels are compiled when a picture first needs them."
+
+
+def file_name(level: str) -> str:
+    """The name of the file for this version of Python and of numba."""
+    return f"python{sys.version_info[0]}.{sys.version_info[1]}-numba{numba.__version__}-{level}.zip"
+
+
+def reached_levels() -> list[str]:
+    """Return the levels that this processor reaches, the best first."""
+    features = get_host_cpu_features()
+    return [level for level, wanted in LEVELS.items() if all(features.get(name, False) for name in wanted)]
+
+
+def entry_name(types, triple: str, digest: str) -> str:
+    """The name of a kernel's version in the file.
+
+    Parameters
+    ----------
+    types : tuple of numba.types.Type
+        Of the arguments; numba gives each a name of its own, whatever the package's name.
+    triple : str
+        LLVM's name of the system.
+    digest : str
+        See ``kernel_digest``.
+    """
+    return hashlib.blake2b(f"{types!r} {triple} {digest}".encode(), digest_size=16).hexdigest()
+
+
+class ShippedKernels:
+    """The kernels of one folder for this process.
+
+    Parameters
+    ----------
+    folder : Path
+        Where a folder without a file for this process is a problem, no folder is none: not every installation has one.
+
+    Attributes
+    ----------
+    level : str
+        That of the kernels, or "" where there are none.
+    problem : str
+        Why there are none, or not all, for people.
+    """
+
+    def __init__(self, folder: Path = FOLDER):
+        self.level = self.problem = ""
+        self._archive = None
+        # A processor that the user has named is to be compiled for.
+        if not folder.is_dir() or numba.config.CPU_NAME:
+            return
+        reached = reached_levels()
+        there = [level for level in reached if (folder / file_name(level)).is_file()]
+        if not reached:
+            self.problem = f"The kernels of this installation need a processor with AVX2. {COMPILED_INSTEAD}"
+        elif not there:
+            versions = f"Python {sys.version_info[0]}.{sys.version_info[1]} with numba {numba.__version__}"
+            self.problem = f"This installation has no kernels for {versions}. {COMPILED_INSTEAD}"
+        else:
+            self._open(folder / file_name(there[0]), there[0])
+
+    def _open(self, path: Path, level: str) -> None:
+        try:
+            # A copy in memory, of about 2 MB: on Windows a file that is open keeps an extension from being removed.
+            self._archive = zipfile.ZipFile(io.BytesIO(path.read_bytes()))
+            self.level = level
+        except (OSError, zipfile.BadZipFile):
+            self._report_damage(path.name)
+
+    def _report_damage(self, name: str) -> None:
+        self.problem = f"Kernels of this installation are damaged ({name}); install it again. {COMPILED_INSTEAD}"
+
+    def load(self, name: str):
+        """Return what numba rebuilds a kernel's version from, or None.
+
+        Parameters
+        ----------
+        name : str
+            See ``entry_name``.
+        """
+        if self._archive is None or name not in self._archive.NameToInfo:
+            return None
+        try:
+            content = self._archive.read(name)
+        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError):
+            self._report_damage(file_name(self.level))
+            return None
+        return _Reader(io.BytesIO(content)).load()
+
+
+class _Reader(pickle.Unpickler):
+    """Finds what a file names in this package, whatever its name is here."""
+
+    def find_class(self, module, name):
+        found = super().find_class(_here(module), name)
+        return partial(_rebuild_here, found) if name == "_rebuild_env" else found
+
+
+def _rebuild_here(rebuild, module, *rest):
+    """numba's function that rebuilds the environment of a kernel, which names the kernel's module."""
+    return rebuild(_here(module), *rest)
+
+
+def _here(module: str) -> str:
+    """The name in this process of a module that a file names."""
+    return PACKAGE + module.removeprefix(MAKER) if f"{module}.".startswith(f"{MAKER}.") else module

@@ -1,0 +1,210 @@
+"""Kernels that come with an installation: found under any name of the package, refused where they do not fit."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from devtools.kernels import LEVELS as MADE
+from devtools.kernels import is_made
+from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
+from rle_splat.runtime.jit import compiled
+
+if not compiled():
+    pytest.skip("nothing is compiled without numba", allow_module_level=True)
+
+from rle_splat.runtime.shipped_kernels import FOLDER, LEVELS, ShippedKernels, file_name, reached_levels
+
+ROOT = Path(__file__).resolve().parents[2]
+LEVEL = "x86-64-v3"
+pytestmark = pytest.mark.skipif(
+    LEVEL not in reached_levels(), reason=f"this processor does not reach {LEVEL}, which kernels are shipped for"
+)
+
+# A call of a kernel by the name of the package: the runs that it writes, whether it was compiled, and what is remarked.
+CALL = """
+import importlib, sys
+import numpy as np
+def ours(name):
+    return importlib.import_module(sys.argv[1] + name)
+jit = ours(".runtime.jit")
+kernel = ours(".encode.encode_kernels").fill_row_runs
+starts, runs = np.zeros((1, 1), np.int64), np.zeros(3, np.uint16)
+compilations = []
+with jit.while_compiling(lambda: compilations.append(1)), jit.parallel_call(1):
+    kernel(starts, np.array([[12]], np.uint64), np.array([0, 2]), np.array([2, 3], np.uint16), 9, starts, runs)
+print(*runs, "compiled" if compilations else "loaded", jit.shipped_level(), jit.shipped_problem())
+"""
+PACK = """
+from devtools.pack_kernels import pack
+from pathlib import Path
+print(pack(Path(sys.argv[2]), b""))
+"""
+WITHOUT_AVX2 = """
+import llvmlite.binding
+features = llvmlite.binding.get_host_cpu_features()
+features["avx2"] = False
+llvmlite.binding.get_host_cpu_features = lambda: features
+"""
+LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
+
+
+@pytest.fixture(scope="module")
+def packed(tmp_path_factory) -> Path:
+    """A file with the kernel, made in a process that compiles for the level."""
+    folder = tmp_path_factory.mktemp("packed")
+    said = run(CALL + PACK, ROOT, folder / "cache", "rle_splat", folder / file_name(LEVEL),
+               NUMBA_CPU_NAME=LEVEL, NUMBA_CPU_FEATURES="")  # fmt: skip
+    assert said.splitlines()[-1] == "1"
+    return folder / file_name(LEVEL)
+
+
+@pytest.fixture
+def installation(packed, tmp_path):
+    """``installation(*folders)`` -> a copy of the package within these folders, with the file of kernels."""
+
+    def install(*folders: str) -> Path:
+        package = tmp_path.joinpath(*folders, "rle_splat")
+        shutil.copytree(ROOT / "rle_splat", package, ignore=shutil.ignore_patterns("__pycache__", "kernels"))
+        (package / "kernels").mkdir()
+        shutil.copy(packed, package / "kernels")
+        return package
+
+    return install
+
+
+def run(program: str, root: Path, cache: Path, *words, **variables: str) -> str:
+    """What a process says that finds packages in ``root`` and keeps kernels in ``cache``."""
+    names = (CACHE_VARIABLE, NUMBA_VARIABLE, "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")
+    environ = {name: value for name, value in os.environ.items() if name not in names}
+    environ |= {CACHE_VARIABLE: str(cache), "PYTHONPATH": str(root), "PYTHONDONTWRITEBYTECODE": "1", **variables}
+    done = subprocess.run(
+        [sys.executable, "-c", program, *map(str, words)], cwd=root, env=environ, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def called(package: Path, cache: Path, program: str = CALL, name: str = "rle_splat", **variables: str) -> str:
+    root = package.parents[name.count(".")]
+    return run(program, root, cache, name, **variables).removesuffix("\n")
+
+
+def test_a_shipped_kernel_is_loaded_and_never_copied(installation, tmp_path):
+    package, cache = installation(), tmp_path / "cache"
+    assert called(package, cache) == LOADED
+    assert list(cache.rglob("*.nb*")) == []
+
+
+def test_it_is_found_whatever_the_name_of_the_package_is(installation, tmp_path):
+    """As Blender imports an extension; with spaces and other letters in a long path."""
+    long = "long " * 24
+    package = installation("Jörg's größte Extensions", long, long.upper(), "bl_ext", "user_default")
+    for folder in package.parents[:2]:
+        (folder / "__init__.py").touch()
+    assert len(str(package)) > 250
+    assert called(package, tmp_path / "cache", name="bl_ext.user_default.rle_splat") == LOADED
+
+
+def test_where_nothing_can_be_written_it_is_loaded_all_the_same(installation, tmp_path):
+    package = installation()
+    for path in (*package.rglob("*"), package):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    assert called(package, Path(os.devnull, "cache"), TMPDIR=str(tmp_path / "no folder")) == LOADED
+    for path in (package, *(path for path in package.rglob("*") if path.is_dir())):
+        path.chmod(0o755)
+
+
+def test_the_users_own_kernel_comes_first(installation, tmp_path):
+    package, cache = installation(), tmp_path / "cache"
+    file = package / "kernels" / file_name(LEVEL)
+    file.rename(package / "aside.zip")
+    assert called(package, cache).startswith(COMPILED)
+    file.write_bytes(b"never looked at, since it is not needed")
+    assert called(package, cache).startswith("2 2 5 loaded")
+
+
+def test_a_kernel_of_other_sources_is_not_used(installation, tmp_path):
+    package = installation()
+    path = package / "encode" / "line_bits.py"
+    source = path.read_text(encoding="utf-8")
+    assert source.count("runs[run] = x - end\n") == 1
+    path.write_text(source.replace("runs[run] = x - end\n", "runs[run] = x - end + 40\n"), encoding="utf-8")
+    assert called(package, tmp_path / "cache") == f"42 42 5 compiled {LEVEL} "
+
+
+def cut(content: bytes) -> bytes:
+    return content[:-100]
+
+
+def flip(content: bytes) -> bytes:
+    """One byte within the kernel is another."""
+    middle = len(content) // 2
+    return content[:middle] + bytes([content[middle] ^ 255]) + content[middle + 1 :]
+
+
+@pytest.mark.parametrize("damage", [cut, flip, lambda content: b"", lambda content: b"PK" * 1000])
+def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_path, damage):
+    package, cache = installation(), tmp_path / "cache"
+    file = package / "kernels" / file_name(LEVEL)
+    file.write_bytes(damage(file.read_bytes()))
+    said = called(package, cache)
+    assert said.startswith(COMPILED) and f"damaged ({file_name(LEVEL)})" in said
+    assert called(package, cache).startswith("2 2 5 loaded"), "the one that was compiled is kept"
+
+
+@pytest.mark.parametrize("other", ["python3.9-numba0.68.1", "python3.11-numba0.1.0"])
+def test_kernels_of_another_python_or_numba_are_remarked(installation, tmp_path, other):
+    package = installation()
+    file = package / "kernels" / file_name(LEVEL)
+    file.rename(file.with_name(f"{other}-{LEVEL}.zip"))
+    said = called(package, tmp_path / "cache")
+    assert said.startswith(COMPILED) and "has no kernels for Python" in said
+
+
+def test_an_older_processor_compiles_and_says_so(installation, tmp_path):
+    said = called(installation(), tmp_path / "cache", WITHOUT_AVX2 + CALL)
+    assert said.startswith(COMPILED) and "need a processor with AVX2" in said
+
+
+def test_for_a_processor_that_the_user_names_kernels_are_compiled(installation, tmp_path):
+    said = called(installation(), tmp_path / "cache", NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
+    assert said == f"{COMPILED}  "
+
+
+def test_an_installation_that_brings_no_kernels_has_no_remark(installation, tmp_path):
+    package = installation()
+    shutil.rmtree(package / "kernels")
+    assert called(package, tmp_path / "cache") == f"{COMPILED}  "
+
+
+@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump, which disassembles, is not installed")
+def test_no_kernel_estimates_a_reciprocal_or_a_root(tmp_path):
+    """Such instructions round differently on processors of different makers."""
+    path = FOLDER / file_name(LEVEL)
+    if not is_made(path):
+        pytest.skip("there are no kernels of these sources: dev.py kernels makes them")
+    shipped, found, seen = ShippedKernels(), {}, 0
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+    for name in names:
+        (_, _, (machine_code, *_)), description = shipped.load(name)[:2]
+        (tmp_path / "kernel.o").write_bytes(machine_code)
+        listing = subprocess.run(
+            ["objdump", "-d", "--no-show-raw-insn", tmp_path / "kernel.o"], capture_output=True, text=True, check=True
+        ).stdout
+        seen += len(re.findall(r"\bvsqrt\w+", listing))
+        estimates = re.findall(r"\bv?(?:rsqrt|rcp)\w*", listing)
+        if estimates:
+            found[description.qualname] = estimates
+    assert found == {} and seen > 10, "they are read, and have roots"
+
+
+def test_levels_are_those_that_the_tools_make():
+    assert {level for levels in MADE.values() for level in levels} == set(LEVELS)
