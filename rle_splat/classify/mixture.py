@@ -30,9 +30,10 @@ from .classification import (
 )
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
-from .mixture_kernels import add_channel, count_seen, mark_seen, put_columns
-from .reference import mix
-from .visible import VisibleVoxels, row_offsets
+from .mixture_kernels import add_channel, mark_seen
+from .reference import WORD, mix
+from .relevant import count_kept, gather_kept
+from .visible import VisibleVoxels
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +246,7 @@ class Mixture:
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
     def count_steps(self, *, threads: int = 0):
-        """Count visible voxels.
+        """Find and count visible voxels.
 
         Yields
         ------
@@ -258,43 +259,22 @@ class Mixture:
             Visible voxels of each row.
         row_pieces : (nz * ny,) ndarray of int32
             Connected pieces that they form.
+        bits : (nz * ny, words) ndarray of uint64
+            One bit per voxel of a row, as of ``relevant.relevant_steps``.
         """
         nx, ny, nz = self.volume.shape_xyz
-        counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
+        bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen, rows = self._find_visible(first, last, threads), slice(first * ny, last * ny)
-            count_seen(seen, counts[rows], row_pieces[rows], threads)
-        return counts, row_pieces
+            packed = np.packbits(self._find_visible(first, last, threads), axis=1, bitorder="little")
+            whole_words = np.pad(packed, ((0, 0), (0, 8 * bits.shape[1] - packed.shape[1])))
+            bits[first * ny : last * ny] = whole_words.view("<u8")
+        return *count_kept(bits, threads=threads), bits
 
-    def fill_steps(self, blocks: Blocks, counted, *, threads: int = 0):
-        """List the visible voxels.
-
-        Parameters
-        ----------
-        blocks : Blocks
-        counted : tuple
-            What ``count_steps`` returned.
-
-        Yields
-        ------
-        float
-            Fraction done.
-
-        Returns
-        -------
-        VisibleVoxels
-        """
-        nx, ny, nz = self.volume.shape_xyz
-        counts, row_pieces = counted
-        row_start = row_offsets(counts)
-        column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
-            yield first / nz
-            seen = self._find_visible(first, last, threads)
-            put_columns(seen, row_start[first * ny : last * ny + 1], column, threads)
-        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
-        return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
+    def list_voxels(self, blocks: Blocks, counted, *, threads: int = 0) -> VisibleVoxels:
+        """List the visible voxels; ``counted``: what ``count_steps`` returned."""
+        *counts, bits = counted
+        return gather_kept(self.volume, bits, counts, blocks, threads=threads)
 
     def classified(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""

@@ -222,7 +222,7 @@ class ScanSource(Source):
         tables = PlannedTables(self.quality.record, work.axes, shaded, shadows, self.mixed)
 
         def needed_by(counted) -> MemoryEstimate:
-            voxels = VoxelCount.in_rows(self.scene.volume, counted, self.record_type)
+            voxels = VoxelCount.in_rows(self.scene.volume, counted[:2], self.record_type)
             return estimate_tables(voxels, tables, work.picture)
 
         if job.has("visible", visible_key):
@@ -256,7 +256,8 @@ class MixedSource(ScanSource):
         return shown.count_steps(threads=self.threads)
 
     def fill_steps(self, shown, blocks, counted):
-        return shown.fill_steps(blocks, counted, threads=self.threads)
+        yield from ()
+        return shown.list_voxels(blocks, counted, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return shown.classified(voxels, length, threads=self.threads)

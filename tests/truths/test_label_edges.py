@@ -213,7 +213,7 @@ def test_shares_are_those_of_the_definition():
 
 def classified(volume, tf, labels):
     mixed = Mixture(volume, tf, labels)
-    return mixed.classified(drain(mixed.fill_steps(drain(block_steps(volume)), drain(mixed.count_steps()))), 1.0)
+    return mixed.classified(mixed.list_voxels(drain(block_steps(volume)), drain(mixed.count_steps())), 1.0)
 
 
 def test_types_of_voxels_and_labels_make_no_difference():
