@@ -16,7 +16,7 @@ import numpy as np
 
 from ..runtime.jit import read_only
 from ..runtime.work_sizes import MIXED_AT_ONCE
-from ..volume.blocks import Blocks, cut_chunks
+from ..volume.blocks import cut_chunks
 from ..volume.counts import counts_values
 from .classification import (
     ALPHA_CAP,
@@ -31,8 +31,7 @@ from .classification import (
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
 from .mixture_kernels import add_channel, mark_seen
-from .reference import WORD, mix
-from .relevant import count_kept, gather_kept
+from .reference import WORD, mix, pack
 from .visible import VisibleVoxels
 
 
@@ -245,8 +244,8 @@ class Mixture:
         labels = self.labels and (self.labels.volume.key, sorted(self.labels.functions), self.labels.smooth)
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
-    def count_steps(self, *, threads: int = 0):
-        """Find and count visible voxels.
+    def mark_steps(self, *, threads: int = 0):
+        """Mark the visible voxels.
 
         Yields
         ------
@@ -255,26 +254,15 @@ class Mixture:
 
         Returns
         -------
-        counts : (nz * ny,) ndarray of int64
-            Visible voxels of each row.
-        row_pieces : (nz * ny,) ndarray of int32
-            Connected pieces that they form.
-        bits : (nz * ny, words) ndarray of uint64
-            One bit per voxel of a row, as of ``relevant.relevant_steps``.
+        (nz * ny, words) ndarray of uint64
+            As of ``visible.mark_steps``.
         """
         nx, ny, nz = self.volume.shape_xyz
         bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            packed = np.packbits(self._find_visible(first, last, threads), axis=1, bitorder="little")
-            whole_words = np.pad(packed, ((0, 0), (0, 8 * bits.shape[1] - packed.shape[1])))
-            bits[first * ny : last * ny] = whole_words.view("<u8")
-        return *count_kept(bits, threads=threads), bits
-
-    def list_voxels(self, blocks: Blocks, counted, *, threads: int = 0) -> VisibleVoxels:
-        """List the visible voxels; ``counted``: what ``count_steps`` returned."""
-        *counts, bits = counted
-        return gather_kept(self.volume, bits, counts, blocks, threads=threads)
+            pack(self._find_visible(first, last, threads), bits[first * ny : last * ny])
+        return bits
 
     def classified(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""
