@@ -42,6 +42,7 @@ def every_voxel(encoded: RunLengthVolume) -> RunLengthVolume:
     scanline_data_pointers, n_voxels = pointers_from_counts(np.full(shape, encoded.width, np.int64))
     runs = np.tile(np.array((0, encoded.width), run_type(encoded.shape_xyz)), shape[0] * shape[1])
     return RunLengthVolume(
-        encoded.axis, encoded.shape_xyz, encoded.model, scanline_pointers,
-        data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, voxels, scanline_data_pointers,
+        encoded.axis, encoded.shape_xyz, scanline_pointers,
+        data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, scanline_data_pointers, encoded.model,
+        voxels,
     )
