@@ -7,6 +7,7 @@ same transfer function.  It is called a stand-in wherever it appears.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -129,7 +130,7 @@ def stand_in(shape_xyz, spacing, kept: float, function: TransferFunction) -> Vol
         folds = np.sin(9.0 * along + 3.0 * depth) * np.sin(8.0 * across) * np.cos(7.0 * depth)
         density[k] = np.cos(14.0 * radius) + 0.8 * folds - 1.6 * np.maximum(radius - 0.75, 0.0) / 0.25
     edge = np.quantile(density[::2, ::2, ::2], 1.0 - kept)
-    low = function.visible_intervals()[0][0]
+    low = next(value for (value, _), (_, alpha) in pairwise(function.opacity) if alpha > 0.0)  # opacity begins
     inside = (density - edge) / max(float(density.max()) - edge, 1e-6)
     outside = (density - edge) / max(edge - float(density.min()), 1e-6)
     # Rounding must not move a value across the one where opacity begins.

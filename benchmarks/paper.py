@@ -93,7 +93,7 @@ def measure(
         began = time.perf_counter()
         encode(classified, colors, axis, quality.model, record=quality.record, threads=quality.threads)
         encode_ms = 1e3 * (time.perf_counter() - began)
-        dense = every_voxel(tables, threads=quality.threads)
+        dense = every_voxel(tables)
         for scene in mine:
             view = {"axis": axis, "encode_ms": encode_ms}
             for name, encoded, count in (("rle", tables, repeats), ("all", dense, min(repeats, SLOW_REPEATS))):

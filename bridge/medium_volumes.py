@@ -10,9 +10,10 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..rle_splat.pipeline.medium_grid import medium_steps, node_to_index
+from ..rle_splat.pipeline.medium_grid import medium_steps
 from ..rle_splat.read.vdb_medium import DENSITY, EMISSION, MediumFile
 from ..rle_splat.scene import Scene
+from ..rle_splat.volume.reduced import node_to_index
 from . import render_scene, versions, volumes
 
 LOOKS = [

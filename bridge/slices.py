@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..rle_splat.read.color import decode_srgb
 from ..rle_splat.scene import RleSplatError
+from ..rle_splat.scene.color import decode_srgb
 from ..rle_splat.volume import slices as plain
 from . import images, linked, presence, transfer, versions, volumes
 from .attached import attach, is_attached, volume_frame, world_matrix

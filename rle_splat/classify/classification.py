@@ -6,7 +6,7 @@ that shows the same values in another way needs only the second step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -20,7 +20,8 @@ from . import classify_kernels as passes
 from . import reference
 from .limits import LEAST_DISTANCE
 from .points import pieces
-from .visible import Visibility, VisibleVoxels, count_steps, fill_steps
+from .relevant import count_kept, gather_kept
+from .visible import Visibility, VisibleVoxels, mark_steps
 
 # Opacity 1 would be an infinite extinction. 1 - 2^-24 is the largest float32 below 1; its optical depth is 24 ln 2.
 ALPHA_CAP = 1.0 - 2.0**-24
@@ -42,7 +43,8 @@ class ClassifiedVolume:
         unshaded scene-linear red, green, blue. With ``by_value`` one row per bit pattern of a stored value, else one
         row per visible voxel.
     by_value : bool
-        Whether ``properties`` is a lookup table over the values of an 8- or 16-bit volume.
+        Whether ``properties`` is a lookup table over the values of an 8- or 16-bit volume; ``voxels.stored`` then has
+        their bit patterns.
     unit_length : float
         World length of one of the volume's units.
     opacity_distance : float
@@ -230,7 +232,8 @@ def classify(volume, tf, index_to_world, *, threads: int = 0) -> ClassifiedVolum
     length = unit_length(volume, np.asarray(index_to_world, dtype=np.float64))
     shown = Visibility(volume, tf)
     blocks = drain(block_steps(volume, threads=threads))
-    voxels = drain(fill_steps(shown, blocks, drain(count_steps(shown, blocks, threads=threads)), threads=threads))
+    bits = drain(mark_steps(shown, blocks, threads=threads))
+    voxels = gather_kept(volume, bits, count_kept(bits, threads=threads), blocks, threads=threads)
     return classify_voxels(shown, voxels, length, threads=threads)
 
 
@@ -256,6 +259,7 @@ def classify_voxels(shown: Visibility, voxels: VisibleVoxels, length: float, *, 
     """
     volume, tf = shown.volume, shown.tf
     distance = opacity_distance(volume, tf, length)
+    voxels = replace(voxels, stored=voxels.stored.view(shown.pattern_type))
     if shown.by_table:
         properties = _properties_by_table(shown, distance)
     else:

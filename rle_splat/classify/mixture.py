@@ -16,7 +16,7 @@ import numpy as np
 
 from ..runtime.jit import read_only
 from ..runtime.work_sizes import MIXED_AT_ONCE
-from ..volume.blocks import Blocks, cut_chunks
+from ..volume.blocks import cut_chunks
 from ..volume.counts import counts_values
 from .classification import (
     ALPHA_CAP,
@@ -30,9 +30,9 @@ from .classification import (
 )
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
-from .mixture_kernels import add_channel, count_seen, mark_seen, put_columns
-from .reference import mix
-from .visible import VisibleVoxels, row_offsets
+from .mixture_kernels import add_channel, mark_seen
+from .reference import WORD, mix, pack
+from .visible import VisibleVoxels
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,8 +244,8 @@ class Mixture:
         labels = self.labels and (self.labels.volume.key, sorted(self.labels.functions), self.labels.smooth)
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
-    def count_steps(self, *, threads: int = 0):
-        """Count visible voxels.
+    def mark_steps(self, *, threads: int = 0):
+        """Mark the visible voxels.
 
         Yields
         ------
@@ -254,47 +254,15 @@ class Mixture:
 
         Returns
         -------
-        counts : (nz * ny,) ndarray of int64
-            Visible voxels of each row.
-        row_pieces : (nz * ny,) ndarray of int32
-            Connected pieces that they form.
+        (nz * ny, words) ndarray of uint64
+            As of ``visible.mark_steps``.
         """
         nx, ny, nz = self.volume.shape_xyz
-        counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
+        bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            seen, rows = self._find_visible(first, last, threads), slice(first * ny, last * ny)
-            count_seen(seen, counts[rows], row_pieces[rows], threads)
-        return counts, row_pieces
-
-    def fill_steps(self, blocks: Blocks, counted, *, threads: int = 0):
-        """List the visible voxels.
-
-        Parameters
-        ----------
-        blocks : Blocks
-        counted : tuple
-            What ``count_steps`` returned.
-
-        Yields
-        ------
-        float
-            Fraction done.
-
-        Returns
-        -------
-        VisibleVoxels
-        """
-        nx, ny, nz = self.volume.shape_xyz
-        counts, row_pieces = counted
-        row_start = row_offsets(counts)
-        column = np.empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
-        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
-            yield first / nz
-            seen = self._find_visible(first, last, threads)
-            put_columns(seen, row_start[first * ny : last * ny + 1], column, threads)
-        stored = np.zeros(len(column), np.uint8)  # not used, since every voxel has its own row of properties
-        return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
+            pack(self._find_visible(first, last, threads), bits[first * ny : last * ny])
+        return bits
 
     def classified(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""

@@ -44,24 +44,6 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0)
         reference.mark_seen(stored, labels, numbers, shown, size, seen)
 
 
-def count_seen(seen, counts, pieces, threads: int = 0) -> None:
-    """Count the True voxels of each row of ``seen`` (rows, nx) into ``counts`` and their pieces into ``pieces``."""
-    if compiled():
-        with parallel_call(threads):
-            _count(len(seen), (seen, counts, pieces))
-    else:
-        reference.count_seen(seen, counts, pieces)
-
-
-def put_columns(seen, row_start, column, threads: int = 0) -> None:
-    """Write x of each True voxel of ``seen`` (rows, nx) to ``column[row_start[0]:]``."""
-    if compiled():
-        with parallel_call(threads):
-            _put(len(seen), (seen, row_start, column))
-    else:
-        column[row_start[0] : row_start[len(seen)]] = np.nonzero(seen)[1]
-
-
 def add_channel(
     indices, stored, labels, numbers, tables, size: int, distance: float, properties, threads: int = 0,
 ) -> None:
@@ -130,41 +112,3 @@ def _add_pieces(
             properties[i, 1] = alphas[entry] if alone else -math.expm1(-total * distance)
             for channel in range(3):
                 properties[i, 2 + channel] += extinction / total * (colors[entry, channel] - properties[i, 2 + channel])
-
-
-@kernel
-def _count(rows, arguments):
-    """Kernel of ``count_seen``."""
-    share_out(_count_rows, rows, arguments)
-
-
-@kernel(inner=True)
-def _count_rows(begin, end, seen, counts, pieces):
-    """``_count`` for rows [begin, end)."""
-    for row in range(begin, end):
-        count = found = 0
-        before = False
-        for x in range(seen.shape[1]):
-            here = seen[row, x]
-            count += here
-            found += here and not before
-            before = here
-        counts[row], pieces[row] = count, found
-
-
-@kernel
-def _put(rows, arguments):
-    """Kernel of ``put_columns``."""
-    share_out(_put_rows, rows, arguments)
-
-
-@kernel(inner=True)
-def _put_rows(begin, end, seen, row_start, column):
-    """``_put`` for rows [begin, end)."""
-    for row in range(begin, end):
-        at, stop = row_start[row], row_start[row + 1]
-        for x in range(seen.shape[1]):
-            if at == stop:
-                break
-            column[at] = x  # always write, and advance only if visible
-            at += seen[row, x]

@@ -95,6 +95,12 @@ def mark_relevant(voxels, first, last, ends, bits):
     bits[first * n_y : last * n_y] = np.ascontiguousarray(packed).view("<u8").reshape(-1, bits.shape[1])
 
 
+def pack(seen, bits):
+    """Set the ``bits`` (rows, words) of the voxels that are True in ``seen`` (rows, nx)."""
+    packed = np.packbits(seen, axis=1, bitorder="little")
+    bits[:] = np.pad(packed, ((0, 0), (0, 8 * bits.shape[1] - packed.shape[1]))).view("<u8")
+
+
 def unpack(bits) -> np.ndarray:
     """(rows, words * 64) uint8: the bits, one by one."""
     return np.unpackbits(bits.astype("<u8").view(np.uint8).reshape(len(bits), -1), axis=1, bitorder="little")

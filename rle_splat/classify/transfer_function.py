@@ -13,7 +13,6 @@ import math
 import os
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
-from itertools import pairwise
 from pathlib import Path
 from reprlib import repr as short
 
@@ -252,49 +251,6 @@ class TransferFunction:
     def table(self, values) -> np.ndarray:
         """(..., 4) float64: unassociated r, g, b and alpha at physical ``values``."""
         return np.concatenate((self.color_at(values), self.alpha_at(values)[..., None]), axis=-1)
-
-    def relevant(self, low, high) -> np.ndarray:
-        """Largest opacity of any value in an interval.
-
-        Parameters
-        ----------
-        low, high : array_like
-            Ends of closed intervals of physical values, element by element.
-
-        Returns
-        -------
-        ndarray of float64
-            Where a step lies inside the interval, the height to its left counts too. NaN ends give 0.
-
-        Raises
-        ------
-        RleSplatError
-            If a lower end is above its upper end.
-        """
-        low, high = np.broadcast_arrays(np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64))
-        if (low > high).any():
-            raise RleSplatError("The lower end of a value interval is above its upper end; swap them.")
-        most = np.maximum(self.alpha_at(low), self.alpha_at(high))
-        last = len(self.opacity) - 1
-        for i, (value, alpha) in enumerate(self.opacity):
-            if i == 0 or self.opacity[i - 1][0] < value:  # the height that the curve reaches from the left
-                most = np.where((low < value) & (value <= high), np.maximum(most, alpha), most)
-            if i == last or self.opacity[i + 1][0] > value:  # the height with which the curve continues
-                most = np.where((low <= value) & (value <= high), np.maximum(most, alpha), most)
-        return most
-
-    def visible_intervals(self) -> tuple:
-        """((low, high), ...): ascending disjoint closed intervals outside which every value is transparent."""
-        spans = []
-        ends = [(-math.inf, self.opacity[0][1]), *self.opacity, (math.inf, self.opacity[-1][1])]
-        for (low, alpha_low), (high, alpha_high) in pairwise(ends):
-            if alpha_low <= 0.0 and alpha_high <= 0.0:
-                continue
-            if spans and spans[-1][1] >= low:
-                spans[-1] = (spans[-1][0], high)
-            else:
-                spans.append((low, high))
-        return tuple(spans)
 
     # --- moving the points ------------------------------------------------------------------------------------
 

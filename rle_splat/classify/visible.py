@@ -1,7 +1,6 @@
 """Which voxels a transfer function shows: the first step of classification, on which all run lengths depend.
 
-Two passes over the rows, count and fill, avoid any allocation of the volume's size. Both skip blocks whose range of
-values is hidden.
+The voxels are looked at once and marked by a bit each; blocks whose range of values is hidden are skipped.
 """
 
 from __future__ import annotations
@@ -12,12 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, parallel_call, read_only
 from ..volume.blocks import BLOCK_Z, Blocks, cut_chunks
 from . import classify_kernels as passes
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
+from .reference import WORD
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,7 @@ class VisibleVoxels:
     column : (m,) ndarray of uint16 (int32 if nx > 65536)
         x of each voxel, ascending within a row.
     stored : (m,) ndarray
-        Stored value of each voxel; for 8- and 16-bit types the unsigned bit pattern.
+        Stored value of each voxel.
     nan_voxels : int
         Number of NaN voxels, which are transparent.
     bits : (nz * ny, words) ndarray of uint64 or None
@@ -86,6 +85,12 @@ class Visibility:
         """Whether stored values have at most 16 bits, so that a lookup table is used."""
         return self.volume.voxels.dtype.kind in "iu" and self.volume.voxels.dtype.itemsize <= 2
 
+    @property
+    def pattern_type(self) -> np.dtype:
+        """Type of the bit patterns that the lookup table is for; without one, of the stored values."""
+        own = self.volume.voxels.dtype
+        return np.dtype(f"u{own.itemsize}") if self.by_table else own
+
     @cached_property
     def pattern_values(self) -> np.ndarray:
         """(256 or 65536,) float64: physical value of every bit pattern."""
@@ -135,8 +140,8 @@ def row_offsets(counts: np.ndarray) -> np.ndarray:
     return offsets
 
 
-def count_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
-    """Count visible voxels.
+def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
+    """Mark the visible voxels, which ``relevant.count_kept`` and ``relevant.gather_kept`` count and list.
 
     Parameters
     ----------
@@ -153,82 +158,24 @@ def count_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
 
     Returns
     -------
-    counts : (nz * ny,) ndarray of int64
-        Visible voxels of each row.
-    row_pieces : (nz * ny,) ndarray of int32
-        Connected pieces that they form.
-    """
-    _, ny, nz = shown.volume.shape_xyz
-    counts, row_pieces = np.zeros(nz * ny, np.int64), np.zeros(nz * ny, np.int32)
-    for first, last, rows, relevant in _pieces_of_work(shown, blocks):
-        yield first / nz
-        out = counts[first * ny : last * ny], row_pieces[first * ny : last * ny]
-        if not compiled():
-            reference.count_seen(reference.find_seen(shown, rows), *out)
-            continue
-        with parallel_call(threads):
-            if shown.by_table:
-                passes.count_by_table(rows, ny, relevant, shown.table, *out)
-            else:
-                passes.count_by_points(rows, ny, relevant, *_scaling(shown), shown.intervals, *out)
-    return counts, row_pieces
-
-
-def fill_steps(shown: Visibility, blocks: Blocks, counted, *, threads: int = 0):
-    """List the visible voxels.
-
-    Parameters
-    ----------
-    shown : Visibility
-    blocks : Blocks
-        Of the same volume.
-    counted : tuple
-        What ``count_steps`` returned.
-    threads : int
-        0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
-
-    Returns
-    -------
-    VisibleVoxels
+    (nz * ny, words) ndarray of uint64
+        One bit per voxel of a row, lowest bit first.
     """
     nx, ny, nz = shown.volume.shape_xyz
-    counts, row_pieces = counted
-    row_start = row_offsets(counts)
-    column = empty(row_start[-1], dtype=np.uint16 if nx <= 65536 else np.int32)
-    stored = empty(row_start[-1], dtype=_list_type(shown))
+    bits = np.zeros((nz * ny, -(-nx // WORD)), np.uint64)
     for first, last, rows, relevant in _pieces_of_work(shown, blocks):
         yield first / nz
-        starts = row_start[first * ny : last * ny + 1]
-        if starts[0] == starts[-1]:
-            continue
+        part = bits[first * ny : last * ny]
         if not compiled():
-            part = slice(starts[0], starts[-1])
-            reference.list_seen(reference.find_seen(shown, rows), rows, column[part], stored[part])
+            reference.pack(reference.find_seen(shown, rows), part)
             continue
         with parallel_call(threads):
             if shown.by_table:
-                passes.fill_by_table(rows, ny, relevant, shown.table, starts, column, stored)
+                passes.mark_by_table(rows, ny, relevant, shown.table, part)
             else:
-                passes.fill_by_points(
-                    rows, ny, relevant, *_scaling(shown), shown.intervals, starts, column, stored
-                )
-    return VisibleVoxels((nx, ny, nz), row_start, row_pieces, column, stored, blocks.nan_voxels)
-
-
-def _list_type(shown: Visibility) -> np.dtype:
-    """Type of ``VisibleVoxels.stored``."""
-    own = shown.volume.voxels.dtype
-    return np.dtype(f"u{own.itemsize}") if shown.by_table else own
-
-
-def _scaling(shown: Visibility) -> tuple[float, float]:
-    """(slope, intercept) as floats."""
-    return float(shown.volume.slope), float(shown.volume.intercept)
+                scaling = float(shown.volume.slope), float(shown.volume.intercept)
+                passes.mark_by_points(rows, ny, relevant, *scaling, shown.intervals, part)
+    return bits
 
 
 def _pieces_of_work(shown: Visibility, blocks: Blocks):
@@ -240,4 +187,4 @@ def _pieces_of_work(shown: Visibility, blocks: Blocks):
         part = relevant[here]
         if part.any():
             planes = np.asarray(volume.voxels)[first:last]
-            yield first, last, read_only(planes).view(_list_type(shown)).reshape(-1, nx), part
+            yield first, last, read_only(planes).view(shown.pattern_type).reshape(-1, nx), part

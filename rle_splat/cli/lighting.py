@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..pipeline.encode_scene import describe_light, looking_direction
 from ..scene import RleSplatError
+from ..scene.plain import plain
+from ..view.projection import depth_row
 
 # Directions that differ by less than this are equal: a .rle file stores them exactly, a camera file may round them.
 DIRECTION_TOLERANCE = 1e-6
@@ -32,13 +33,13 @@ def check_lighting(args, lighting, lights, camera) -> None:
     """
     if args.no_shading and lighting.get("shaded", True):
         raise RleSplatError(f"{args.volume} was encoded with shading; remove --no-shading, or encode it again.")
-    if args.lights is not None and [describe_light(light) for light in lights] != lighting.get("lights"):
+    if args.lights is not None and plain(lights) != lighting.get("lights"):
         raise RleSplatError(
             f"{args.volume} was encoded with other lights than {args.lights}; remove --lights, or encode it again.")
     headlight = lighting.get("headlight_direction")
     if args.headlight is False and headlight is not None:
         raise RleSplatError(f"{args.volume} was encoded with a headlight; remove --no-headlight, or encode it again.")
-    if args.headlight and not _shines_along(headlight, looking_direction(camera)):
+    if args.headlight and not _shines_along(headlight, depth_row(camera)[:3]):
         raise RleSplatError(
             f"{args.volume} was not encoded with a headlight from this view; remove --headlight, or encode it again.")
 

@@ -5,69 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
-from ..runtime.parallel import share_out
 
 
-def decode(encoded: RunLengthVolume, *, threads: int = 0) -> np.ndarray:
+def decode(encoded: RunLengthVolume) -> np.ndarray:
     """Decode to a dense grid.
 
     Parameters
     ----------
     encoded : RunLengthVolume
-    threads : int
-        0 for one per core.
 
     Returns
     -------
     (n_slices, n_scanlines, width, 4) ndarray of float32
         Voxel records; zero where transparent.
     """
-    dense = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width, 4), dtype=np.float32)
-    records = encoded.decoded()
-    if compiled():
-        with parallel_call(threads):
-            _decode_scanlines(
-                encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs, read_only(records), dense
-            )
-    else:
-        dense[_visible_numpy(encoded)] = records
-    return dense
-
-
-@kernel
-def _decode_scanlines(scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
-    """Write ``dense`` (n_slices, n_scanlines, width, 4) float32, zero on entry, from valid tables."""
-    share_out(_decode_slices, dense.shape[0], (scanline_pointers, scanline_data_pointers, runs, voxel_data, dense))
-
-
-@kernel(inner=True)
-def _decode_slices(begin, end, scanline_pointers, scanline_data_pointers, runs, voxel_data, dense):
-    """``_decode_scanlines`` for slices [begin, end)."""
-    width = dense.shape[2]
-    for k in range(begin, end):
-        for j in range(dense.shape[1]):
-            run = np.int64(scanline_pointers[k, j])
-            if run < 0:
-                continue
-            at = scanline_data_pointers[k, j]
-            x = np.int64(runs[run])
-            while x < width:
-                for _ in range(np.int64(runs[run + 1])):
-                    for channel in range(4):
-                        dense[k, j, x, channel] = voxel_data[at, channel]
-                    x += 1
-                    at += 1
-                run += 2
-                if x < width:
-                    x += np.int64(runs[run])
-
-
-def _visible_numpy(encoded: RunLengthVolume) -> np.ndarray:
-    """(n_slices, n_scanlines, width) bool: where a voxel is stored; part of the reference implementation."""
-    starts = encoded.scanline_pointers[encoded.scanline_pointers >= 0].astype(np.int64)
-    bounds = np.append(starts, len(encoded.runs))
-    in_line = np.arange(len(encoded.runs)) - np.repeat(starts, np.diff(bounds))
-    visible = np.zeros((encoded.n_slices, encoded.n_scanlines, encoded.width), dtype=bool)
-    visible[encoded.scanline_pointers >= 0] = np.repeat(in_line % 2 == 1, encoded.runs).reshape(-1, encoded.width)
-    return visible
+    shape = encoded.n_slices, encoded.n_scanlines, encoded.width
+    pointers, runs = encoded.scanline_pointers.reshape(-1).astype(np.int64), encoded.runs
+    lines = np.flatnonzero(pointers >= 0)
+    lines = lines[np.argsort(pointers[lines])]  # in the order of their runs
+    starts = pointers[lines]
+    in_line = np.arange(len(runs)) - np.repeat(starts, np.diff(np.append(starts, len(runs))))
+    visible = np.zeros((len(pointers), encoded.width), dtype=bool)
+    visible[lines] = np.repeat(in_line % 2 == 1, runs).reshape(-1, encoded.width)
+    counts = np.count_nonzero(visible, axis=1)
+    before = np.cumsum(counts) - counts
+    records = np.repeat(encoded.scanline_data_pointers.reshape(-1) - before, counts) + np.arange(counts.sum())
+    dense = np.zeros((*visible.shape, 4), dtype=np.float32)
+    dense[visible] = encoded.decoded()[records]
+    return dense.reshape(*shape, 4)

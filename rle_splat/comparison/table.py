@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
-from ..scene import Quality, Rendering, RleSplatError, Scene
+from ..scene import RleSplatError
 from . import ihm_lee, lacroute, laur_hanrahan, levoy, ours, totsuka_levoy, unaccelerated, westover
-from .medium import scene_medium
 from .system import System
 
 SYSTEMS = {
@@ -70,20 +68,3 @@ def system_of(name: str) -> System:
     if name not in SYSTEMS:
         raise RleSplatError(f"There is no system called {name!r}; choose {', '.join(SYSTEMS)}.")
     return SYSTEMS[name]
-
-
-def draw(name: str, scene: Scene, quality: Quality) -> Rendering:
-    """Draw one picture with the system ``name``; its report holds milliseconds, bytes and differences."""
-    system = system_of(name)
-    medium = scene_medium(scene, quality)
-    began = time.perf_counter()
-    prepared = system.prepare(medium, quality)
-    ready = time.perf_counter()
-    rendering = prepared.draw()
-    drawn = time.perf_counter()
-    report = {
-        "system": name, "title": system.title, "reference": system.reference, "differs": system.differs,
-        "stages_ms": {**medium.stages_ms, "prepare": 1e3 * (ready - began), "draw": 1e3 * (drawn - ready)},
-        "memory_bytes": {**prepared.memory_bytes, "total": prepared.total_bytes}, "notes": prepared.notes,
-    }
-    return Rendering(rendering.rgba, rendering.depth, report)

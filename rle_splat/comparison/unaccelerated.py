@@ -30,18 +30,19 @@ DIFFERS = (
 def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
     """The renderer at ``quality``, visiting every voxel."""
     encoded = ours.encode_axes(medium, quality)
-    axes = {axis: every_voxel(tables, quality.threads) for axis, tables in encoded.items()}
+    axes = {axis: every_voxel(tables) for axis, tables in encoded.items()}
     return ours.prepare_tables(medium, quality, axes)
 
 
-def every_voxel(encoded: RunLengthVolume, threads: int = 0) -> RunLengthVolume:
+def every_voxel(encoded: RunLengthVolume) -> RunLengthVolume:
     """The same volume with all voxels stored: for each scanline a transparent run of length 0 and one of all voxels."""
-    voxels = decode(encoded, threads=threads).reshape(-1, 4)
+    voxels = decode(encoded).reshape(-1, 4)
     shape = (encoded.n_slices, encoded.n_scanlines)
     scanline_pointers, _ = scanline_pointers_from_counts(np.full(shape, 2, np.int64))
     scanline_data_pointers, n_voxels = pointers_from_counts(np.full(shape, encoded.width, np.int64))
     runs = np.tile(np.array((0, encoded.width), run_type(encoded.shape_xyz)), shape[0] * shape[1])
     return RunLengthVolume(
-        encoded.axis, encoded.shape_xyz, encoded.model, scanline_pointers,
-        data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, voxels, scanline_data_pointers,
+        encoded.axis, encoded.shape_xyz, scanline_pointers,
+        data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, scanline_data_pointers, encoded.model,
+        voxels,
     )

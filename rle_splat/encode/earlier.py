@@ -208,7 +208,7 @@ def _read(members) -> dict:
             voxel_data, decoding = lengthen(voxel_data, decoding)
         starts = scanline_starts(axis, shape, *pointers, runs, len(voxel_data))
         check_records(axis, voxel_data, decoding)
-        axes[axis] = RunLengthVolume(axis, shape, model, *pointers, runs, voxel_data, starts, decoding)
+        axes[axis] = RunLengthVolume(axis, shape, *pointers, runs, starts, model, voxel_data, decoding)
         if axes[axis].record != stored_as:
             raise ValueError("its voxel data do not have the stated record size")
         check_color(axes[axis].most_color)

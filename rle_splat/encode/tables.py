@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -13,9 +13,7 @@ from .records import record_bytes, unpack
 CHUNK = 1 << 18  # voxels processed at once, so that they are not all copied
 LEAST_DENSITY = 1e-37  # avoids 0 / 0 in color = associated color / density
 TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's tables, in its order
-
-
-POINTERS = ("scanline_pointers", "data_pointers", "runs", "scanline_data_pointers")  # tables without the voxel data
+DERIVED = "scanline_data_pointers"
 
 
 class OnAxis:
@@ -49,9 +47,25 @@ class OnAxis:
 
 @dataclass(frozen=True, eq=False)
 class RunTables(OnAxis):
-    """Run-length tables of visible voxels for one principal axis: a RunLengthVolume without its voxel data.
+    """Run-length tables of visible voxels for one principal axis, without their voxel data.
 
-    They depend only on which voxels are visible, not on colors or lights. Attributes: see RunLengthVolume.
+    They depend only on which voxels are visible, not on colors or lights.
+
+    Attributes
+    ----------
+    axis : {0, 1, 2}
+        Principal axis, across the slices; ``axes.AXES`` gives the other two.
+    shape_xyz : (nx, ny, nz)
+    scanline_pointers : (n_slices, n_scanlines) ndarray of int32 or int64
+        Index into ``runs`` of the scanline's first transparent run; -1 if the scanline is transparent.
+    data_pointers : (n_slices + 1,) ndarray of int64
+        Index into the voxel data of a slice's first voxel; the last entry is the total.
+    runs : (n_runs,) ndarray of uint16 or uint32
+        Per scanline t0, n0, t1, n1, ...: lengths of transparent and visible runs in turn. t0 may be 0, no other length
+        is; a trailing transparent run is stored; they sum to ``width``.
+    scanline_data_pointers : (n_slices, n_scanlines) ndarray of int64
+        Index into the voxel data of a scanline's first voxel. Derived from the other tables and not stored in files; it
+        allows bands of the image to begin at any scanline.
     """
 
     axis: int
@@ -68,60 +82,39 @@ class RunTables(OnAxis):
 
     @property
     def table_bytes(self) -> dict[str, int]:
-        """Bytes of each table by name."""
-        return {name: getattr(self, name).nbytes for name in POINTERS}
+        """Bytes of each table by name, including the derived one."""
+        return {name: getattr(self, name).nbytes for name in (*TABLES, DERIVED) if hasattr(self, name)}
 
     def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> RunLengthVolume:
         """RunLengthVolume of these tables and ``voxel_data``, whose records are in the order of the tables."""
-        return RunLengthVolume(
-            self.axis, self.shape_xyz, model, self.scanline_pointers, self.data_pointers, self.runs, voxel_data,
-            self.scanline_data_pointers, decoding, most_color,
-        )
+        mine = (getattr(self, entry.name) for entry in fields(RunTables))
+        return RunLengthVolume(*mine, model, voxel_data, decoding, most_color)
 
 
 @dataclass(frozen=True, eq=False)
-class RunLengthVolume(OnAxis):
+class RunLengthVolume(RunTables):
     """A classified, shaded volume, run-length encoded along one principal axis.
 
     Attributes
     ----------
-    axis : {0, 1, 2}
-        Principal axis, across the slices; ``axes.AXES`` gives the other two.
-    shape_xyz : (nx, ny, nz)
     model : {"extinction", "opacity"}
         Meaning of the voxel data.
-    scanline_pointers : (n_slices, n_scanlines) ndarray of int32 or int64
-        Index into ``runs`` of the scanline's first transparent run; -1 if the scanline is transparent.
-    data_pointers : (n_slices + 1,) ndarray of int64
-        Index into ``voxel_data`` of a slice's first voxel; the last entry is the total.
-    runs : (n_runs,) ndarray of uint16 or uint32
-        Per scanline t0, n0, t1, n1, ...: lengths of transparent and visible runs in turn. t0 may be 0, no other length
-        is; a trailing transparent run is stored; they sum to ``width``.
     voxel_data : ndarray
         Records of visible voxels: (m, 4) float32, scene-linear (extinction * RGB, extinction) in 1 / world length, or
         (alpha * RGB, alpha) per opacity unit distance; or the same in 8 bytes, as codes (see ``records``).
-    scanline_data_pointers : (n_slices, n_scanlines) ndarray of int64
-        Index into ``voxel_data`` of a scanline's first voxel. Derived from the other tables and not stored in files; it
-        allows bands of the image to begin at any scanline.
     decoding : ndarray of float32 or None
         Scales of the codes, see ``records.decoding_of``; None for 16-byte records.
     given_most_color : float or None
         Largest channel of any unassociated color, if known.
     """
 
-    axis: int
-    shape_xyz: tuple[int, int, int]
     model: str
-    scanline_pointers: np.ndarray
-    data_pointers: np.ndarray
-    runs: np.ndarray
     voxel_data: np.ndarray
-    scanline_data_pointers: np.ndarray
     decoding: np.ndarray | None = None
     given_most_color: float | None = None
 
     def __post_init__(self):
-        for name in (*TABLES, "scanline_data_pointers"):
+        for name in (*TABLES, DERIVED):
             getattr(self, name).setflags(write=False)
         if self.decoding is not None:
             self.decoding.setflags(write=False)
@@ -152,11 +145,6 @@ class RunLengthVolume(OnAxis):
                 colors = data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)
             most = np.maximum(most, colors.max())
         return float(most)
-
-    @property
-    def table_bytes(self) -> dict[str, int]:
-        """Bytes of each table by name, including the derived one."""
-        return {name: getattr(self, name).nbytes for name in (*TABLES, "scanline_data_pointers")}
 
 
 def run_type(shape_xyz) -> type:

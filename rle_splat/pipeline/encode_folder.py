@@ -16,7 +16,7 @@ import numpy as np
 from ..classify.classification import unit_length
 from ..classify.placing import RecordPositions
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
-from ..classify.visible import Visibility, VisibleVoxels, count_steps, fill_steps
+from ..classify.visible import Visibility, VisibleVoxels, mark_steps
 from ..effects.analyze import analyze_effects
 from ..effects.mixing import is_mixed
 from ..effects.ray_values import shown_values
@@ -319,9 +319,10 @@ class _ClassifiedChunks(_Chunks):
         """The visible voxels of a chunk, and the same as a LitVolume."""
         shown = Visibility(self.part(first, last), self.scene.transfer_function)
         blocks = drain(block_steps(shown.volume, threads=self.threads))
-        counted = drain(count_steps(shown, blocks, threads=self.threads))
+        bits = drain(mark_steps(shown, blocks, threads=self.threads))
+        counted = count_kept(bits, threads=self.threads)
         _claim(counted[0])
-        local = drain(fill_steps(shown, blocks, counted, threads=self.threads))
+        local = gather_kept(shown.volume, bits, counted, blocks, threads=self.threads)
         voxels = self.in_volume(local, first)
         found = self.source.classified(self.source.shown, voxels, self.length)
         directions = None if self.falling is None else self.source.normals(voxels)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
-import numpy as np
-
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..runtime.steps import Clock, announce, drain
 from ..scene import Quality, Scene
+from ..scene.plain import plain
+from ..view.projection import depth_row
 from ..volume.axes import AXES, AXIS_NAMES
+from .lighting import eye_of
 from .scan_source import scan_source
 from .source import Work
 from .stage_cache import StageCache
@@ -78,31 +77,15 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     return stored, report
 
 
-def looking_direction(camera) -> np.ndarray:
-    """(3,) float64 unit world vector along which a camera looks."""
-    backwards = camera.matrix_world[:3, 2]
-    return -backwards / np.linalg.norm(backwards)
-
-
 def describe_lighting(scene: Scene) -> dict:
     """JSON-ready: what the lit colors of a scene depend on besides the volume and the transfer function.
 
     ``headlight_direction``: along which a headlight shines, None without one.  ``eye``: homogeneous world position of
     the eye, for highlights.  ``environment``: moments of the world's light by name.
     """
-    camera, looking, around = scene.camera, looking_direction(scene.camera), scene.environment
-    parallel = camera.type == "ORTHO"
+    looking, eye = depth_row(scene.camera)[:3], eye_of(scene.camera)
     return {
         "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights or scene.world)),
-        "lights": [describe_light(light) for light in scene.lights],
-        "headlight_direction": looking.tolist() if scene.headlight else None,
-        "eye": [*(-looking).tolist(), 0.0] if parallel else [*camera.matrix_world[:3, 3].tolist(), 1.0],
-        "world": None if scene.world is None else list(map(float, scene.world)),
-        "environment": None if around is None else {name: part.tolist() for name, part in vars(around).items()},
-    }
-
-
-def describe_light(light) -> dict:
-    """A light in the format of the lights file."""
-    described = {entry.name: getattr(light, entry.name) for entry in fields(light)}
-    return {**described, "color": list(light.color), "matrix_world": light.matrix_world.tolist()}
+        "lights": plain(scene.lights), "headlight_direction": looking.tolist() if scene.headlight else None,
+        "eye": eye.tolist(), "world": plain(scene.world), "environment": plain(scene.environment),
+    }  # fmt: skip

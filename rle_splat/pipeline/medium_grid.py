@@ -114,13 +114,6 @@ def shadow_factors(scene: Scene, lights) -> tuple[int, int, int]:
     return factors_of(scene.volume, side_for(lights, middle))
 
 
-def node_to_index(factors) -> np.ndarray:
-    """(4, 4) float64: index of a voxel of the grid to the volume's voxel index of its middle."""
-    matrix = np.diag((*factors, 1.0))
-    matrix[:3, 3] = 0.5 * (np.array(factors) - 1.0)
-    return matrix
-
-
 def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache | None = None):
     """Generator of Progress: make the grid of a scene's medium.
 

@@ -115,7 +115,7 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("classify", "visible", count, 2 if nx <= 65536 else 4),  # a voxel's column
         MemoryRow("classify", "visible", count, value),
         MemoryRow("classify", "visible", own * count, 20),  # extinction, opacity and color
-        MemoryRow("classify", "visible", scalars * voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
+        MemoryRow("classify", "visible", voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
         MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
         # Measured: 95 with lookup tables, 178 without.
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),

@@ -119,8 +119,6 @@ class Features:
         Levels: the largest difference of the pilots of two depth rules, and of two sheet densities.
     pixels_per_voxel : float
         The size of voxels in the picture.
-    obliquity : float
-        The longest path of a ray through a slice, over the slice's thickness.
     sheets : int
         Sheets that a ray meets with the depth rule ``slice``.
     row_sheets, pixel_sheets, sheet_pixels : float
@@ -137,7 +135,6 @@ class Features:
     depth_step: float
     sheet_step: float
     pixels_per_voxel: float
-    obliquity: float
     sheets: int
     row_sheets: float
     pixel_sheets: float

@@ -20,7 +20,8 @@ import numpy as np
 
 from ..classify.classification import ClassifiedVolume, classify_voxels, unit_length
 from ..classify.mixture import Mixture
-from ..classify.visible import Visibility, count_steps, fill_steps
+from ..classify.relevant import count_kept, gather_kept
+from ..classify.visible import Visibility, mark_steps
 from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from ..encode.records import decoding_of
@@ -148,11 +149,8 @@ class ScanSource(Source):
         """Which voxels are visible."""
         return Visibility(self.scene.volume, self.scene.transfer_function)
 
-    def count_steps(self, shown, blocks):
-        return count_steps(shown, blocks, threads=self.threads)
-
-    def fill_steps(self, shown, blocks, counted):
-        return fill_steps(shown, blocks, counted, threads=self.threads)
+    def mark_steps(self, shown, blocks):
+        return mark_steps(shown, blocks, threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return classify_voxels(shown, voxels, length, threads=self.threads)
@@ -216,29 +214,34 @@ class ScanSource(Source):
 
     def _visible_steps(self, work: Work, shown, voxels_key, visible_key, shaded: bool):
         """Generator of Progress: the visible voxels, and the MemoryEstimate of all that is to come."""
-        job, clock = work.job, work.clock
+        scene, job, clock = self.scene, work.job, work.clock
 
-        shadows = shadow_count(self.scene) if shaded else 0
+        shadows = shadow_count(scene) if shaded else 0
         tables = PlannedTables(self.quality.record, work.axes, shaded, shadows, self.mixed)
 
         def needed_by(counted) -> MemoryEstimate:
-            voxels = VoxelCount.in_rows(self.scene.volume, counted, self.record_type)
+            voxels = VoxelCount.in_rows(scene.volume, counted, self.record_type)
             return estimate_tables(voxels, tables, work.picture)
 
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
             return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
-        blocks_of = partial(block_steps, self.scene.volume, threads=self.threads)
+        blocks_of = partial(block_steps, scene.volume, threads=self.threads)
         steps = time_steps(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
-        steps = time_steps(self.count_steps(shown, blocks), clock, self.stage)
-        counted = yield from announce(steps, 0.02, 0.06, "Counting")
+        steps = time_steps(self.mark_steps(shown, blocks), clock, self.stage)
+        bits = yield from announce(steps, 0.02, 0.06, "Counting")
+        counted = count_kept(bits, threads=self.threads)
         needed = needed_by(counted)
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
-        steps = job.steps("visible", visible_key, lambda: self.fill_steps(shown, blocks, counted))
-        return (yield from announce(time_steps(steps, clock, self.stage), 0.06, 0.1, message)), needed
+        with clock.stage(self.stage):
+            voxels = job.get(
+                "visible", visible_key,
+                lambda: gather_kept(scene.volume, bits, counted, blocks, threads=self.threads),
+            )  # fmt: skip
+        return voxels, needed
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,11 +255,8 @@ class MixedSource(ScanSource):
         scene = self.scene
         return Mixture(scene.volume, scene.transfer_function, scene.labels, scene.channels)
 
-    def count_steps(self, shown, blocks):
-        return shown.count_steps(threads=self.threads)
-
-    def fill_steps(self, shown, blocks, counted):
-        return shown.fill_steps(blocks, counted, threads=self.threads)
+    def mark_steps(self, shown, blocks):
+        return shown.mark_steps(threads=self.threads)
 
     def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
         return shown.classified(voxels, length, threads=self.threads)

@@ -12,6 +12,12 @@ def linear(color) -> tuple | None:
     return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
 
 
+def decode_srgb(encoded) -> np.ndarray:
+    """Convert sRGB values from 0 to 1, of any shape, to scene-linear ones, float64."""
+    encoded = np.asarray(encoded, dtype=np.float64)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
 def to_display(colors) -> np.ndarray:
     """Convert scene-linear colors to sRGB.
 
@@ -23,7 +29,7 @@ def to_display(colors) -> np.ndarray:
     Returns
     -------
     ndarray
-        Of the same shape, from 0 to 1.
+        Of the same shape and type, from 0 to 1.
     """
     colors = np.clip(colors, 0.0, 1.0)
     return np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1.0 / 2.4) - 0.055)

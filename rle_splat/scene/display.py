@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# The sRGB transfer curve (IEC 61966-2-1): linear below the threshold, then an offset power.
-LINEAR_LIMIT, LINEAR_SLOPE = 0.0031308, 12.92
-OFFSET, EXPONENT = 0.055, 1.0 / 2.4
+from .color import to_display
+
 ROWS = 32  # encoded together
 
 
@@ -23,9 +22,7 @@ def encode_srgb(linear) -> np.ndarray:
     ndarray, float32
         Encoded values in [0, 1], of the same shape.
     """
-    clamped = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0)
-    power = (1.0 + OFFSET) * clamped**EXPONENT - OFFSET
-    return np.where(clamped <= LINEAR_LIMIT, LINEAR_SLOPE * clamped, power).astype(np.float32)
+    return to_display(np.asarray(linear, dtype=np.float32))
 
 
 def over_background(rgba, background) -> np.ndarray:

@@ -54,16 +54,6 @@ def cell_nodes(rule: str) -> tuple:
     return NAMED_NODES[rule]
 
 
-@lru_cache(maxsize=32)
-def sheets_per_cell(rule: str) -> int:
-    """How many sheets a depth rule has for each of its cells, away from the ends."""
-    slabs = preintegrated_of(rule)
-    if slabs is not None:
-        return slabs
-    nodes = cell_nodes(rule)
-    return len(nodes) - (nodes[0][0] == 0.0)  # the last node of a cell is then the first one of the next
-
-
 PLANES = "planes-"
 
 

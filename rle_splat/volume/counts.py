@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.steps import drain
-
 
 def counts_values(dtype) -> bool:
     """Whether a voxel type has so few values (8 or 16 bits) that each is counted."""
@@ -21,23 +19,23 @@ def stored_values(dtype) -> np.ndarray:
     return np.arange(limits.min, limits.max + 1).astype(dtype)
 
 
-def count_values(voxels: np.ndarray) -> np.ndarray:
+def count_steps(voxels: np.ndarray):
     """Count the voxels of each stored value, plane by plane.
 
     Parameters
     ----------
     voxels : (nz, ny, nx) ndarray of an 8- or 16-bit integer dtype
 
+    Yields
+    ------
+    float
+        Fraction done.
+
     Returns
     -------
     (256,) or (65536,) ndarray of int64
         In the order of ``stored_values``.
     """
-    return drain(count_steps(voxels))
-
-
-def count_steps(voxels: np.ndarray):
-    """Generator of fractions done: ``count_values``."""
     unsigned = np.dtype(f"u{voxels.dtype.itemsize}")
     counts = np.zeros(1 << 16, np.int64)
     n = 1 << (8 * unsigned.itemsize)

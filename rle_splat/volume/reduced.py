@@ -29,6 +29,13 @@ def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
     return tuple(int(min(factor, count)) for factor, count in zip(found, volume.shape_xyz))
 
 
+def node_to_index(factors) -> np.ndarray:
+    """(4, 4) float64: index of a block of so many voxels along x, y and z to the voxel index of its middle."""
+    matrix = np.diag((*factors, 1.0))
+    matrix[:3, 3] = 0.5 * (np.array(factors) - 1.0)
+    return matrix
+
+
 def sample_steps(volume: Volume, level: int):
     """Generator of Progress: every 2^``level``-th voxel along each axis, so that little of a large file is read.
 
@@ -112,9 +119,7 @@ def reduce_steps(volume: Volume, factors: tuple[int, int, int]):
         mean = mean.reshape(ny, fy, nx, fx).mean(axis=3, dtype=np.float64).mean(axis=1)
         voxels[z] = np.rint(mean) if fine.dtype.kind in "iu" else mean
     voxels.flags.writeable = False
-    to_voxels = np.diag((fx, fy, fz, 1.0))
-    to_voxels[:3, 3] = 0.5 * (np.array(factors) - 1.0)  # the middle of the first block
-    found = replace(volume, voxels=voxels, affine=volume.affine @ to_voxels)
+    found = replace(volume, voxels=voxels, affine=volume.affine @ node_to_index(factors))
     # Its own voxels need not be read for a hash of them.
     content = f"{volume.voxel_key} in blocks of {factors}"
     found.measured["voxel_key"] = hashlib.blake2b(content.encode(), digest_size=16).hexdigest()

@@ -70,10 +70,9 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
         filling = (low - one.intercept) / one.slope
     if order is not None and (whole or not values):
         steps = _reorder_steps(one.voxels, matrix, order, volume.shape_xyz, filling)
-    elif values:
-        steps = _interpolate_steps(one.voxels, matrix, volume.shape_xyz, filling)
     else:
-        steps = _gather_steps(one.voxels, matrix, volume.shape_xyz)
+        take = _take_between if values else _take_nearest
+        steps = _sample_steps(one.voxels, matrix, volume.shape_xyz, filling, take)
     voxels, outside = yield from _fractions(steps, doing)
     if outside == voxels.size:
         scan = "a channel" if values else "the labels"
@@ -132,36 +131,32 @@ def _reorder_steps(voxels: np.ndarray, matrix, order, shape_xyz, filling):
     return result, result.size - covered
 
 
-def _gather_steps(voxels: np.ndarray, matrix, shape_xyz):
-    """Generator of fractions: gather each voxel's nearest label; return (voxels, how many lie outside)."""
-    nx, ny, nz = shape_xyz
-    counts = np.array(voxels.shape[::-1])
-    result = np.zeros((nz, ny, nx), dtype=voxels.dtype)
-    x, y = np.arange(nx), np.arange(ny)[:, None]
-    covered = 0
-    for z in range(nz):
-        index = [np.rint(row[0] * x + row[1] * y + (row[2] * z + row[3])).astype(np.int64) for row in matrix[:3]]
-        inside = np.logical_and.reduce([(i >= 0) & (i < n) for i, n in zip(index, counts)])
-        ix, iy, iz = (i[inside] for i in index)
-        result[z][inside] = voxels[iz, iy, ix]
-        covered += int(inside.sum())
-        yield z / nz
-    return result, result.size - covered
+def _sample_steps(voxels: np.ndarray, matrix, shape_xyz, filling, take):
+    """Generator of fractions: look up the places of a volume's voxels; return (voxels, how many lie outside).
 
-
-def _interpolate_steps(voxels: np.ndarray, matrix, shape_xyz, filling):
-    """Generator of fractions: interpolate linearly between voxels; return (voxels, how many lie outside).
-
-    Integers are rounded. Places up to half a voxel beyond the outermost centers count as these.
+    ``take``: ``_take_nearest`` or ``_take_between``.
     """
     nx, ny, nz = shape_xyz
     result = np.full((nz, ny, nx), filling, dtype=voxels.dtype)
     x, y = np.arange(nx), np.arange(ny)[:, None]
     covered = 0
     for z in range(nz):
-        places = [row[0] * x + row[1] * y + (row[2] * z + row[3]) for row in matrix[:3]]
-        value, inside = interpolate(voxels, places)
-        result[z][inside] = np.rint(value) if result.dtype.kind in "iu" else value
+        found, inside = take(voxels, [row[0] * x + row[1] * y + (row[2] * z + row[3]) for row in matrix[:3]])
+        result[z][inside] = found
         covered += int(inside.sum())
         yield z / nz
     return result, result.size - covered
+
+
+def _take_nearest(voxels: np.ndarray, places) -> tuple[np.ndarray, np.ndarray]:
+    """The voxels nearest to places, and which of these lie inside."""
+    index = [np.rint(place).astype(np.int64) for place in places]
+    inside = np.logical_and.reduce([(i >= 0) & (i < n) for i, n in zip(index, voxels.shape[::-1])])
+    x, y, z = (i[inside] for i in index)
+    return voxels[z, y, x], inside
+
+
+def _take_between(voxels: np.ndarray, places) -> tuple[np.ndarray, np.ndarray]:
+    """Values between voxels, and which places lie inside: half a voxel beyond the outermost centers at most."""
+    value, inside = interpolate(voxels, places)
+    return np.rint(value) if voxels.dtype.kind in "iu" else value, inside

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
-from .counts import count_values, counts_values, stored_values
+from .counts import count_steps, counts_values, stored_values
 
 # Larger physical values count as infinite and are clamped; a quarter of the largest float64 keeps differences finite.
 LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
@@ -151,7 +151,7 @@ class Volume:
     @property
     def value_counts(self) -> np.ndarray:
         """How often each stored value of an 8- or 16-bit volume occurs, ascending; (256,) or (65536,) int64."""
-        return self._measure("value_counts", lambda: count_values(self.voxels))
+        return self._measure("value_counts", lambda: drain(count_steps(self.voxels)))
 
     @property
     def voxel_key(self) -> str:

@@ -22,7 +22,7 @@ class TestDataSets:
     def test_transfer_function_is_there_and_shades(self, data):
         function = data.transfer_function()
         assert function.shade is not None
-        assert function.visible_intervals()[0][0] > 0.0, "air must stay transparent"
+        assert function.alpha_at(0.0) == 0.0, "air must stay transparent"
 
     def test_kept_fraction_is_within_the_papers_range(self, data):
         assert 0.05 <= data.kept <= 0.30

@@ -38,7 +38,7 @@ SHARED = {
 }  # fmt: skip
 KERNELS = {
     "pre": SHARED | {
-        "classify.classify_kernels.count_by_table", "classify.classify_kernels.fill_by_table",
+        "classify.classify_kernels.mark_by_table", "classify.relevant._count_kept", "classify.relevant._fill_kept",
         "shade.shading._write_records", "splat.sheet_buffer.splat_rows",
     },
     "post": SHARED | {

@@ -30,7 +30,7 @@ MACHINE = MachineProfile(splat=1.0, warp=1.0, cell_us=0.05, slab_us=0.02, memory
 def features(**changes) -> Features:
     """Of a scan of middling hardness."""
     of_a_scan = dict(
-        classification="pre", depth_step=30.0, sheet_step=40.0, pixels_per_voxel=1.3, obliquity=1.3, sheets=256,
+        classification="pre", depth_step=30.0, sheet_step=40.0, pixels_per_voxel=1.3, sheets=256,
         row_sheets=1.5e5, pixel_sheets=8e7, sheet_pixels=3e5, pixels=262_144, kept_voxels=1_500_000, runs=120_000,
         largest_color=1.0,
     )  # fmt: skip

@@ -9,6 +9,7 @@ import pytest
 from rle_splat.classify import mixture
 from rle_splat.classify.label_edges import edge_shares
 from rle_splat.classify.mixture import Mixture
+from rle_splat.classify.relevant import count_kept, gather_kept
 from rle_splat.classify.transfer_function import GradientOpacity, TransferFunction
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels
@@ -213,7 +214,8 @@ def test_shares_are_those_of_the_definition():
 
 def classified(volume, tf, labels):
     mixed = Mixture(volume, tf, labels)
-    return mixed.classified(drain(mixed.fill_steps(drain(block_steps(volume)), drain(mixed.count_steps()))), 1.0)
+    bits = drain(mixed.mark_steps())
+    return mixed.classified(gather_kept(volume, bits, count_kept(bits), drain(block_steps(volume))), 1.0)
 
 
 def test_types_of_voxels_and_labels_make_no_difference():

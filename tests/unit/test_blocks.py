@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from rle_splat.classify.relevant import count_kept, gather_kept
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.classify.visible import Visibility, count_steps, fill_steps
+from rle_splat.classify.visible import Visibility, mark_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, block_steps, cut_chunks
 from rle_splat.volume.volume import Volume
@@ -64,8 +65,8 @@ def test_what_is_hidden_is_not_looked_at(dtype):
     blocks = drain(block_steps(volume))
     assert shown.relevant(blocks).sum() == 1
     voxels[8:] = 90  # behind the back of the blocks: whoever looks there now would see it
-    counted = drain(count_steps(shown, blocks))
-    assert len(drain(fill_steps(shown, blocks, counted))) == 8 * 8 * 32
+    bits = drain(mark_steps(shown, blocks))
+    assert len(gather_kept(shown.volume, bits, count_kept(bits), blocks)) == 8 * 8 * 32
 
 
 def test_chunks_are_whole_and_cover_all_planes():

@@ -52,7 +52,7 @@ print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.sign
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize("classification, kernels", (
-    ("pre", ("_extremes", "count_by_table", "fill_by_table", "_sobel", "fill_row_runs", "_write_records")),
+    ("pre", ("_extremes", "mark_by_table", "_count_kept", "_fill_kept", "_sobel", "fill_row_runs", "_write_records")),
     ("post", ("_extremes", "_mark_relevant", "_count_kept", "_fill_kept", "_smooth", "_find", "_place",
               "fill_row_runs")),
 ))

@@ -12,12 +12,12 @@ from rle_splat.pipeline.medium_grid import (
     THICKEST,
     for_any_view,
     medium_steps,
-    node_to_index,
     shadow_factors,
     side_for,
 )
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Clip, Light, Quality, RleSplatError, Scene
+from rle_splat.volume.reduced import node_to_index
 from rle_splat.volume.volume import Volume
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile

@@ -62,35 +62,6 @@ def test_without_steps_it_agrees_with_numpy():
     np.testing.assert_allclose(function.alpha_at(values), np.interp(values, positions, heights), atol=1e-14)
 
 
-def test_relevant_is_the_maximum_over_the_interval():
-    function = curve((0, 0.0), (2, 0.6), (4, 0.1), (4, 0.8), (6, 0.0))
-    rng = np.random.default_rng(5)
-    for low, high in np.sort(rng.uniform(-2, 8, (200, 2)), axis=1):
-        dense = function.alpha_at(np.linspace(low, high, 20001))
-        assert dense.max() <= function.relevant(low, high) + 1e-15
-        assert function.relevant(low, high) <= dense.max() + 1e-3
-    assert function.relevant(-5.0, 0.0) == 0.0
-    assert function.relevant(4.0, 4.0) == 0.8
-    assert function.relevant(7.0, INF) == 0.0
-    np.testing.assert_allclose(function.relevant([0.0, 2.0], [1.0, 9.0]), [0.3, 0.8])
-    with pytest.raises(RleSplatError):
-        function.relevant(2.0, 1.0)
-
-
-@pytest.mark.parametrize(
-    "opacity, intervals",
-    [
-        (((0, 0), (10, 1), (20, 0)), ((0, 20),)),
-        (((0, 0), (10, 0), (20, 0.5)), ((10, INF),)),
-        (((0, 0.5), (10, 0), (20, 0), (30, 1), (40, 0)), ((-INF, 10), (20, 40))),
-        (((5, 0),), ()),
-        (((5, 0.1),), ((-INF, INF),)),
-    ],
-)
-def test_visible_intervals(opacity, intervals):
-    assert curve(*opacity).visible_intervals() == intervals
-
-
 def test_remapping_moves_the_ends_exactly():
     function = curve((-1000, 0), (500, 0.3), (2000, 1), color=((-500, 0, 0, 0), (2000, 1, 1, 1)), unit="HU")
     moved = function.remapped(0.1, 0.7)

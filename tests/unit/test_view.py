@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline.plan_model import family_of
 from rle_splat.pipeline.render import render
 from rle_splat.scene import DEPTH_RULES, NO_DEPTH, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.arguments import rays_of
 from rle_splat.view.base_plane import base_plane
-from rle_splat.view.depth_rules import cell_nodes, place_sheets, sheets_per_cell
+from rle_splat.view.depth_rules import cell_nodes, place_sheets
 from rle_splat.view.eye import index_view
 from rle_splat.view.footprints import FOOTPRINTS
 from rle_splat.view.principal_axis import candidate_pyramids, dominant_axis
@@ -213,8 +214,8 @@ def test_midpoints_halve_m_equal_parts_of_a_cell(m):
     ("slice", 1), ("simpson", 2), ("gauss2", 2), ("midpoint-1", 1), ("midpoint-4", 4), ("preintegrated", 1),
     ("preintegrated-2", 2),
 ])  # fmt: skip
-def test_sheets_per_cell(rule, count):
-    assert sheets_per_cell(rule) == count
+def test_the_model_of_plans_counts_sheets_per_voxel(rule, count):
+    assert family_of(rule)[1] == count
     few, many = (len(place_sheets(n, 1, rule, None, boxed=True)) for n in (10, 30))
     assert many - few == 20 * count
 

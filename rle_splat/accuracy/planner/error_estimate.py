@@ -63,14 +63,14 @@ class ErrorEstimate:
         """Columns and rows of the ``count`` pixels of the largest differences."""
         return largest_of(np.hypot(self.depth, self.sheet), count)
 
-    def anywhere(self, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    def anywhere(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows of about ``count`` pixels, drawn at random from those where the pilots differ.
 
         They come in groups of neighbors along rows: rays that pass the same voxels find them in the processor's cache,
         as most of those do that a plan has traced, and lone ones took twice as long.
         """
         rows, columns = np.nonzero((self.depth > FAINTEST) | (self.sheet > FAINTEST))
-        groups = np.random.default_rng(seed).permutation(-(-len(rows) // GROUP))[: -(-count // GROUP)]
+        groups = np.random.default_rng(0).permutation(-(-len(rows) // GROUP))[: -(-count // GROUP)]
         chosen = (GROUP * np.sort(groups)[:, None] + np.arange(GROUP)).ravel()
         chosen = chosen[chosen < len(rows)]
         return columns[chosen], rows[chosen]

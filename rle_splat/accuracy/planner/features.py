@@ -52,7 +52,6 @@ def features_of(scene: Scene, base: Quality, drawn: dict[str, Rendering]) -> Fea
         depth_step=_largest(difference_of(drawn["coarse"], drawn["deep"])),
         sheet_step=_largest(difference_of(drawn["coarse"], drawn["dense"])),
         pixels_per_voxel=_pixels_per_voxel(planes),
-        obliquity=max((_obliquity(plane, scene.index_to_world) for plane in planes), default=1.0),
         sheets=max((len(plane.sheets) for plane in planes), default=0),
         row_sheets=float(sum(plane.height * len(plane.sheets) for plane in planes) * np.sqrt(share)),
         pixel_sheets=float(sum(plane.width * plane.height * len(plane.sheets) for plane in planes) * share),
@@ -84,14 +83,6 @@ def _planes(scene: Scene, base: Quality) -> list:
 def _pixels_per_voxel(planes) -> float:
     """Sheet pixels per voxel at a density of one, nearly image pixels: the median over all sheets."""
     return float(np.median(np.concatenate([plane.scale.min(axis=1) for plane in planes] or [np.ones(1)])))
-
-
-def _obliquity(plane, index_to_world) -> float:
-    x, y = plane.points()
-    corners = np.meshgrid(x[[0, -1]], y[[0, -1]])
-    steps = index_to_world[:3, :3] @ plane.ray_steps(*corners).reshape(3, -1)
-    straight = np.linalg.norm(index_to_world[:3, plane.axis])
-    return float(np.linalg.norm(steps, axis=0).max() / straight)
 
 
 def _largest_color(rgba: np.ndarray) -> float:

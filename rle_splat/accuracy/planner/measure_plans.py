@@ -120,7 +120,7 @@ class _Frames:
 def sweep_steps(
     scene: Scene, plans, chosen: Quality, *, probes: int = PROBES, repeats: int = REPEATS, error: str = "rmse",
     tolerances=(), crop_side: int = CROP_SIDE, flip: Callable | None = None,
-    cache: StageCache | None = None, seed: int = 0,
+    cache: StageCache | None = None,
 ):  # fmt: skip
     """Measure time and error of plans.  Generator of Progress; returns a AccuracySweep.
 
@@ -145,8 +145,6 @@ def sweep_steps(
     flip : callable, optional
         A further metric of the crop, a function of (picture, truth).
     cache : StageCache, optional
-    seed : int
-        Of the random probes.
 
     Returns
     -------
@@ -180,7 +178,7 @@ def sweep_steps(
     begin = PILOTS_END if tolerances else 0.0
     share = (FRAMES_END - begin) / (len(plans) + 1)
     finest = yield from _frame_steps(scene, plans[-1], wished, cache, begin, begin + share)
-    where, window = choose_probes(finest.rgba, probes, seed), steepest_window(finest.rgba, crop_side)
+    where, window = choose_probes(finest.rgba, probes), steepest_window(finest.rgba, crop_side)
     measured, picture = [], finest
     for number, plan in enumerate(plans, start=1):
         part = begin + share * number, begin + share * (number + 1)

@@ -45,9 +45,9 @@ class Need:
         return asdict(self)
 
 
-def need_of(volume, transfer_function, seed: int = 0) -> Need:
+def need_of(volume, transfer_function) -> Need:
     """Find the classification that a transfer function needs on a volume, from a sample of neighboring voxels."""
-    levels = _misstated(volume, transfer_function, np.random.default_rng(seed))
+    levels = _misstated(volume, transfer_function, np.random.default_rng(0))
     if levels <= TOLERABLE:
         return Need(
             levels, "pre",
