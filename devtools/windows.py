@@ -25,7 +25,7 @@ from .uv import uv
 
 # EEVEE draws with the OpenGL of a virtual screen; without one it ends the whole run.
 PACKAGES = ("wine", "wine64", "xvfb", "libgl1", "libgl1-mesa-dri", "libglx-mesa0", "libegl1")
-SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "1.3 GB, and as much for Windows' part")
+SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "4 GB with Windows' packages")
 PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
