@@ -18,21 +18,21 @@ from pathlib import Path
 
 from .build import build
 from .environments import BPY, CORE, Environment
-from .places import AGAIN, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
+from .places import AGAIN, BPY_PYTHON, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
 from .small_system import INSIDE, SmallSystem
 from .stages import REPORTS, Stage, broken, file_name, measured, untested
 from .uv import uv
 
 # EEVEE draws with the OpenGL of a virtual screen; without one it ends the whole run.
 PACKAGES = ("wine", "wine64", "xvfb", "libgl1", "libgl1-mesa-dri", "libglx-mesa0", "libegl1")
-SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "1.3 GB, and as much for Windows' part")
+SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "4 GB with Windows' packages")
 PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
 PYTHON = DRIVE / "python"
 NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
 CORE_FOLDERS = ("unit", "read", "cli", "figure")  # of tests/, those that depend on the system most
-BLENDER = "5.0"  # of the same Python, with numpy 1.26, whose integers have 32 bits on Windows
+BLENDER = "5.0"  # of the archive's Python, with numpy 1.26, whose integers have 32 bits on Windows
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _packages(environment: Environment) -> Path:
         uv(
             f"uv could not fetch Windows' packages for {environment.name}.",
             "pip", "sync", "--quiet", "--target", folder, "--python-platform", "x86_64-pc-windows-msvc",
-            "--python-version", "3.11", "--require-hashes", "--no-build",
+            "--python-version", BPY_PYTHON[BLENDER], "--require-hashes", "--no-build",
             *(REQUIREMENTS / name for name in environment.files),
         )  # fmt: skip
         stamp.write_text(wanted)
@@ -181,7 +181,7 @@ def _bpy(words) -> list[Stage]:
     """The extension's zip for Windows, installed into Windows' Blender module."""
     name = f"Windows, bpy {BLENDER}"
     try:
-        path = build(("windows-x64",), output=BUILD / "zip-windows")["windows-x64"]
+        (path,) = build(("windows-x64",), (BPY_PYTHON[BLENDER],), BUILD / "zip-windows").values()
     except Failure as problem:
         return [broken(name, str(problem))]
     shutil.copyfile(path, DRIVE / "extension.zip")

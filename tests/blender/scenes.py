@@ -1,10 +1,23 @@
 """Small scenes for the tests: a volume of a few voxels, a camera, meshes, and what a render of them holds."""
 
+import ctypes
 import json
 import shutil
+import sys
 
 import bpy
 import numpy as np
+
+
+def skip_without_graphics():
+    """Skip a test where Blender would abort because it cannot draw without a window."""
+    import pytest  # scripts that run without pytest import this module, too
+
+    if sys.platform == "linux":
+        try:
+            ctypes.CDLL("libEGL.so.1")
+        except OSError:
+            pytest.skip("libEGL.so.1 is not installed, so Blender cannot draw without a window")
 
 
 def import_raw(folder, voxels, spacing=(1.0, 1.0, 1.0), name="cube"):

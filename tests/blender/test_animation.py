@@ -1,6 +1,5 @@
 """Every rendered frame is splatted anew: animated camera, volume, transfer function and meshes."""
 
-import ctypes
 import json
 
 import bpy
@@ -58,11 +57,8 @@ def test_a_moving_camera_and_a_moving_volume(volume, tmp_path):
 
 
 def test_the_compositor_on_the_graphics_card_reads_the_new_picture(volume, tmp_path):
-    """Nothing of an earlier frame's texture is used again.  (Without libEGL Blender would abort.)"""
-    try:
-        ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        pytest.skip("libEGL.so.1 is not installed, so Blender cannot composite on the graphics card")
+    """Nothing of an earlier frame's texture is used again."""
+    scenes.skip_without_graphics()
     bpy.ops.rle_splat.composite()
     bpy.context.scene.render.compositor_device = "GPU"
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)

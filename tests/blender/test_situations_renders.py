@@ -3,7 +3,6 @@
 The cube's middle is red at an opacity that all engines must show alike, for none of them draws it.
 """
 
-import ctypes
 
 import bpy
 import numpy as np
@@ -30,10 +29,7 @@ def holds_the_cube(picture, moved=(0.0, 0.0)):
 
 def without_noise(engine):
     """Choose an engine of those that draw on the graphics card, with one sample."""
-    try:
-        ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        pytest.skip("libEGL.so.1 is not installed, so Blender cannot draw without a window")
+    scenes.skip_without_graphics()
     scene = bpy.context.scene
     scene.render.engine = engine
     scene.eevee.taa_render_samples = 1
