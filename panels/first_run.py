@@ -23,9 +23,10 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
-    waits = nothing_compiled_yet()
-    sentence = "Kernels are not compiled yet: the first picture takes longer" if waits else "Kernels are ready"
-    paragraph(context, layout, sentence, icon="TIME" if waits else "CHECKMARK")
+    if nothing_compiled_yet():
+        paragraph(context, layout, "Kernels are not compiled yet: the first picture takes longer", icon="TIME")
+    else:
+        paragraph(context, layout, "Kernels are ready", icon="CHECKMARK")
 
 
 def _step(context, layout, text: str):
