@@ -244,7 +244,7 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
             words[first:last] = source[find_targets(positions)]
 
 
-def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
+def brightest_steps(voxels: VisibleVoxels, write):
     """Generator: yield the fraction done, return the largest channel of any color.
 
     ``write``: see ``record_steps``; the records that it writes are discarded.
@@ -253,7 +253,7 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     most_color = 0.0
     for fraction, *chunk in _cut_chunks(voxels):
         yield fraction
-        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(threads), *chunk):
+        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(0), *chunk):
             positions = RecordPositions.in_order(voxels, *planes)
             first, last = positions.span
             if len(floats) < last - first:
