@@ -19,7 +19,7 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
 from . import reference
-from .points import LARGEST
+from .points import LARGEST, pieces, positive_intervals
 from .reference import WORD
 from .visible import VisibleVoxels, row_offsets
 
@@ -38,6 +38,11 @@ class Reach:
     """
 
     ends: np.ndarray
+
+    @classmethod
+    def of(cls, volume, tf) -> Reach:
+        """Reach of a TransferFunction on ``volume``."""
+        return cls.of_values(volume, positive_intervals(pieces(tf.opacity)))
 
     @classmethod
     def of_values(cls, volume, shown) -> Reach:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .reference import find_seen
 from .visible import Visibility
 
 
@@ -25,7 +26,7 @@ def visible_box(volume, tf) -> tuple[np.ndarray, np.ndarray] | None:
     columns = np.zeros(volume.voxels.shape[2], bool)
     planes = np.zeros(volume.voxels.shape[0], bool)
     for z, plane in enumerate(volume.voxels):
-        seen = _is_shown(shown, plane)
+        seen = find_seen(shown, np.ascontiguousarray(plane).view(shown.pattern_type))
         rows |= seen.any(axis=1)
         across = seen.any(axis=0)
         columns |= across
@@ -34,10 +35,3 @@ def visible_box(volume, tf) -> tuple[np.ndarray, np.ndarray] | None:
         return None
     found = [np.flatnonzero(along) for along in (columns, rows, planes)]
     return np.array([along[0] for along in found]), np.array([along[-1] for along in found])
-
-
-def _is_shown(shown: Visibility, plane: np.ndarray) -> np.ndarray:
-    """(ny, nx) bool: which voxels of a plane have an opacity above 0."""
-    if shown.by_table:
-        return shown.table[np.ascontiguousarray(plane).view(f"u{plane.dtype.itemsize}")] > 0
-    return shown.tf.alpha_at(shown.volume.physical(plane)) > 0.0

@@ -11,11 +11,11 @@ from functools import partial
 import numpy as np
 
 from ..classify.visible import row_offsets
-from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
+from ..runtime.jit import kernel, parallel_call, prange, read_only
 from ..scene import Quality
 from . import pyramid
 from .footprint import composite_sample, first_pixel, footprint
-from .medium import CHANNELS, ShadedScene, need_parallel_rays, need_whole_volume
+from .medium import CHANNELS, ShadedScene, check_plain_view
 from .system import ReadySystem, picture
 
 TITLE = "Hierarchical splatting"
@@ -37,9 +37,7 @@ def prepare(medium: ShadedScene, quality: Quality, threshold: float = THRESHOLD,
     levels : int
         Of the pyramid, above the voxels.
     """
-    need_kernels(TITLE)
-    need_parallel_rays(medium, TITLE)
-    need_whole_volume(medium, TITLE)
+    check_plain_view(medium, TITLE)
     tree = pyramid.build(medium.field[1:-1, 1:-1, 1:-1], levels)
     voxel = float(np.linalg.norm(medium.view.to_world, axis=0).min())
     nodes = pyramid.cut(tree, threshold / voxel)

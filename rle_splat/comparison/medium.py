@@ -12,6 +12,7 @@ from ..classify.classification import ClassifiedVolume
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..pipeline.scan_source import classify_and_shade
+from ..runtime.jit import need_kernels
 from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from ..view.eye import IndexView, index_view
@@ -77,19 +78,17 @@ class ShadedScene:
         rows, columns = np.mgrid[-2 : self.view.height + 3, -2 : self.view.width + 3]
         return sorted({int(axis) for axis in np.unique(dominant_axis(self.view.ray_directions(columns, rows))[0])})
 
-    def stored(self, axes: dict, affine=None) -> Scene:
+    def stored(self, axes: dict) -> Scene:
         """The scene with its volume replaced by run-length tables, for the renderer; the colors include the shading.
 
         Parameters
         ----------
         axes : dict
             Principal axis -> RunLengthVolume.
-        affine : (4, 4), optional
-            Of the tables' grid; by default that of the volume.
         """
         scene = self.scene
         volume = StoredVolume.of(
-            axes, scene.volume.affine if affine is None else affine, scene.volume.unit, self.classified.unit_length,
+            axes, scene.volume.affine, scene.volume.unit, self.classified.unit_length,
             scene.transfer_function.to_json(),
         )
         return replace(scene, volume=volume, lights=(), headlight=False, effects={})
@@ -112,14 +111,12 @@ def scene_medium(scene: Scene, quality: Quality) -> ShadedScene:
     return ShadedScene(scene, classified, colors, {name: clock.stages[name] for name in ("classify", "shade")})
 
 
-def need_whole_volume(medium: ShadedScene, title: str) -> None:
-    """Raise RleSplatError where the clip distances cut the volume, for a system without clipping."""
+def check_plain_view(medium: ShadedScene, title: str) -> None:
+    """Raise RleSplatError without numba, for a perspective view, and where the clip distances cut the volume, for a
+    compiled system of parallel projection without clipping."""
+    need_kernels(title)
+    if not medium.view.is_parallel:
+        raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")
     nearest, furthest = box_depths(medium.view, medium.classified.shape_xyz)
     if nearest < medium.scene.camera.clip_start or furthest > medium.scene.camera.clip_end:
         raise RleSplatError(f"{title} draws whole volumes only; move the clip distances off the volume.")
-
-
-def need_parallel_rays(medium: ShadedScene, title: str) -> None:
-    """Raise RleSplatError for a perspective view, for a system of parallel projection."""
-    if not medium.view.is_parallel:
-        raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")

@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from ..runtime.jit import need_kernels, parallel_call, read_only
+from ..runtime.jit import parallel_call, read_only
 from ..scene import NO_DEPTH, Quality, Rendering
-from .medium import ShadedScene, need_parallel_rays, need_whole_volume
+from .medium import ShadedScene, check_plain_view
 from .pixel_rays import pixel_frame
 from .spectrum import TAPS, Spectrum, fast_size, look_up, transform
 from .system import ReadySystem
@@ -28,9 +28,7 @@ def prepare(medium: ShadedScene, quality: Quality, bands: int = BANDS) -> ReadyS
 
     The picture is alpha = 1 - exp(-optical depth) in the medium's mean color.  ``bands``: see BANDS.
     """
-    need_kernels(TITLE)
-    need_parallel_rays(medium, TITLE)
-    need_whole_volume(medium, TITLE)
+    check_plain_view(medium, TITLE)
     extinction = medium.classified.extinction.astype(np.float64)
     mean = extinction @ medium.colors / max(extinction.sum(), np.finfo(np.float64).tiny)
     spectrum = transform(medium.field[1:-1, 1:-1, 1:-1, 3])

@@ -11,12 +11,12 @@ from functools import partial
 
 import numpy as np
 
-from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
+from ..runtime.jit import kernel, parallel_call, prange, read_only
 from ..scene import Quality
 from ..view.principal_axis import dominant_axis
 from ..volume.axes import AXES
 from .footprint import FootprintTable, composite_sample, first_pixel, footprint
-from .medium import CHANNELS, ShadedScene, need_parallel_rays, need_whole_volume
+from .medium import CHANNELS, ShadedScene, check_plain_view
 from .system import ReadySystem, picture
 
 TITLE = "Westover's splatting"
@@ -36,9 +36,7 @@ def prepare(medium: ShadedScene, quality: Quality, sheets: bool = True, cull: bo
     cull : bool
         Leave out transparent voxels; otherwise their footprints of zeros are splatted too (with ``sheets``).
     """
-    need_kernels(TITLE)
-    need_parallel_rays(medium, TITLE)
-    need_whole_volume(medium, TITLE)
+    check_plain_view(medium, TITLE)
     table = footprint(medium.view)
     memory = {"voxels": medium.field.nbytes, "footprint_table": table.weights.nbytes}
     notes = {"footprint": table.shape[1:].tolist(), "subpixels": int(table.shape[0])}

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..classify.placing import RecordPositions
 from ..classify.reference import find_targets
+from ..classify.reference import pack as mark_bits
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, thread_count
 from ..runtime.steps import drain
@@ -19,6 +20,7 @@ from ..scene import MODELS, RECORDS, RleSplatError
 from ..volume.axes import AXES
 from . import encode_kernels as passes
 from . import reference
+from .line_bits import WORD
 from .packing import pack
 from .records import decoding_of, empty_records, words_of
 from .tables import (
@@ -244,7 +246,7 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
             words[first:last] = source[find_targets(positions)]
 
 
-def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
+def brightest_steps(voxels: VisibleVoxels, write):
     """Generator: yield the fraction done, return the largest channel of any color.
 
     ``write``: see ``record_steps``; the records that it writes are discarded.
@@ -253,7 +255,7 @@ def brightest_steps(voxels: VisibleVoxels, write, *, threads: int = 0):
     most_color = 0.0
     for fraction, *chunk in _cut_chunks(voxels):
         yield fraction
-        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(threads), *chunk):
+        for _, *planes in _cut_chunks(voxels, PACKED_AT_ONCE * thread_count(0), *chunk):
             positions = RecordPositions.in_order(voxels, *planes)
             first, last = positions.span
             if len(floats) < last - first:
@@ -309,7 +311,18 @@ def _pack_move(positions: RecordPositions, words, voxel_bytes) -> tuple:
 
 def _across(voxels: VisibleVoxels) -> tuple:
     """Further arguments of kernels that move records to scanlines along y."""
-    return voxels.bits, voxels.column
+    return _bits_of(voxels), voxels.column
+
+
+def _bits_of(voxels: VisibleVoxels) -> np.ndarray:
+    """One bit per voxel of a row; those of a list that was not made of bits are made of its columns."""
+    if voxels.bits is not None:
+        return voxels.bits
+    nx, ny, nz = voxels.shape_xyz
+    seen, bits = np.zeros((nz * ny, nx), bool), np.empty((nz * ny, -(-nx // WORD)), np.uint64)
+    seen[np.repeat(np.arange(nz * ny), np.diff(voxels.row_start)), voxels.column] = True
+    mark_bits(seen, bits)
+    return read_only(bits)
 
 
 def _bytes(words) -> np.ndarray:
@@ -332,7 +345,7 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
     scanline_data_pointers, n_voxels = pointers_from_counts((ends - starts)[rows])
     runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
     with parallel_call(threads):
-        passes.fill_row_runs(rows, voxels.bits, voxels.row_start, voxels.column, nx, scanline_pointers, runs)
+        passes.fill_row_runs(rows, _bits_of(voxels), nx, scanline_pointers, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
@@ -343,12 +356,13 @@ def _tables_across(voxels: VisibleVoxels, threads):
     # Filled instead of np.zeros: the system provides a page when it is first touched, which is slow from two threads
     # at once.
     run_counts, voxel_counts = np.full((2, nz, nx), 0, np.int32)
+    bits = _bits_of(voxels)
     with parallel_call(threads):
-        passes.count_across(voxels.bits, voxels.row_start, voxels.column, ny, run_counts, voxel_counts)
+        passes.count_across(bits, ny, run_counts, voxel_counts)
         scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
         scanline_data_pointers, n_voxels = pointers_from_counts(np.ascontiguousarray(voxel_counts.T))
         runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
         starts = np.ascontiguousarray(scanline_pointers.T)
-        passes.fill_across_runs(voxels.bits, voxels.row_start, voxels.column, ny, starts, runs)
+        passes.fill_across_runs(bits, ny, starts, runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers

@@ -11,7 +11,7 @@ import numpy as np
 from ..runtime.bits import copy_1, copy_4, copy_16, count_bits, lowest_bit
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
-from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_row, read_strip, turn_words, word_count, write_runs
+from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_strip, turn_words, word_count, write_runs
 
 MOST_BYTES = 16  # largest record
 
@@ -34,21 +34,20 @@ def _color_records(begin, end, density, colors, records):
 
 
 @kernel
-def fill_row_runs(rows, bits, row_start, column, width, scanline_pointers, runs):
+def fill_row_runs(rows, bits, width, scanline_pointers, runs):
     """Write the runs of scanlines that are rows; ``rows`` (n_slices, n_scanlines) int64: row of each scanline."""
-    share_out(_fill_row_runs, rows.size, (rows, bits, row_start, column, width, scanline_pointers, runs))
+    share_out(_fill_row_runs, rows.size, (rows, bits, width, scanline_pointers, runs))
 
 
 @kernel(inner=True)
-def _fill_row_runs(begin, end_line, rows, bits, row_start, column, width, scanline_pointers, runs):
+def _fill_row_runs(begin, end_line, rows, bits, width, scanline_pointers, runs):
     """``fill_row_runs`` for scanlines [begin, end_line)."""
     n_scanlines = rows.shape[1]
-    words = np.empty(word_count(width), np.uint64)
     for line in range(begin, end_line):
         k, j = line // n_scanlines, line % n_scanlines
         if scanline_pointers[k, j] < 0:
             continue
-        read_row(bits, row_start, column, rows[k, j], words)
+        words = bits[rows[k, j]]
         run, end, before = np.int64(scanline_pointers[k, j]), np.int64(0), NO_BITS
         for n in range(words.size):
             run, end = write_runs(words[n], before, n * WORD, end, runs, run)
@@ -58,13 +57,13 @@ def _fill_row_runs(begin, end_line, rows, bits, row_start, column, width, scanli
 
 
 @kernel
-def count_across(bits, row_start, column, n_rows, run_counts, voxel_counts):
+def count_across(bits, n_rows, run_counts, voxel_counts):
     """Count runs and voxels of each scanline along y; counts (nz, nx), zero on entry; ``n_rows`` = ny."""
-    share_out(_count_across, run_counts.shape[0], (bits, row_start, column, n_rows, run_counts, voxel_counts))
+    share_out(_count_across, run_counts.shape[0], (bits, n_rows, run_counts, voxel_counts))
 
 
 @kernel(inner=True)
-def _count_across(begin, end_plane, bits, row_start, column, n_rows, run_counts, voxel_counts):
+def _count_across(begin, end_plane, bits, n_rows, run_counts, voxel_counts):
     """``count_across`` for planes [begin, end_plane)."""
     n_columns = run_counts.shape[1]
     words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
@@ -72,7 +71,7 @@ def _count_across(begin, end_plane, bits, row_start, column, n_rows, run_counts,
     for z in range(begin, end_plane):
         before[:] = NO_BITS
         for y in range(0, n_rows, WORD):
-            read_strip(bits, row_start, column, z * n_rows + y, min(WORD, n_rows - y), words)
+            read_strip(bits, z * n_rows + y, min(WORD, n_rows - y), words)
             for x in range(0, n_columns, WORD):
                 _count_block(
                     words, x // WORD, block, before[x : x + WORD], run_counts[z, x : x + WORD],
@@ -95,16 +94,16 @@ def _count_block(words, n, block, before, runs_of, voxels_of):
 
 
 @kernel
-def fill_across_runs(bits, row_start, column, n_rows, run_starts, runs):
+def fill_across_runs(bits, n_rows, run_starts, runs):
     """Write the runs of the nx scanlines along y that each plane z crosses.
 
     ``run_starts`` (nz, nx): position of each scanline's first run, -1 if it is transparent.
     """
-    share_out(_fill_across_runs, run_starts.shape[0], (bits, row_start, column, n_rows, run_starts, runs))
+    share_out(_fill_across_runs, run_starts.shape[0], (bits, n_rows, run_starts, runs))
 
 
 @kernel(inner=True)
-def _fill_across_runs(begin, end_plane, bits, row_start, column, n_rows, run_starts, runs):
+def _fill_across_runs(begin, end_plane, bits, n_rows, run_starts, runs):
     """``fill_across_runs`` for planes [begin, end_plane)."""
     n_columns = run_starts.shape[1]
     words, block = np.empty((WORD, word_count(n_columns)), np.uint64), np.empty(WORD, np.uint64)
@@ -116,7 +115,7 @@ def _fill_across_runs(begin, end_plane, bits, row_start, column, n_rows, run_sta
         for x in range(n_columns):
             cursors[x] = run_starts[z, x]
         for y in range(0, n_rows, WORD):
-            read_strip(bits, row_start, column, z * n_rows + y, min(WORD, n_rows - y), words)
+            read_strip(bits, z * n_rows + y, min(WORD, n_rows - y), words)
             for x in range(0, n_columns, WORD):
                 _fill_block(
                     words, x // WORD, block, before[x : x + WORD], y, cursors[x : x + WORD], ends[x : x + WORD], runs
@@ -195,7 +194,7 @@ def _move_across(
             cursors[x] = data_starts[plane, x]
         for y in range(0, n_y, WORD):
             rows, row = min(WORD, n_y - y), (first_plane + plane) * n_y + y
-            read_strip(bits, row_start, column, row, rows, words)
+            read_strip(bits, row, rows, words)
             for j in range(rows):
                 at[j] = row_start[row + j]
             for x in range(0, n_columns, WORD):

@@ -1,8 +1,7 @@
 """Scanlines as bit fields, one bit per voxel; runs begin and end where a bit differs from the previous one.
 
 Scanlines along y are processed in strips of 64 rows of a plane z: one word of each scanline that crosses the strip.
-Common arguments: ``bits``, ``row_start`` and ``column`` of ``classify.visible.VisibleVoxels``. If ``bits`` is None,
-bits are made from the columns.
+``bits``: of ``classify.visible.VisibleVoxels``.
 """
 
 from __future__ import annotations
@@ -24,28 +23,11 @@ def word_count(voxels):
 
 
 @inner_loop
-def read_row(bits, row_start, column, row, words):
-    """Read the bits of a row along x to ``words`` (n,) uint64."""
-    if bits is not None:
-        for n in range(words.size):
-            words[n] = bits[row, n]
-    else:
-        words[:] = NO_BITS
-        at, word = np.int64(0), NO_BITS
-        for i in range(row_start[row], row_start[row + 1]):
-            x = np.int64(column[i])
-            if x // WORD != at:  # collect a word in a register, because reading memory just written is slow
-                words[at] = word
-                at, word = x // WORD, NO_BITS
-            word |= ONE_BIT << np.uint64(x % WORD)
-        words[at] = word
-
-
-@inner_loop
-def read_strip(bits, row_start, column, row, rows, words):
+def read_strip(bits, row, rows, words):
     """Read the bits of ``rows`` rows (at most 64) from ``row`` on to ``words`` (64, n); the other rows become zero."""
     for j in range(rows):
-        read_row(bits, row_start, column, row + j, words[j])
+        for n in range(words.shape[1]):
+            words[j, n] = bits[row + j, n]
     words[rows:] = NO_BITS
 
 

@@ -255,6 +255,8 @@ def check_records(axis, voxel_data, decoding) -> None:
     words, record = kinds.get(voxel_data.dtype, (None, None))
     if words is None or voxel_data.shape[1:] != words or voxel_data.ndim != 1 + len(words):
         raise _table_error(axis, "the voxel data are neither rows of four float32 numbers nor records of 8 bytes")
+    if not voxel_data.flags.c_contiguous:
+        raise _table_error(axis, "a table is not contiguous in memory")
     if record == 16:
         numbers = voxel_data
         if decoding is not None:

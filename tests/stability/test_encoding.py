@@ -303,7 +303,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert peak < 0.1 * volume.voxels.size
+    assert peak < (0.1 + 1.0 / 8.0) * volume.voxels.size  # with a bit of every voxel
     for axis, tables in stored.axes.items():
         assert tables.visible_voxels == (end > 80).sum()
         alone, whole = (render(close_up(one, axis, corner + 5.0), QUALITY).rgba for one in (Volume(end, shift), stored))

@@ -256,7 +256,7 @@ from rle_splat.encode.encode_kernels import fill_row_runs
 from rle_splat.runtime.jit import parallel_call
 starts, runs = np.zeros((1, 1), np.int64), np.zeros(3, np.uint16)
 with parallel_call(1):
-    fill_row_runs(starts, np.array([[12]], np.uint64), np.array([0, 2]), np.array([2, 3], np.uint16), 9, starts, runs)
+    fill_row_runs(starts, np.array([[12]], np.uint64), 9, starts, runs)
 print(*runs, sum(fill_row_runs.stats.cache_hits.values()))
 """
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.transfer import piecewise_linear
-from rle_splat.classify.points import pieces, positive_intervals
 from rle_splat.classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.runtime.jit import use_reference
@@ -77,14 +76,10 @@ def searched(volume, tf):
     return kept
 
 
-def reach_on(volume, tf):
-    return Reach.of_values(volume, positive_intervals(pieces(tf.opacity)))
-
-
 def found(volume, tf, threads=0):
     """Words of bits, counts and the voxels that are kept."""
     blocks = drain(block_steps(volume, threads=threads))
-    bits = drain(relevant_steps(volume, reach_on(volume, tf), blocks, threads=threads))
+    bits = drain(relevant_steps(volume, Reach.of(volume, tf), blocks, threads=threads))
     counted = count_kept(bits, threads=threads)
     return bits, counted, gather_kept(volume, bits, counted, blocks, threads=threads)
 
@@ -185,7 +180,7 @@ def test_the_largest_numbers_of_a_type(way):
 
 def reach_of(*points, dtype=np.int16, slope=1.0):
     volume = Volume(np.zeros((2, 2, 2), dtype), np.eye(4), slope=slope)
-    return reach_on(volume, function(points))
+    return Reach.of(volume, function(points))
 
 
 @pytest.mark.parametrize("slope", (1.0, -1.0))
@@ -218,7 +213,7 @@ def test_what_is_covered_keeps_no_other_voxel(way):
         ends = np.sort(random.uniform(0.0, 120.0, 4))
         heights = (0.0, *random.choice((0.0, 0.4), 2), 0.0)
         functions.append(function(tuple(zip(ends.tolist(), heights))))
-    reaches = [reach_on(volume, tf) for tf in functions]
+    reaches = [Reach.of(volume, tf) for tf in functions]
     masks = [mask_of(found(volume, tf)[2]) for tf in functions]
     covering = 0
     for a, reach in enumerate(reaches):
@@ -236,7 +231,7 @@ def test_blocks_without_what_is_shown_are_not_looked_at():
     voxels[0:8, 0:8, 0:32] = np.nan
     volume = Volume(voxels, np.eye(4))
     blocks = drain(block_steps(volume))
-    reach = reach_on(volume, function(((50, 0.0), (60, 0.5))))
+    reach = Reach.of(volume, function(((50, 0.0), (60, 0.5))))
     near = reach.of_blocks(blocks)
     kept = searched(volume, function(((50, 0.0), (60, 0.5))))
     held = kept.reshape(5, 8, 5, 8, 5, 32).any(axis=(1, 3, 5))
