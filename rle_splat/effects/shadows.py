@@ -21,7 +21,7 @@ from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_tables
 from ..encode.tables import RunTables
 from ..runtime.steps import drain, map_steps
-from ..shade.light_nodes import lit_nodes, shade_nodes_steps
+from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
@@ -217,7 +217,7 @@ def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     (nz + 2, ny + 2, nx + 2) ndarray of uint16
         FULL times the share that arrives, with a layer around the volume.
     """
-    nodes = lit_nodes(occluders.voxels.shape_xyz)
+    nodes = yield from map_steps(lit_nodes_steps(occluders.voxels.shape_xyz), lambda _: 0.0)
     shares = np.diff(np.rint(FULL * np.cumsum((0.0, *weights)) / np.sum(weights))).astype(int).tolist()
     sweeps = [(sweep, share) for of_sample, share in zip(passes, shares) for sweep in of_sample]
     for done, (sweep, share) in enumerate(sweeps):

@@ -1,15 +1,16 @@
 """Light on the nodes of a grid, and light beside voxels, read from it.
 
 Nodes lie ``pitch`` voxels apart: on every voxel, or in the middle of every cube of 2 x 2 x 2.  Beyond the volume is one
-more layer on each side.  The sheet of a sweep is that of ``light_sweep``: it holds the optical depth D(n) along each ray
-of light before slice n.  Up to a node of slice n the depth is that before its slice and half of the slice itself,
+more layer on each side.  The sheet of a sweep is that of ``light_sweep``: it holds the optical depth D(n) along each
+ray of light before slice n.  Up to a node of slice n the depth is that before its slice and half of the slice itself,
 
     depth = (D(n) + D(n + 1)) / 2
 
 times the length between two slices, both D interpolated in their sheet.  Before the first slice nothing has been taken
 from the light, and slices end at their outermost voxels.  The light at a point beside a voxel is interpolated
-trilinearly between the eight nodes around it.  Lights of several samples share a grid: each sample takes from it, at
-most as much as it gives.
+trilinearly between the eight nodes around it; the point is as many nodes away as it would be voxels, so that these
+nodes are off the surface, too.  Lights of several samples share a grid: each sample takes from it, at most as much as
+it gives.
 """
 
 from __future__ import annotations
@@ -32,14 +33,21 @@ from .sample_light import NORMAL
 from .surface_points import STEPS
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
+FILLED_AT_ONCE = 1 << 23  # nodes that are filled between two chances to cancel, 5 ms
 READ_AT_ONCE = 1 << 19  # voxels that a worker reads the light of between two chances to cancel, 10 ms
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
-def lit_nodes(shape_xyz) -> np.ndarray:
-    """(nz + 2, ny + 2, nx + 2) uint16: the nodes of a grid of so many and of the layer around it, FULL of light."""
+def lit_nodes_steps(shape_xyz):
+    """Generator of fractions: the nodes of a grid of so many and of the layer around it, FULL of light.
+
+    Returns (nz + 2, ny + 2, nx + 2) ndarray of uint16.
+    """
     nodes = empty([n + 2 for n in shape_xyz[::-1]], np.uint16)
-    nodes[:] = FULL
+    at_once = max(FILLED_AT_ONCE // nodes[0].size, 1)
+    for first in range(0, len(nodes), at_once):
+        yield first / len(nodes)
+        nodes[first : first + at_once] = FULL
     return nodes
 
 
@@ -90,7 +98,7 @@ def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, 
 
 def _layers(sweep: Sweep, place) -> tuple:
     """Slices, scale, offset_x, offset_y and whole of a Sweep, and of the layer of nodes behind its last slice."""
-    a, b, c = AXES[sweep.axis]
+    a, _, c = AXES[sweep.axis]
     behind = sweep.slices[-1] + int(np.sign(place[3, c]))
     w = place[2, c] * behind + place[2, 3]
     ends = (behind, place[0, a] / w, *((place[row, c] * behind + place[row, 3]) / w for row in (0, 1)), 0.0)
@@ -107,7 +115,7 @@ def read_nodes_steps(
     ----------
     nodes : (nz + 2, ny + 2, nx + 2) ndarray of uint16
     pitch : int
-        Voxels from node to node.
+        Voxels from node to node, a power of two.
     strength : float
         1, or what is left of shadows: of ambient occlusion.
     voxels : VisibleVoxels
@@ -310,10 +318,12 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     voxel, zero = np.int32(STEPS), np.int32(0)
     begins = np.int32(pitch) * voxel - np.int32(pitch - 1) * (voxel >> np.int32(1))
     node = np.int32(pitch) * voxel
+    # The last position is one step before the last node, so that there is a node behind it.
     last_x, last_y, last_z = np.int32(n_x - 1) * node - 1, np.int32(n_y - 1) * node - 1, np.int32(n_z - 1) * node - 1
     shift = np.int32(0)
     while (np.int32(1) << shift) < node:
         shift += np.int32(1)
+    further = np.int32(pitch)  # x' is as many nodes away as voxels, so that the nodes around it are off the surface
     part, per_step = node - np.int32(1), _ONE / np.float32(node)
     down, deep, one = np.uint64(n_x), np.uint64(n_x * n_y), np.uint64(1)
     per_code = strength * np.float32(32767.0 / FULL)
@@ -328,9 +338,9 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
             else:
                 for plane in range(copied):
                     to[i, plane] = own[i, plane]
-            x = np.int32(min(max(np.int32(xs[i]) * voxel + begins + np.int32(moved[i, 0]), zero), last_x))
-            y = np.int32(min(max(y0 + np.int32(moved[i, 1]), zero), last_y))
-            z = np.int32(min(max(z0 + np.int32(moved[i, 2]), zero), last_z))
+            x = np.int32(min(max(np.int32(xs[i]) * voxel + begins + further * np.int32(moved[i, 0]), zero), last_x))
+            y = np.int32(min(max(y0 + further * np.int32(moved[i, 1]), zero), last_y))
+            z = np.int32(min(max(z0 + further * np.int32(moved[i, 2]), zero), last_z))
             fx, fy = np.float32(x & part) * per_step, np.float32(y & part) * per_step
             fz = np.float32(z & part) * per_step
             a = np.uint64(z >> shift) * deep + np.uint64(y >> shift) * down + np.uint64(x >> shift)

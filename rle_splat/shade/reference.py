@@ -16,6 +16,7 @@ from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
 ONE = 32767.0  # of codes of components
+STEPS = 1024.0  # of a voxel, in which offsets are kept
 BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
@@ -149,9 +150,11 @@ def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes
     """Light at points beside voxels between nodes, as ``light_nodes._read``; ``offsets`` (m, 3): voxels."""
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
-    at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1) + offsets
-    at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, np.array(nodes.shape[::-1]) - 1.0)
-    cell = np.minimum(at.astype(np.int64), np.array(nodes.shape[::-1]) - 2)
+    at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1) + pitch * offsets
+    # The last position is one step of the offsets before the last node.
+    last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
+    at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, last)
+    cell = at.astype(np.int64)
     share, found = at - cell, np.zeros(len(at))
     for corner in np.ndindex(2, 2, 2):
         x, y, z = (cell + corner).T
@@ -308,7 +311,7 @@ def place_surfaces(
     inside = np.where(keep < 1.0, nearest, 0.0)
     depth = keep * np.minimum(depth, 3.0 * width) + (1.0 - keep) * np.where(np.isfinite(inside), inside, 0.0)
     b = smoothstep(size / 0.3) * np.minimum(depth + width, 3.0 * width)
-    offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * 1024.0, -32767.0, 32767.0))
+    offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * STEPS, -32767.0, 32767.0))
 
 
 def smoothstep(t) -> np.ndarray:
