@@ -83,12 +83,12 @@ SUNS = [(0, 0, -1), (0, 1, 0), (-1, 0, 0), (0.5, 0.3, -1), (-0.6, 0.2, 1), (1, 0
 PLACES = [(9.3, 8.2, 40.0), (30.0, 31.0, 3.0), (9.1, 8.7, 9.4), (-20.0, 9.0, 9.0), (4.0, 2.0, 8.0)]
 
 
-def points_of(occluders, offsets):
-    """(m, 3) voxel indices x, y, z of points."""
+def points_of(occluders, offsets, side=1):
+    """(m, 3) voxel indices x, y, z where light is read: 9 / 8 times as many nodes away as ``offsets`` has voxels."""
     voxels = occluders.voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     ny = voxels.shape_xyz[1]
-    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + offsets / STEPS
+    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + 1.125 * side * offsets / STEPS
 
 
 def integrated(field, matrix, begins, ends, steps=2000):
@@ -179,12 +179,12 @@ def test_lamps_are_rays_through_interpolated_extinction(place, matrix):
 
 @pytest.mark.parametrize("light", [*map(sun, SUNS), *map(point, PLACES[:2])])
 def test_the_grid_of_drafts_is_near_the_rays_of_all_voxels(light):
-    """Against rays through the extinction of every voxel to points as many nodes away as there are voxels."""
+    """Against rays through the extinction of every voxel to where light is read."""
     field = smooth((24, 22, 26), most=0.15)
     occluders = occluders_of(field, SKEWED)
     offsets = random_offsets(occluders, 1.5)
     codes, chosen = coarsely_beside(light, occluders, offsets), some(occluders)
-    begins = points_of(occluders, 2 * offsets.astype(int))[chosen]
+    begins = points_of(occluders, offsets, side=2)[chosen]
     place = np.linalg.solve(SKEWED[:3, :3], light.matrix_world[:3, 3] - SKEWED[:3, 3])
     along = -light.matrix_world[:3, 2]
     is_sun = light.type == "SUN"
@@ -227,7 +227,7 @@ def test_a_plate_shades_by_how_much_of_it_lies_before_the_point(axis, sign):
     codes = beside(sun(along), occluders, offsets)
     behind = sign * (points_of(occluders, offsets)[:, axis] - 7.0)
     expected = np.interp(behind, (-1.0, 0.0, 1.0), np.exp((-0.0, -0.5, -1.0)))
-    np.testing.assert_allclose(codes * CODE, expected, atol=5e-5)
+    np.testing.assert_allclose(codes * CODE, expected, atol=1e-3)  # positions are whole steps of 1 / 1024
 
 
 @pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), sun((1, 0.4, -0.3)), point((9.1, 8.7, 9.4)), point((9, 30, 9))])
