@@ -187,8 +187,8 @@ def _shade_some(begin, end, from_, layers, held, meshes, width, height, n_voxels
             add_slice(held, layer, top, rows, n_voxels, BOXED, line, sheets[0])
         for n in range(last + 1):
             before, after = sheets[n % 2], sheets[(n + 1) % 2]
-            after[:] = before
-            if n < last:
+            if n < last:  # the medium ends in the middle of the last slice, so that the layer behind has the same mean
+                after[:] = before
                 layer = (slices[n], scales[n], offsets_x[n], offsets_y[n], _ONE)
                 add_slice(held, layer, top, rows, n_voxels, BOXED, line, after)
             k, scale, offset_x, offset_y = slices[n], scales[n], offsets_x[n], offsets_y[n]

@@ -17,8 +17,8 @@ from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, 
 
 ONE = 32767.0  # of codes of components
 STEPS = 1024.0  # of a voxel, in which offsets are kept
-# How much further than at a point beside a voxel light is read, so that the nodes around are off the surface, too.  With
-# 8 a ball with an opacity step ripples by 3.2 %, with 9 by 1.8, with 10 by 0.7; but with 10 bone errs a fifth more.
+# How much further than at a point beside a voxel light is read, so that the nodes around are off the surface, too.
+# With 8 a ball with an opacity step ripples by 3.2 %, with 9 by 1.8, with 10 by 0.7; with 10 bone errs a fifth more.
 EIGHTHS = 9
 BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
@@ -127,7 +127,8 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
     # Before the first slice there is as much less than nothing as that is nearer to the light than half a slice.
     before = (sweep.whole[0] - 1.0) * added[0]
     for n, k in enumerate([*sweep.slices, sweep.slices[-1] + up]):
-        after = before + (added[n] if n <= last else 0.0)
+        # The medium ends in the middle of the last slice, so that the layer behind has the same mean.
+        after = before + added[n] if n <= last else before - added[last]
         node = np.zeros((layers.shape[1], layers.shape[2], 3))
         node[..., b], node[..., a] = np.indices(node.shape[:2]) - 1.0
         node[..., c] = k
