@@ -150,8 +150,9 @@ def test_a_light_in_the_midst_of_a_medium_reaches_by_distance():
     lit = scene_of(np.full((21, 21, 21), 0.1), None, [point((10.2, 9.7, 10.4))])
     voxels, found = reaching(lit, "post")
     away, inside = np.linalg.norm(voxels - (10.2, 9.7, 10.4), axis=1), (np.abs(voxels - 10) <= 10).all(axis=1)
-    assert inside.sum() > 4000
-    np.testing.assert_allclose(found[inside], np.exp(-0.1 * away[inside]), atol=0.01)
+    off, clear = np.abs(found - np.exp(-0.1 * away)), (np.abs(voxels - 10) <= 9).all(axis=1)
+    assert inside.sum() > 4000 and off[clear].max() < 0.01
+    assert off[inside].max() < 0.02  # beside a face a sheet pixel is half in the box and half out of it
 
 
 LIGHTS = {
