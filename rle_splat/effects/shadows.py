@@ -1,25 +1,27 @@
-"""Shadows of the volume and of meshes, and ambient occlusion: the share of each light that reaches each voxel.
+"""Shadows of the volume and of meshes, and ambient occlusion: the share of each light that arrives.
 
-Each is one number per voxel, which does not depend on the view: FULL (light_sweep.py) times the share that arrives,
-at the voxel itself, or at a point beside it, where a surface does not shade itself.
-The extinction that casts shadows is that of the voxels, interpolated, whatever the classification.
+It does not depend on the view.  It is FULL (light_sweep.py) times the share that arrives at each voxel itself, or at
+each node of a grid, from which it is read beside voxels, where a surface does not shade itself.
+The extinction that casts shadows is that of the voxels, interpolated, whatever the classification; for a coarser grid,
+means of it.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from ..encode.encode import fetch_chunks
-from ..encode.scalars import in_scanlines
+from ..encode.pooling import pool_steps
+from ..encode.scalars import in_scanlines, scalar_tables
 from ..encode.tables import RunTables
 from ..runtime.steps import drain, map_steps
-from ..shade.light_beside import light_beside_steps
+from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
@@ -97,73 +99,95 @@ class Occluders:
         return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, threads=self.threads))
 
 
-def light_steps(light, occluders: Occluders, offsets=None):
-    """Find how much of a light arrives at each voxel, or at a point beside it.
+def pool_occluders_steps(occluders: Occluders, side: int):
+    """Average what blocks light over cubes of voxels.
+
+    Parameters
+    ----------
+    occluders : Occluders
+    side : int
+        Voxels along a side of a cube.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    Occluders
+        Its voxels are the cubes, which lie where their middles are.  What clips cut away is cut away.
+    """
+    means = yield from pool_steps(occluders.voxels, occluders.extinction, side, threads=occluders.threads)
+    kept, nx = means > 0.0, means.shape[2]
+    rows = kept.reshape(-1, nx)
+    counts = np.count_nonzero(rows, axis=1)
+    pieces = np.count_nonzero(rows[:, 1:] & ~rows[:, :-1], axis=1) + rows[:, 0]
+    words = np.packbits(np.pad(rows, ((0, 0), (0, -nx % 64))), axis=1, bitorder="little").view("<u8").astype(np.uint64)
+    extinction = means[kept]
+    voxels = VisibleVoxels(
+        means.shape[::-1], np.concatenate(([0], np.cumsum(counts))), pieces.astype(np.int32),
+        np.nonzero(rows)[1].astype(np.uint16 if nx <= 65536 else np.int32), extinction, 0, words,
+    )  # fmt: skip
+    matrix = occluders.matrix.copy()
+    matrix[:3, 3] += 0.5 * (side - 1) * matrix[:3, :3].sum(axis=1)
+    matrix[:3, :3] *= side
+    tables_of = cache(partial(scalar_tables, voxels, threads=occluders.threads))
+    return replace(
+        occluders, voxels=voxels, find_extinction=lambda: extinction, tables_of=tables_of, matrix=matrix, clips=(),
+        medium_key=(occluders.key, side),
+    )  # fmt: skip
+
+
+def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = False):
+    """The sweeps of a light, and how much each sample of it weighs.
 
     Parameters
     ----------
     light : Light
     occluders : Occluders
-    offsets : (m, 3) ndarray of int16 or None
-        From the voxels to their points, as of ``surface_points.place_steps``; None for the voxels themselves.
-
-    Yields
-    ------
-    float
-        Fraction done.
+    nodes : bool
+        Whether nodes of a grid are lit, in place of voxels.
+    sharp : bool
+        Whether a light with a size is one sample, its middle.
 
     Returns
     -------
-    (m,) ndarray of uint16
-        FULL times the share that arrives.
+    passes : list of list of Sweep
+        The sweeps of each sample.
+    weights : (samples,) ndarray of float64
     """
     samples = light_samples(light, occluders.corners, occluders.voxel)
+    if sharp:
+        samples = samples.mean(axis=0, keepdims=True)
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     if light.type == "SUN":
         passes = [sun_sweeps(sample, *grid) for sample in samples]
     else:
-        passes = [point_sweeps(sample, *grid, beside=offsets is not None) for sample in samples]
-    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders, offsets)
+        passes = [point_sweeps(sample, *grid, beside=nodes) for sample in samples]
+    return passes, np.full(len(passes), 1.0 / len(passes))
 
 
-def sky_steps(occluders: Occluders, offsets=None):
-    """As ``light_steps``, for light from all directions, sampled by fourteen; ambient occlusion.
+def sky_passes(occluders: Occluders, *, nodes: bool):
+    """As ``light_passes``, for light from all directions, sampled by fourteen; ambient occlusion.
 
-    The NEAR_SKY slices next to a voxel do not occlude the voxel itself; a point beside it is occluded by all.
-
-    Parameters
-    ----------
-    occluders : Occluders
-    offsets : (m, 3) ndarray of int16 or None
-
-    Yields
-    ------
-    float
-        Fraction done.
-
-    Returns
-    -------
-    (m,) ndarray of uint16
-        FULL times the share that arrives.
+    The NEAR_SKY slices next to a voxel do not occlude the voxel itself; a node is occluded by all.
     """
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     passes = [sun_sweeps(direction, *grid) for direction in SKY_DIRECTIONS]
-    if offsets is None:
+    if not nodes:
         passes = [[sweep.without_nearest(NEAR_SKY) for sweep in sweeps] for sweeps in passes]
-    return mean_steps(passes, SKY_WEIGHTS, occluders, offsets)
+    return passes, SKY_WEIGHTS
 
 
-def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders, offsets=None):
-    """Find the weighted mean of the light of several point or parallel lights at each voxel, or beside it.
+def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
+    """Find the weighted mean of the light of several samples at each voxel.
 
     Parameters
     ----------
-    passes : list of list of Sweep
-        The sweeps of each light.
-    weights : (lights,) array_like
+    passes, weights
+        As ``light_passes`` returns them.
     occluders : Occluders
-    offsets : (m, 3) ndarray of int16 or None
-        As of ``light_steps``.
 
     Yields
     ------
@@ -178,29 +202,31 @@ def mean_steps(passes: list[list[Sweep]], weights, occluders: Occluders, offsets
     total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)
-        if offsets is None:
-            codes = _sweep(sweeps, occluders)
-        else:
-            codes = yield from map_steps(
-                _beside_steps(sweeps, occluders, offsets), lambda d, n=n: (n + d) / len(passes)
-            )
+        codes = _sweep(sweeps, occluders)
         if len(passes) == 1:
             return codes
         total += np.float32(weight) * codes
     return np.minimum(total + np.float32(0.5), np.float32(FULL)).astype(np.uint16)
 
 
-def _beside_steps(sweeps: list[Sweep], occluders: Occluders, offsets):
-    """Generator of fractions: (m,) uint16 at points beside the voxels after all sweeps of a light without size."""
-    voxels, codes = occluders.voxels, np.full(len(occluders.voxels), FULL, np.uint16)
-    for done, sweep in enumerate(sweeps):
-        tables, starts, extinction = _occluding(sweep.axis, occluders)
-        steps = light_beside_steps(
-            sweep, tables, starts, extinction, _meshes_before(sweep, occluders), voxels, offsets, occluders.matrix,
-            codes, threads=occluders.threads,
-        )  # fmt: skip
+def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
+    """As ``voxel_light_steps``, at the nodes of a grid, which are on the voxels of ``occluders``.
+
+    Returns
+    -------
+    (nz + 2, ny + 2, nx + 2) ndarray of uint16
+        FULL times the share that arrives, with a layer around the volume.
+    """
+    nodes = yield from map_steps(lit_nodes_steps(occluders.voxels.shape_xyz), lambda _: 0.0)
+    shares = np.diff(np.rint(FULL * np.cumsum((0.0, *weights)) / np.sum(weights))).astype(int).tolist()
+    sweeps = [(sweep, share) for of_sample, share in zip(passes, shares) for sweep in of_sample]
+    for done, (sweep, share) in enumerate(sweeps):
+        meshes = _meshes_before(sweep, occluders)
+        steps = shade_nodes_steps(
+            sweep, *_occluding(sweep.axis, occluders), meshes, occluders.matrix, nodes, share, threads=occluders.threads
+        )
         yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
-    return codes
+    return nodes
 
 
 def _occluding(axis: int, occluders: Occluders):

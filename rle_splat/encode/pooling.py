@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..classify.placing import RecordPositions
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from . import reference
-from .records import empty_records
+
+VOXELS_AT_ONCE = 1 << 22  # kept voxels that are averaged between two chances to cancel, 10 ms
 
 
-def pool_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
-    """Average visible voxels to nodes.
+def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0):
+    """Average the extinction of kept voxels to nodes.
 
     Parameters
     ----------
     voxels : VisibleVoxels
-    write : callable
-        See ``encode.record_steps``; writes (extinction * RGB, extinction).
-    level : int
+    extinction : (m,) ndarray of float32
+    side : int
+        Voxels along a side of a cube.
     threads : int
         0 for one per core.
 
@@ -34,51 +34,40 @@ def pool_steps(voxels: VisibleVoxels, write, level: int, *, threads: int = 0):
 
     Returns
     -------
-    (nz, ny, nx, 4) ndarray of float32
-        Means of (extinction * RGB, extinction); voxels that are not visible, and those beyond the volume, count as 0.
+    (nz, ny, nx) ndarray of float32
+        Means; voxels that are not kept, and those beyond the volume, count as 0.
     """
-    shape = (-(-n >> level) for n in voxels.shape_xyz[::-1])
-    means = np.zeros((*shape, 4), np.float32)
-    records = empty_records(16, 0)
-    for node_plane, totals in enumerate(means):
-        yield node_plane / len(means)
-        planes = node_plane << level, min((node_plane + 1) << level, voxels.shape_xyz[2])
-        positions = RecordPositions.in_order(voxels, *planes)
-        first, last = positions.span
-        if last > first:
-            if len(records) < last - first:
-                records = empty_records(16, last - first)
-            write(positions, records)
-            made = records[: last - first]
-            if compiled():
-                arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(made)
-                with parallel_call(threads):
-                    add_to_nodes(*arguments, planes[0], planes[1], voxels.shape_xyz[1], level, totals)
-            else:
-                reference.add_to_nodes(voxels, first, made, level, totals)
-            totals *= np.float32(0.125**level)
+    means = np.zeros([-(-n // side) for n in voxels.shape_xyz[::-1]], np.float32)
+    arguments = read_only(voxels.row_start), read_only(voxels.column), read_only(extinction), voxels.shape_xyz, side
+    at_once = max(VOXELS_AT_ONCE * len(means) // max(len(voxels), 1), 1)
+    for first in range(0, len(means), at_once):
+        yield first / len(means)
+        part = means[first : first + at_once]
+        if compiled():
+            with parallel_call(threads):
+                _pool(first, *arguments, part)
+        else:
+            reference.pool(first, *arguments, part)
     return means
 
 
 @kernel
-def add_to_nodes(row_start, column, records, first_plane, last_plane, n_y, level, totals):
-    """Add ``records`` (n, 4) float32 of the voxels of some planes to one plane of nodes.
-
-    ``row_start``, ``column``: see VisibleVoxels. ``n_y``: rows of a plane. Updates ``totals`` (ny, nx, 4) float32.
-    """
+def _pool(first, row_start, column, extinction, shape_xyz, side, means):
+    """Add extinction to planes of nodes from number ``first`` on; ``means`` (planes, ny, nx) float32."""
     share_out(
-        _add_to_nodes, totals.shape[0], (row_start, column, records, first_plane, last_plane, n_y, level, totals)
+        _pool_rows, means.shape[0] * means.shape[1], (first, row_start, column, extinction, shape_xyz, side, means)
     )
 
 
 @kernel(inner=True)
-def _add_to_nodes(begin, end, row_start, column, records, first_plane, last_plane, n_y, level, totals):
-    """``add_to_nodes`` for rows of nodes [begin, end)."""
-    first = row_start[first_plane * n_y]
-    for node_row in range(begin, end):
-        for z in range(first_plane, last_plane):
-            for y in range(node_row << level, min((node_row + 1) << level, n_y)):
+def _pool_rows(begin, end, first, row_start, column, extinction, shape_xyz, side, means):
+    """``_pool`` for rows of nodes [begin, end)."""
+    _, n_y, n_z = shape_xyz
+    rows, share = means.shape[1], np.float32(1.0 / side**3)
+    for number in range(begin, end):
+        plane, row = number // rows, number % rows
+        to = means[plane, row]
+        for z in range((first + plane) * side, min((first + plane + 1) * side, n_z)):
+            for y in range(row * side, min((row + 1) * side, n_y)):
                 for v in range(row_start[z * n_y + y], row_start[z * n_y + y + 1]):
-                    x = np.int64(column[v]) >> level
-                    for c in range(4):
-                        totals[node_row, x, c] += records[v - first, c]
+                    to[np.int64(column[v]) // side] += share * extinction[v]

@@ -69,9 +69,11 @@ def pack(records, inverse, voxel_data):
     voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)
 
 
-def add_to_nodes(voxels, first: int, records, level: int, totals):
-    """Add records (n, 4) of the voxels from number ``first`` on to a plane of nodes; of ``pooling.add_to_nodes``."""
-    number = np.arange(first, first + len(records))
-    row = np.searchsorted(voxels.row_start, number, side="right") - 1
-    y = row % voxels.shape_xyz[1] >> level
-    np.add.at(totals, (y, voxels.column[number].astype(np.int64) >> level), records)
+def pool(first, row_start, column, extinction, shape_xyz, side: int, means):
+    """Means of cubes of voxels, for planes of nodes from number ``first`` on; of ``pooling.pool_steps``."""
+    _, n_y, n_z = shape_xyz
+    rows = slice(first * side * n_y, min((first + len(means)) * side, n_z) * n_y)
+    counts, some = np.diff(row_start)[rows], slice(row_start[rows.start], row_start[rows.stop])
+    row = np.repeat(np.arange(rows.start, rows.stop), counts)
+    at = row // n_y // side - first, row % n_y // side, column[some].astype(np.int64) // side
+    np.add.at(means, at, extinction[some] / np.float32(side**3))

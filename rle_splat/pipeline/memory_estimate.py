@@ -123,10 +123,11 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("shade", "normals", tables.lit * count, 6 + 4 + 6 if scalars else 12),
         # Planes that are smoothed: as float32, smoothed, and squares of gradients.
         MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
-        MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what arrives of each light
+        # What arrives of each light: at voxels, or at the nodes of a grid with a layer around it.
+        MemoryRow("shade", "normals", (not scalars) * tables.shadows * count, 4),
+        MemoryRow("shade", "normals", scalars * tables.shadows * (nx + 2) * (ny + 2) * (nz + 2), 2),
         MemoryRow("shade", "normals", (scalars and shaded) * count, 6),  # where its shadows begin
-        # While shadows are made; of scalars the points at which they begin are sorted.
-        MemoryRow("shade", "normals", shaded * count, 26 if scalars else 10),
+        MemoryRow("shade", "normals", shaded * count, 10),  # while shadows are made
         MemoryRow("shade", "visible", (scalars and (shaded or thinned)) * count, codes),  # all planes of a voxel joined
         MemoryRow("shade", "visible", (scalars and thinned) * count, 4),  # factors of extinction
         MemoryRow("encode", "runs", axes * scanlines, 72),  # pointers, and what making them takes meanwhile

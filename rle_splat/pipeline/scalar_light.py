@@ -4,8 +4,8 @@ What each depends on, so that a lamp that moves or an object that turns redoes n
 
     surfaces  the kept voxels, and how far normals are smoothed
     normals   surfaces, how the volume lies in the world, what clips cut, which values the transfer function shows
-    shadows   normals, the extinction, and where each lamp is
-    codes     normals, shadows and factors
+    shadows   the extinction, where each lamp is, and how far apart the nodes of its grid are
+    codes     normals and shadows; where one lamp moved, only what arrives of it is written anew
 """
 
 from __future__ import annotations
@@ -14,13 +14,17 @@ import numpy as np
 
 from ..effects.shadows import Occluders
 from ..runtime.buffer_pool import empty
-from ..runtime.steps import announce, time_steps
+from ..runtime.steps import announce, map_steps, time_steps
 from ..scene import Scene
+from ..shade.light_nodes import read_nodes_steps
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
 from ..shade.surface_normals import automatic_sigma, surface_steps
 from ..shade.surface_points import faces_of, place_steps, shown_ranges
-from .shadows import arriving_steps, casting, shadow_count
+from .shadows import Arriving, arriving_steps, casting, shadow_count
 from .source import Work, array_key
+from .stage_cache import Job
+
+IN_ROWS = "rows"  # the order of the voxels themselves
 
 
 def smoothness_of(scene: Scene) -> float:
@@ -36,7 +40,7 @@ def light_of(scene: Scene, falling) -> SampleLight | None:
     return sample_light(falling, scene.volume.shape_xyz, casting(scene), scene.ambient_occlusion > 0.0)
 
 
-def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Work, threads: int):
+def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, side: int, work: Work, threads: int):
     """Generator of Progress: the codes of the voxels of a lit scene, and their key.
 
     Parameters
@@ -45,6 +49,8 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
         Those that are kept, which ``voxels_key`` names.
     occluders : Occluders
         What casts shadows.
+    side : int
+        Voxels from node to node of the grids of light.
 
     Returns
     -------
@@ -72,12 +78,38 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, work: Wor
     placed = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
     if not shaded:
         return placed.codes, normals_key
-    steps = arriving_steps(scene, occluders, job, clock, placed.offsets, normals_key)
-    lamps, sky, key = yield from announce(steps, 0.1, 0.1, "Casting shadows")
-    planes = lamps if sky is None else [*lamps, sky]
-    key = normals_key, key
-    with clock.stage("shade"):
-        return job.get("codes", (key, "rows"), lambda: _joined(placed.codes, planes)), key
+    steps = arriving_steps(scene, occluders, job, clock, side)
+    arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
+    key = normals_key, side, tuple(one.key for one in arriving)
+    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, voxels, key, arriving, job, threads))
+    return (yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Casting shadows")), key
+
+
+def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job, threads: int):
+    """Generator of fractions: codes of normals and of what arrives beside the voxels, (m, channels) int16.
+
+    Channels that earlier codes have, before a lamp moved, are copied.
+    """
+    normals_key, side, keys = key
+
+    def serves(held_key, _) -> bool:
+        held, order = held_key
+        return order == IN_ROWS and len(held) == 3 and held[:2] == (normals_key, side) and len(held[2]) == len(keys)
+
+    codes = empty((len(voxels), NORMAL + len(keys)), np.int16)
+    held_key = job.latest("codes", serves)
+    known, anew = placed.codes, range(len(keys))
+    if held_key is not None:
+        known, held = job.get("codes", held_key, None), held_key[0][2]
+        anew = [plane for plane in anew if held[plane] != keys[plane]]
+    for n, plane in enumerate(anew):
+        one = arriving[plane]
+        steps = read_nodes_steps(
+            one.codes, side, one.strength, voxels, placed.offsets, None if n else known, codes, NORMAL + plane,
+            threads=threads,
+        )  # fmt: skip
+        yield from map_steps(steps, lambda fraction, n=n: (n + fraction) / len(anew))
+    return codes
 
 
 class Placed:
@@ -98,13 +130,4 @@ def with_factor(codes: np.ndarray | None, factor: np.ndarray) -> np.ndarray:
     if codes is not None:
         found[:, :channels] = codes
     found[:, channels] = np.rint(factor * ONE)
-    return found
-
-
-def _joined(normals: np.ndarray, arriving: list[np.ndarray]) -> np.ndarray:
-    """Codes of normals (m, 3) and, halved to 15 bits, of what arrives (m,) each."""
-    found = empty((len(normals), NORMAL + len(arriving)), np.int16)
-    found[:, :NORMAL] = normals
-    for plane, share in enumerate(arriving):
-        found[:, NORMAL + plane] = share >> 1
     return found

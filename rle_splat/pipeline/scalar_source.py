@@ -48,8 +48,8 @@ from ..volume.gradient_size import gradient_sizes
 from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
-from .scalar_light import code_steps, light_of, with_factor
-from .shadows import shadow_count
+from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
+from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
 
 ONE_VOXEL_THICK = (
@@ -59,7 +59,6 @@ ONE_VOXEL_THICK = (
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
 HIDING = "Hiding labels"
-IN_ROWS = "rows"  # the voxels' own order
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +269,9 @@ class ScalarSource(Source):
         codes, codes_key = None, ()
         if unlit.falling is not None:
             yield Progress(0.1, "Shading")
-            codes, codes_key = yield from code_steps(scene, unlit.voxels, key, occluders, work, self.threads)
+            codes, codes_key = yield from code_steps(
+                scene, unlit.voxels, key, occluders, node_side(self.quality), work, self.threads
+            )
         if factor is not None:
             codes_key = (codes_key, hidden_key, key, tf.gradient_opacity)
             codes = job.get("thinned", codes_key, lambda: with_factor(codes, factor))

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from ..effects.shadows import Occluders, light_steps, sky_steps
+from ..effects.shadows import (
+    Occluders,
+    light_passes,
+    node_light_steps,
+    pool_occluders_steps,
+    sky_passes,
+    voxel_light_steps,
+)
 from ..runtime.steps import Clock, time_steps
-from ..scene import Light, Scene
+from ..scene import Light, Quality, Scene
 from ..shade.light_sweep import FULL
 from ..shade.lighting import Shadows
 from .stage_cache import Job
 
 SHADOW_EFFECTS = ("shadows", "ambient occlusion")  # their names in the table of effects
 UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
+COARSE = 0.5  # sheet pixels per image pixel, up to which nodes of light are two voxels apart: as a draft has
 
 
 def casting(scene: Scene) -> list[int]:
@@ -35,45 +44,79 @@ def without_shadows(scene: Scene) -> Scene:
     return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
 
 
-def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, offsets=None, offsets_key=()):
+def node_side(quality: Quality) -> int:
+    """Voxels from node to node of the grids of light of a post-classified picture."""
+    return 2 if 0.0 < quality.sheet_density <= COARSE else 1
+
+
+class Arriving(NamedTuple):
+    """What arrives of a light: ``codes``, FULL times the share; ``strength`` of what is blocked counts; ``key``."""
+
+    codes: np.ndarray
+    strength: float
+    key: tuple
+
+
+def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int = 0):
     """Generator of fractions done: what arrives of a scene's lights.
 
-    ``offsets``: as ``effects.shadows.light_steps`` takes them, which ``offsets_key`` names.
+    ``side``: 0 for the light at voxels; else voxels from node to node of the grids of light.
 
     Returns
     -------
-    lamps : list of (m,) ndarray of uint16
-        FULL times the share that arrives, for each light of ``casting``.
-    sky : (m,) ndarray of uint16 or None
-        The same of ambient light; None without ambient occlusion.
-    key : tuple
-        Of all of it.
+    list of Arriving
+        For each light of ``casting``, and for ambient light, if there is ambient occlusion.
     """
-    lamps, keys, sky = [], [], None
+    find_steps = node_light_steps if side else voxel_light_steps
+
+    def blocking_steps():
+        """Generator: what blocks light, at the grid's own resolution."""
+        if side < 2:
+            return occluders
+        key = (occluders.key, side, occluders.threads)
+        return (yield from job.steps("pooled", key, lambda: pool_occluders_steps(occluders, side), _bytes_of))
+
+    def lamp_steps(light: Light):
+        blocking = yield from blocking_steps()
+        return (yield from find_steps(*light_passes(light, blocking, nodes=side > 0, sharp=side > 1), blocking))
+
+    def ambient_steps():
+        blocking = yield from blocking_steps()
+        return (yield from find_steps(*sky_passes(blocking, nodes=side > 0), blocking))
+
+    found = []
     for number in casting(scene):
         light = scene.lights[number]
-        key = (occluders.key, offsets_key, _light_key(light))
-        steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders, offsets))
-        lamps.append((yield from time_steps(steps, clock, "shadows")))
-        keys.append((number, key))
+        key = (occluders.key, side, _light_key(light))
+        steps = job.steps("shadows", key, lambda light=light: lamp_steps(light))
+        found.append(Arriving((yield from time_steps(steps, clock, "shadows")), 1.0, key))
     if scene.ambient_occlusion > 0.0:
-        key = (occluders.key, offsets_key)
-        steps = job.steps("ambient occlusion", key, lambda: sky_steps(occluders, offsets))
-        left = yield from time_steps(steps, clock, "ambient occlusion")
-        sky = np.rint(FULL - scene.ambient_occlusion * (FULL - left.astype(np.float32))).astype(np.uint16)
-        keys.append((scene.ambient_occlusion, key))
-    return lamps, sky, tuple(keys)
+        key = (occluders.key, side)
+        steps = job.steps("ambient occlusion", key, ambient_steps)
+        codes = yield from time_steps(steps, clock, "ambient occlusion")
+        found.append(Arriving(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
+    return found
 
 
 def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
     """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
-    lamps, sky, key = yield from arriving_steps(scene, occluders, job, clock)
+    found = yield from arriving_steps(scene, occluders, job, clock)
     row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
-    row_of[casting(scene)] = np.arange(len(lamps))
-    if sky is not None:
-        row_of[-1] = len(lamps)
-        lamps = [*lamps, sky]
-    return Shadows(np.stack(lamps), row_of), key
+    row_of[casting(scene)] = np.arange(len(casting(scene)))
+    if scene.ambient_occlusion > 0.0:
+        row_of[-1] = len(found) - 1
+    codes = [
+        one.codes
+        if one.strength == 1.0
+        else np.rint(FULL - one.strength * (FULL - one.codes.astype(np.float32))).astype(np.uint16)
+        for one in found
+    ]
+    return Shadows(np.stack(codes), row_of), (tuple(casting(scene)), tuple(one.key for one in found))
+
+
+def _bytes_of(occluders: Occluders) -> int:
+    """Of pooled voxels and their tables along one axis."""
+    return 2 * occluders.voxels.nbytes
 
 
 def _light_key(light: Light) -> tuple:
