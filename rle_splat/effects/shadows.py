@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,11 +23,13 @@ from ..shade.light_beside import light_beside_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
+from ..shade.sample_light import OCTAVES
 from .clip_cover import cover
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
 BEHIND_MESHES = 0.5
+AT_ONCE = 1 << 19  # voxels whose powers are looked up between two chances to cancel
 # Slices next to a voxel that do not occlude it: they belong to the same surface, whose steps between voxels would show.
 NEAR_SKY = 2
 
@@ -117,13 +119,59 @@ def light_steps(light, occluders: Occluders, offsets=None):
     (m,) ndarray of uint16
         FULL times the share that arrives.
     """
+    passes = _passes_of(light, occluders, offsets is not None)
+    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders, offsets)
+
+
+def _passes_of(light, occluders: Occluders, beside: bool) -> list[list[Sweep]]:
+    """The sweeps of each sample of a light; ``beside``: to points beside voxels."""
     samples = light_samples(light, occluders.corners, occluders.voxel)
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     if light.type == "SUN":
-        passes = [sun_sweeps(sample, *grid) for sample in samples]
-    else:
-        passes = [point_sweeps(sample, *grid, beside=offsets is not None) for sample in samples]
-    return mean_steps(passes, np.full(len(passes), 1.0 / len(passes)), occluders, offsets)
+        return [sun_sweeps(sample, *grid) for sample in samples]
+    return [point_sweeps(sample, *grid, beside=beside) for sample in samples]
+
+
+def scattered_steps(light, occluders: Occluders, offsets):
+    """As ``light_steps`` of points beside the voxels, with the light that is scattered on its way.
+
+    It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (2, m) ndarray of uint16
+        FULL times the share T that arrives, and the mean U, by their weights, of its further OCTAVES.
+
+    Notes
+    -----
+    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
+    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+    """
+    passes = _passes_of(light, occluders, True)
+    least, code = OCTAVES[-1], np.arange(FULL + 1.0) / FULL
+    powers = [FULL * code ** (power / least) for power in OCTAVES]
+    further = np.average(powers[1:], axis=0, weights=OCTAVES[1:])
+    arriving = np.stack((powers[0], further)).astype(np.float32) / np.float32(len(passes))
+    count, meshless = len(occluders.voxels), replace(occluders, triangles=None)
+    total, left = np.full((2, count), 0.5, np.float32), None
+    for n, sweeps in enumerate(passes):
+        paths = [replace(sweep, length=least**2 * sweep.length) for sweep in sweeps]
+        found = yield from map_steps(_beside_steps(paths, meshless, offsets), lambda d, n=n: (n + d) / len(passes))
+        if occluders.triangles is not None and len(occluders.triangles):
+            cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
+            left = yield from map_steps(_beside_steps(cleared, occluders, offsets), lambda _, n=n: (n + 1) / len(passes))
+        for first in range(0, count, AT_ONCE):
+            yield (n + 1) / len(passes)
+            part = slice(first, first + AT_ONCE)
+            share = np.float32(1.0) if left is None else left[part] / np.float32(FULL)
+            for plane, powers in zip(total, arriving):
+                plane[part] += powers[found[part]] * share
+    return np.minimum(total, np.float32(FULL)).astype(np.uint16)
 
 
 def sky_steps(occluders: Occluders, offsets=None):

@@ -6,14 +6,14 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from ..effects.shadows import Occluders, light_steps, sky_steps
+from ..effects.shadows import Occluders, light_steps, scattered_steps, sky_steps
 from ..runtime.steps import Clock, time_steps
 from ..scene import Light, Scene
 from ..shade.light_sweep import FULL
 from ..shade.lighting import Shadows
 from .stage_cache import Job
 
-SHADOW_EFFECTS = ("shadows", "ambient occlusion")  # their names in the table of effects
+SHADOW_EFFECTS = ("shadows", "ambient occlusion", "indirect light")  # their names in the table of effects
 UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
 
 
@@ -25,14 +25,14 @@ def casting(scene: Scene) -> list[int]:
 
 
 def shadow_count(scene: Scene) -> int:
-    """How many lights, ambient light among them, have their share stored for each voxel."""
-    return len(casting(scene)) + (scene.ambient_occlusion > 0.0)
+    """How many shares of lights, of ambient light among them, are stored for each voxel."""
+    return len(casting(scene)) * (1 + (scene.indirect_light > 0.0)) + (scene.ambient_occlusion > 0.0)
 
 
 def without_shadows(scene: Scene) -> Scene:
-    """The scene without shadows and ambient occlusion, whether it asks for them or they are forced on or off."""
+    """The scene without shadows, ambient occlusion and indirect light, whether it asks for them or they are forced on or off."""
     effects = {name: on for name, on in scene.effects.items() if name not in SHADOW_EFFECTS}
-    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
+    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, indirect_light=0.0, effects=effects)
 
 
 def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, offsets=None, offsets_key=()):
@@ -43,19 +43,23 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, o
     Returns
     -------
     lamps : list of (m,) ndarray of uint16
-        FULL times the share that arrives, for each light of ``casting``.
+        FULL times the share that arrives, for each light of ``casting``; then, with indirect light, its share.
     sky : (m,) ndarray of uint16 or None
         The same of ambient light; None without ambient occlusion.
     key : tuple
         Of all of it.
     """
     lamps, keys, sky = [], [], None
+    scattered = scene.indirect_light > 0.0
+    find_steps = scattered_steps if scattered else light_steps
     for number in casting(scene):
         light = scene.lights[number]
-        key = (occluders.key, offsets_key, _light_key(light))
-        steps = job.steps("shadows", key, lambda light=light: light_steps(light, occluders, offsets))
+        key = (occluders.key, offsets_key, _light_key(light), scattered)
+        steps = job.steps("shadows", key, lambda light=light: find_steps(light, occluders, offsets))
         lamps.append((yield from time_steps(steps, clock, "shadows")))
         keys.append((number, key))
+    if scattered:
+        lamps = [share for shares in zip(*lamps) for share in shares]
     if scene.ambient_occlusion > 0.0:
         key = (occluders.key, offsets_key)
         steps = job.steps("ambient occlusion", key, lambda: sky_steps(occluders, offsets))
