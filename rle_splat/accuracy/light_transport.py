@@ -67,7 +67,7 @@ class Tracer:
 
     def scattered(self, light: Light, index: np.ndarray) -> np.ndarray:
         """(N,) share of a light that arrives scattered at (N, 3) positions: the mean of the octaves SCATTERED by their
-        weights (Wrenninge et al. 2013, equation 7)."""
+        weights (Wrenninge et al. 2013)."""
         depths = self._depths_towards(light, index, OPAQUE * 2.0 ** max(SCATTERED))
         weights = [2.0**-n for n in SCATTERED]
         return sum(weight * np.exp(-weight * depths).mean(axis=0) for weight in weights) / sum(weights)

@@ -153,10 +153,11 @@ def scattered_steps(light, occluders: Occluders, offsets):
     what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
     """
     passes = _passes_of(light, occluders, True)
-    least, code = OCTAVES[-1], np.arange(FULL + 1.0) / FULL
-    powers = [FULL * code ** (power / least) for power in OCTAVES]
-    further = np.average(powers[1:], axis=0, weights=OCTAVES[1:])
-    arriving = np.stack((powers[0], further)).astype(np.float32) / np.float32(len(passes))
+    weights, powers = OCTAVES
+    least, code = powers[-1], np.arange(FULL + 1.0) / FULL
+    direct, *others = (FULL * code ** (power / least) for power in powers)
+    further = np.average(others, axis=0, weights=weights[1:])
+    arriving = np.stack((direct, further)).astype(np.float32) / np.float32(len(passes))
     count, meshless = len(occluders.voxels), replace(occluders, triangles=None)
     total, left = np.full((2, count), 0.5, np.float32), None
     for n, sweeps in enumerate(passes):
@@ -169,8 +170,8 @@ def scattered_steps(light, occluders: Occluders, offsets):
             yield (n + 1) / len(passes)
             part = slice(first, first + AT_ONCE)
             share = np.float32(1.0) if left is None else left[part] / np.float32(FULL)
-            for plane, powers in zip(total, arriving):
-                plane[part] += powers[found[part]] * share
+            for plane, of_code in zip(total, arriving):
+                plane[part] += of_code[found[part]] * share
     return np.minimum(total, np.float32(FULL)).astype(np.uint16)
 
 

@@ -38,8 +38,9 @@ TRUSTED = 0.3
 ROUNDING = math.sin(math.radians(5.0))
 RAMP = 0.2
 TURNED = 0.4
-OCTAVES = (1.0, 0.5, 0.25)  # weights of the powers of T that arrive, and these powers (Wrenninge et al. 2013)
-INDIRECT = sum(OCTAVES[1:]) / sum(OCTAVES)
+# Weights of the powers of T that arrive, and these powers: a^n and b^n of Wrenninge et al. 2013.
+OCTAVES = (1.0, 0.5, 0.25), (1.0, 0.5, 0.25)
+INDIRECT = sum(OCTAVES[0][1:]) / sum(OCTAVES[0])
 SPREAD = 0.4
 SHARPEST = 1e9  # shininess
 ALMOST_NONE = 1e-6  # |m| below which there is no direction

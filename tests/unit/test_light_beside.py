@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rle_splat.classify.visible import VisibleVoxels
-from rle_splat.effects.shadows import FULL, Occluders, light_steps, sky_steps
+from rle_splat.effects.shadows import FULL, Occluders, light_steps, scattered_steps, sky_steps
 from rle_splat.encode.encode import run_tables
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
@@ -187,6 +189,26 @@ def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, monkeypatc
     off = np.abs(found[0] * CODE - reference * CODE)
     assert np.ptp(reference) > 0.5 * FULL
     assert (off > 3 * CODE).mean() < (1e-3 if meshes else 1e-9)  # the edge of a mesh is a step
+
+
+@pytest.mark.parametrize("meshes", [False, True])
+@pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), point((9.1, 8.7, 9.4)), Light("SUN", matrix_world=pose((0, 0, 0)), angle=0.5)])
+def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light, meshes):
+    """T as it is swept alone, and U of the powers of what each point of the lamp sends; on any number of threads."""
+    field = smooth((19, 18, 20), most=3.0)
+    triangles = np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 30.0, 8.0)]]) if meshes else None
+    occluders = occluders_of(field, SKEWED, 1, triangles)
+    offsets = random_offsets(occluders)
+    found = drain(scattered_steps(light, occluders, offsets))
+    alone = drain(light_steps(light, occluders, offsets))
+    assert np.abs(found[0] * CODE - alone * CODE).max() < 4 * CODE and np.ptp(alone) > 0.5 * FULL
+    # A medium that is half as dense, and one of a quarter.
+    thinner = [
+        drain(light_steps(light, replace(occluders, find_extinction=lambda part=part: part * occluders.extinction), offsets))
+        for part in (np.float32(0.5), np.float32(0.25))
+    ]  # fmt: skip
+    np.testing.assert_allclose(found[1] * CODE, (2.0 * thinner[0] + thinner[1]) * CODE / 3.0, atol=3 * CODE)
+    np.testing.assert_array_equal(found, drain(scattered_steps(light, replace(occluders, threads=2), offsets)))
 
 
 def test_light_of_voxels_themselves_is_the_same_with_offsets_of_none():
