@@ -281,8 +281,8 @@ def _ct_head():
 
 def settings() -> tuple[Setting, ...]:
     on_lights = (
-        "specular", "shadows", "indirect light", "world light", "ambient occlusion", "mesh occlusion", "glass", "clipping",
-        "clip objects", "clip plane", "depth of field",
+        "specular", "shadows", "indirect light", "world light", "ambient occlusion", "mesh occlusion", "glass",
+        "clipping", "clip objects", "clip plane", "depth of field",
     )  # fmt: skip
     on_plain = (
         "shading", "specular", "clipping", "clip objects", "clip plane", "gradient opacity", "labels", "channels"

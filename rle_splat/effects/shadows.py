@@ -164,8 +164,8 @@ def scattered_steps(light, occluders: Occluders, offsets):
         paths = [replace(sweep, length=least**2 * sweep.length) for sweep in sweeps]
         found = yield from map_steps(_beside_steps(paths, meshless, offsets), lambda d, n=n: (n + d) / len(passes))
         if occluders.triangles is not None and len(occluders.triangles):
-            cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
-            left = yield from map_steps(_beside_steps(cleared, occluders, offsets), lambda _, n=n: (n + 1) / len(passes))
+            cleared = _beside_steps([replace(sweep, length=np.zeros(6)) for sweep in sweeps], occluders, offsets)
+            left = yield from map_steps(cleared, lambda _, n=n: (n + 1) / len(passes))
         for first in range(0, count, AT_ONCE):
             yield (n + 1) / len(passes)
             part = slice(first, first + AT_ONCE)

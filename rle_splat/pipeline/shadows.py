@@ -30,7 +30,7 @@ def shadow_count(scene: Scene) -> int:
 
 
 def without_shadows(scene: Scene) -> Scene:
-    """The scene without shadows, ambient occlusion and indirect light, whether it asks for them or they are forced on or off."""
+    """The scene without SHADOW_EFFECTS, whether it asks for them or they are forced on or off."""
     effects = {name: on for name, on in scene.effects.items() if name not in SHADOW_EFFECTS}
     return replace(scene, volume_shadows=False, ambient_occlusion=0.0, indirect_light=0.0, effects=effects)
 

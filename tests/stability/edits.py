@@ -464,8 +464,8 @@ def without_extras(draw, shot: Shot) -> Shot:
 EDITS = (
     heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, voxels,
     meaning_of_voxels, matrix_of_volume, orbit, knob_of_camera, picture, blur, lights, headlight, volume_shadows, world,
-    ambient_occlusion, indirect_light, mist, clips, meshes, labels, channels, mode, forced_effects, classification, preset,
-    knob_of_plan, records_of_voxels, threads, without_extras,
+    ambient_occlusion, indirect_light, mist, clips, meshes, labels, channels, mode, forced_effects, classification,
+    preset, knob_of_plan, records_of_voxels, threads, without_extras,
 )  # fmt: skip
 
 

@@ -192,7 +192,7 @@ def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, monkeypatc
 
 
 @pytest.mark.parametrize("meshes", [False, True])
-@pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), point((9.1, 8.7, 9.4)), Light("SUN", matrix_world=pose((0, 0, 0)), angle=0.5)])
+@pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), point((9.1, 8.7, 9.4)), replace(sun((0, 0, -1)), angle=0.5)])
 def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light, meshes):
     """T as it is swept alone, and U of the powers of what each point of the lamp sends; on any number of threads."""
     field = smooth((19, 18, 20), most=3.0)
@@ -204,9 +204,8 @@ def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light, meshes):
     assert np.abs(found[0] * CODE - alone * CODE).max() < 4 * CODE and np.ptp(alone) > 0.5 * FULL
     # A medium that is half as dense, and one of a quarter.
     thinner = [
-        drain(light_steps(light, replace(occluders, find_extinction=lambda part=part: part * occluders.extinction), offsets))
-        for part in (np.float32(0.5), np.float32(0.25))
-    ]  # fmt: skip
+        drain(light_steps(light, occluders_of(part * field, SKEWED, 1, triangles), offsets)) for part in (0.5, 0.25)
+    ]
     np.testing.assert_allclose(found[1] * CODE, (2.0 * thinner[0] + thinner[1]) * CODE / 3.0, atol=3 * CODE)
     np.testing.assert_array_equal(found, drain(scattered_steps(light, replace(occluders, threads=2), offsets)))
 
