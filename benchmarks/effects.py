@@ -201,6 +201,7 @@ PRICES = {
     "lights": Price("lights", "shading", lambda scene: replace(scene, lights=_lights(scene), headlight=False)),
     "shadows": Price("shadows", "lights", lambda scene: replace(scene, volume_shadows=True)),
     "world light": Price("world light", "lights", lambda scene: replace(scene, world=(0.2, 0.25, 0.3))),
+    "indirect light": Price("indirect light", "shadows", lambda scene: replace(scene, indirect_light=1.0)),
     "ambient occlusion": Price("ambient occlusion", "lights", lambda scene: replace(scene, ambient_occlusion=1.0)),
     "mesh occlusion": Price("mesh occlusion", None, lambda scene: replace(scene, triangles=_implant(scene))),
     "glass": Price("glass", None, _behind_glass),
@@ -280,8 +281,8 @@ def _ct_head():
 
 def settings() -> tuple[Setting, ...]:
     on_lights = (
-        "specular", "shadows", "world light", "ambient occlusion", "mesh occlusion", "glass", "clipping",
-        "clip objects", "clip plane", "depth of field",
+        "specular", "shadows", "indirect light", "world light", "ambient occlusion", "mesh occlusion", "glass",
+        "clipping", "clip objects", "clip plane", "depth of field",
     )  # fmt: skip
     on_plain = (
         "shading", "specular", "clipping", "clip objects", "clip plane", "gradient opacity", "labels", "channels"

@@ -22,7 +22,8 @@ LOOKS = [
                                 "colors"),
 ]
 
-OF_LIGHT = ("shading", "lights", "headlight", "world light", "shadows", "ambient occlusion")  # names of effects
+# Names of effects.
+OF_LIGHT = ("shading", "lights", "headlight", "world light", "shadows", "ambient occlusion", "indirect light")
 LONGEST_NAME = 40  # characters of the volume's name in names made of it
 
 

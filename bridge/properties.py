@@ -357,6 +357,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
         "Not used with a Maximum Error if the volume is pre-classified")
+    indirect_light: LiveFloat(
+        name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
+        description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
+        "1 is full strength. Not used if the volume is pre-classified")
     clip_objects: LivePointer(
         name="Clip Objects", type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "

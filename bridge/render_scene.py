@@ -206,6 +206,7 @@ def seen_by(
         world=None if world is None else world.radiance,
         environment=None if world is None else world.environment,
         ambient_occlusion=scene.rle_splat.ambient_occlusion if with_shadows else 0.0,
+        indirect_light=scene.rle_splat.indirect_light if with_shadows else 0.0,
         **of_view,
     )
 

@@ -41,6 +41,9 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         row = layout.row()
         row.active = has_shadows
         row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
+        row = layout.row()
+        row.active = settings.lighting == "SCENE" and settings.use_shadows and not is_pre_classified(settings)
+        row.prop(settings, "indirect_light", text="Indirect")
         layout.prop(settings, "use_mist")
         layout.prop(properties, "use_shading")
         column = layout.column()

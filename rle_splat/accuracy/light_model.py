@@ -5,11 +5,12 @@ lamp that arrives at a point x' beside it, and O of the ambient light.  They are
 a point with the transfer function's color c is then
 
     c * L + H,  L = w S + (1 - w) C,  H = w sum over lamps of specular ramp(n.l) highlight I T,
-    S = (ambient + diffuse world(n)) O + sum over lamps of diffuse wrap(n.l) I T,
-    C = (ambient + diffuse world mean) O + sum over lamps of diffuse I T,
+    S = (ambient + diffuse world(n)) O + sum over lamps of diffuse I ((1 - q) wrap(n.l) T + q spread(n.l) U),
+    C = (ambient + diffuse world mean) O + sum over lamps of diffuse I ((1 - q) T + q U),
 
 with w = smoothstep(0, TRUSTED, |m|) and n = m / |m|.  S is the light of a surface, C that of a cloud, which has no
-normal.
+normal.  q is 3/7 of the amount of indirect light, the weight of the further two of three octaves, and U the share of
+these that arrives at x'.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from .medium import ScalarField, corner_indices, cubics, polynomial
 
 TRUSTED = 0.3  # length of m from which a normal is wholly trusted
 ROUNDING = np.sin(np.radians(5.0))  # of the maximum of n.l and 0, in cosines
+INDIRECT = (1 / 2 + 1 / 4) / (1 + 1 / 2 + 1 / 4)  # weight of the further two of three octaves
+SPREAD = 0.4  # optical depth of indirect light over that of direct light, on average
 RAMP = 0.2  # n.l from which a highlight is whole: it must not end in an edge where the diffuse light ends
 TURNED = 0.4  # cosine between a two-sided surface's normal and the eye from which it is wholly turned to the eye
 FARTHEST = 3.0  # of x', in widths of a voxel along the normal
@@ -39,6 +42,12 @@ def wrap(cosine) -> np.ndarray:
     c = np.asarray(cosine, dtype=np.float64)
     between = (np.clip(c, -ROUNDING, ROUNDING) + ROUNDING) ** 2 / (4.0 * ROUNDING)
     return between + np.maximum(c - ROUNDING, 0.0)
+
+
+def spread(cosine) -> np.ndarray:
+    """What indirect light counts by the cosine to the lamp: see docs/explanation/light.md."""
+    lit, away = wrap(cosine), np.clip(-np.asarray(cosine, dtype=np.float64), 0.0, None)
+    return lit * (1.0 + SPREAD) / (lit + SPREAD) + away * away
 
 
 def voxel_width(normal, matrix) -> np.ndarray:
@@ -126,12 +135,15 @@ class PostLight:
         self._lamps, self._faces = ReferenceLamps(scene), Faces(scene)
         self._casting = [n for n, light in enumerate(scene.lights) if scene.volume_shadows and light.casts_shadow]
         self._opened = scene.ambient_occlusion > 0.0
+        self._indirect = scene.indirect_light * INDIRECT if self._casting else 0.0
         self._tracer = Tracer(scene, world_distance) if self._casting or self._opened else None
         self._known = np.empty(0, np.int64)  # flat numbers of voxels, ascending, whose planes are in ``_kept``
-        self._kept = np.empty((0, 3 + len(self._casting) + self._opened))
+        shares = len(self._casting) * (2 if self._indirect else 1) + self._opened
+        self._kept = np.empty((0, 3 + shares))
 
     def planes(self, z, y, x) -> np.ndarray:
-        """(N, K) m, T of each lamp that casts shadows, and O with ambient occlusion, of voxels (N,)."""
+        """(N, K) m, T of each lamp that casts shadows, U of each with indirect light, and O with ambient occlusion, of
+        voxels (N,)."""
         numbers, back = np.unique(np.ravel_multi_index((z, y, x), self._shape), return_inverse=True)
         new = np.setdiff1d(numbers, self._known, assume_unique=True)
         if len(new):
@@ -142,7 +154,10 @@ class PostLight:
 
     def _find_planes(self, z, y, x):
         m, beside = self.surfaces(z, y, x)
-        found = [*m.T, *(self._tracer.towards(self._scene.lights[number], beside) for number in self._casting)]
+        casting = [self._scene.lights[number] for number in self._casting]
+        found = [*m.T, *(self._tracer.towards(light, beside) for light in casting)]
+        if self._indirect:
+            found += [self._tracer.scattered(light, beside) for light in casting]
         if self._opened:
             found.append(1.0 - self._scene.ambient_occlusion * (1.0 - self._tracer.openness(beside)))
         return np.stack(found, axis=1)
@@ -193,10 +208,14 @@ class PostLight:
         opened = planes[:, -1:] if self._opened else 1.0
         light, highlight = (w * surface + (1.0 - w) * cloud) * opened, np.zeros_like(world)
         for number, (towards, strength) in enumerate(self._lamps.lights(world)):
+            facing = _dot(normal, np.broadcast_to(towards, world.shape))
+            q = self._indirect if number in self._casting else 0.0
+            if q:
+                arrives = planes[:, 3 + len(self._casting) + self._casting.index(number), None]
+                light = light + q * shade.diffuse * (w * spread(facing) + (1.0 - w)) * strength * arrives
             if number in self._casting:
                 strength = strength * planes[:, 3 + self._casting.index(number), None]
-            facing = _dot(normal, np.broadcast_to(towards, world.shape))
-            light = light + shade.diffuse * (w * wrap(facing) + (1.0 - w)) * strength
+            light = light + (1.0 - q) * shade.diffuse * (w * wrap(facing) + (1.0 - w)) * strength
             if shade.specular == 0.0:
                 continue
             if shade.highlight == "phong":

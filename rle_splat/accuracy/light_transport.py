@@ -21,6 +21,7 @@ from .transfer import Segments, extinction
 POINTS = 16  # on a lamp that is not a point
 WIDEST_SUN = 0.5 * np.pi  # angle
 OPAQUE = 10.0  # optical depth from which a ray is not followed further: at most 5e-5 of the light arrives
+SCATTERED = 1, 2  # octaves of indirect light: 2^-n of the light, through 2^-n of the optical depth
 SHIFT = 2
 BLOCK = 1 << SHIFT  # cells along a side of what is passed over at once where it is empty
 FURTHEST = 8  # blocks
@@ -62,39 +63,52 @@ class Tracer:
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
         the middle of the volume, or the points of an area.  The renderer takes up to 8 (``shade.light_samples``).
         """
+        return np.exp(-self._depths_towards(light, index, OPAQUE)).mean(axis=0)
+
+    def scattered(self, light: Light, index: np.ndarray) -> np.ndarray:
+        """(N,) share of a light that arrives scattered at (N, 3) positions: the mean of the octaves SCATTERED by their
+        weights (Wrenninge et al. 2013)."""
+        depths = self._depths_towards(light, index, OPAQUE * 2.0 ** max(SCATTERED))
+        weights = [2.0**-n for n in SCATTERED]
+        return sum(weight * np.exp(-weight * depths).mean(axis=0) for weight in weights) / sum(weights)
+
+    def _depths_towards(self, light: Light, index, opaque: float) -> np.ndarray:
+        """(M, N) optical depth from (N, 3) positions to each of M points of a light; infinite behind meshes."""
         start, targets, parallel = self._world(index), _targets(light, self._center), light.type == "SUN"
         directions = [np.broadcast_to(target, start.shape) if parallel else target - start for target in targets]
         lengths = [np.full(len(start), np.inf) if parallel else np.linalg.norm(way, axis=1) for way in directions]
-        return self._mean(start, [unit(way) for way in directions], lengths, np.full(len(targets), 1.0 / len(targets)))
+        return self._depths(start, [unit(way) for way in directions], lengths, opaque)
 
     def openness(self, index: np.ndarray) -> np.ndarray:
         """O: (N,) mean transmittance from (N, 3) positions over the directions of SKY."""
         start = self._world(index)
         directions = [np.broadcast_to(towards, start.shape) for towards in SKY]
-        return self._mean(start, directions, [np.full(len(start), np.inf)] * len(SKY), SKY_WEIGHTS)
+        depths = self._depths(start, directions, [np.full(len(start), np.inf)] * len(SKY), OPAQUE)
+        return np.einsum("k,kn->n", SKY_WEIGHTS, np.exp(-depths))
 
     def _world(self, index):
         return np.einsum("ni,ji->nj", index, self._matrix[:3, :3]) + self._matrix[:3, 3]
 
-    def _mean(self, start, directions, lengths, weights) -> np.ndarray:
-        """(N,) weighted mean transmittance from world points (N, 3) along rays of several directions.
+    def _depths(self, start, directions, lengths, opaque: float) -> np.ndarray:
+        """(K, N) optical depth, not followed beyond ``opaque``, from world points (N, 3) along rays of K directions;
+        infinite behind meshes.
 
         ``directions``, ``lengths``: for each, unit vectors (N, 3) and world lengths (N,).
         """
-        count = len(weights) * len(start)
-        rays = WorldRays(np.tile(start, (len(weights), 1)), np.concatenate(directions), np.ones(count))
+        count = len(directions) * len(start)
+        rays = WorldRays(np.tile(start, (len(directions), 1)), np.concatenate(directions), np.ones(count))
         length = np.concatenate(lengths)
         depth = np.empty(count)
         for first in range(0, count, RAYS_AT_ONCE):  # of all directions, as short arrays take longer
             part = slice(first, first + RAYS_AT_ONCE)
-            depth[part] = self._depth(rays[part], length[part])
-        arrives = np.exp(-depth).reshape(len(weights), -1)
+            depth[part] = self._depth(rays[part], length[part], opaque)
+        depth = depth.reshape(len(directions), -1)
         if self._meshes is not None:
-            for one, *ray in zip(arrives, directions, lengths):
-                one[self._meshes.block(start, *ray)] = 0.0
-        return np.einsum("k,kn->n", weights, arrives)
+            for one, *ray in zip(depth, directions, lengths):
+                one[self._meshes.block(start, *ray)] = np.inf
+        return depth
 
-    def _depth(self, rays: WorldRays, length) -> np.ndarray:
+    def _depth(self, rays: WorldRays, length, opaque: float) -> np.ndarray:
         """(N,) optical depth of rays over a world length (N,); all rays go on by one cell at a time."""
         # No products of matrices, for the reason given in ``integrate``.
         origin = np.einsum("ni,ji->nj", rays.origin - self._matrix[:3, 3], self._to_index)
@@ -128,7 +142,7 @@ class Tracer:
             tau[here] += self._cell_depth(*(part.take(here, axis=-1) for part in (o, d, begin, until, cell)))
             begin = until
             depth[on] = tau
-            going = np.flatnonzero((until < end) & (tau < OPAQUE))
+            going = np.flatnonzero((until < end) & (tau < opaque))
             if len(going) < len(on):
                 on, begin, end, tau = (part.take(going) for part in (on, begin, end, tau))
                 o, d = o.take(going, axis=1), d.take(going, axis=1)

@@ -1,4 +1,4 @@
-"""Options of shadows, world light and ambient occlusion."""
+"""Options of shadows, world light, ambient occlusion and indirect light."""
 
 from __future__ import annotations
 
@@ -31,6 +31,11 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
         help="darken places where the volume blocks the light from all directions, 0 (off, the default) to 1",
     )
+    group.add_argument(
+        "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
+        help="scatter light that casts shadows, so that thin and soft matter is translucent, 0 (off, the default) to "
+        "1; classification post only",
+    )
     if with_pass:
         group.add_argument(
             "--shadow-pass", metavar="FILE",
@@ -42,7 +47,7 @@ def check_light_effects(args) -> None:
     """Refuse options that contradict each other or have no effect, before any file is read."""
     wanted = {
         "shadows": args.shadows, "world": args.world is not None, "environment": args.environment is not None,
-        "ambient-occlusion": args.ambient_occlusion != 0.0,
+        "ambient-occlusion": args.ambient_occlusion != 0.0, "indirect-light": args.indirect_light != 0.0,
     }
     if wanted["world"] and wanted["environment"]:
         raise RleSplatError("--world and --environment are both the light from all directions; give one of the two.")
@@ -56,6 +61,8 @@ def check_light_effects(args) -> None:
         raise RleSplatError(
             "A shadow pass is made by a quality; remove --shadow-pass, or use --quality in place of --tolerance."
         )
+    if wanted["indirect-light"] and not args.shadows:
+        raise RleSplatError("--indirect-light scatters light that casts shadows; add --shadows.")
     if args.shadows and args.lights is None:
         raise RleSplatError("--shadows needs lights; give some with --lights, because a headlight casts none.")
 
@@ -63,10 +70,10 @@ def check_light_effects(args) -> None:
 def refuse_light_effects(args) -> None:
     """Refuse these options for a .rle file, whose light is already encoded."""
     world = args.world is not None or args.environment is not None
-    if args.shadows or world or args.ambient_occlusion != 0.0:
+    if args.shadows or world or args.ambient_occlusion != 0.0 or args.indirect_light != 0.0:
         raise RleSplatError(
-            f"The light of {args.volume} is already encoded; remove --shadows, --world, --environment and "
-            "--ambient-occlusion, or render the original volume."
+            f"The light of {args.volume} is already encoded; remove --shadows, --world, --environment, "
+            "--ambient-occlusion and --indirect-light, or render the original volume."
         )
 
 
@@ -84,8 +91,12 @@ def read_sky(args):
 
 
 def with_light_effects(args, scene: Scene, sky) -> Scene:
-    """The scene with the shadows, world light and ambient occlusion of the options; ``sky`` is of ``read_sky``."""
-    scene = replace(scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion)
+    """The scene with the shadows, world light, ambient occlusion and indirect light of the options; ``sky`` is of
+    ``read_sky``."""
+    scene = replace(
+        scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion,
+        indirect_light=args.indirect_light,
+    )
     if sky is None:
         return replace(scene, world=None if args.world is None else tuple(args.world))
     mean, environment = sky

@@ -23,7 +23,7 @@ from .mist import MIST
 from .mixing import CHANNELS, LABELS
 from .motion import MOTION_BLUR
 from .ray_mode import MODE
-from .shadow_kinds import AMBIENT_OCCLUSION, SHADOWS, WORLD
+from .shadow_kinds import AMBIENT_OCCLUSION, INDIRECT_LIGHT, SHADOWS, WORLD
 
 # Name of an effect -> its kind, in dependency order: each is evaluated on the scene with the disabled effects before it
 # removed.
@@ -45,6 +45,7 @@ EFFECTS: dict[str, Kind] = {
     "clip objects": CLIP_OBJECTS,
     "labels": LABELS,
     "channels": CHANNELS,
+    "indirect light": INDIRECT_LIGHT,
     "mist": MIST,
 }
 

@@ -1,4 +1,4 @@
-"""The effects that shadows, the world's light and ambient occlusion are."""
+"""The effects that shadows, the world's light, ambient occlusion and indirect light are."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from ..scene import Quality, Scene
 from ..scene.changed import change
 from .kind import Kind
 from .lighting_kinds import idle_because
+from .mixing import is_mixed, only_hides
 
 
 def _shadows(scene: Scene, _: Quality) -> tuple[bool, str]:
@@ -45,6 +46,22 @@ def _force_occlusion(scene: Scene) -> Scene:
     return scene if scene.ambient_occlusion > 0.0 else change(scene, ambient_occlusion=1.0)
 
 
+def _indirect_light(scene: Scene, quality: Quality) -> tuple[bool, str]:
+    reason = idle_because(scene)
+    if reason is None and scene.indirect_light == 0.0:
+        reason = "indirect light is turned off"
+    if reason is None and not _shadows(scene, quality)[0]:
+        reason = "only light that casts shadows is scattered, and none does"
+    # Labels and channels make a quality pre-classified.
+    if reason is None and (quality.classification == "pre" or (is_mixed(scene) and not only_hides(scene))):
+        reason = "the volume is pre-classified"
+    return reason is None, reason or f"amount {scene.indirect_light:g}"
+
+
+def _force_indirect(scene: Scene) -> Scene:
+    return scene if scene.indirect_light > 0.0 else change(scene, indirect_light=1.0)
+
+
 SHADOWS = Kind(
     "darkens what the volume and the meshes shade from lights that cast shadows", _shadows,
     lambda scene: change(scene, volume_shadows=False), stage="shadows",
@@ -59,3 +76,7 @@ AMBIENT_OCCLUSION = Kind(
     "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
     lambda scene: change(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_force_occlusion,
 )  # fmt: skip
+INDIRECT_LIGHT = Kind(
+    "scatters light on its way through the volume, so that thin and soft matter is translucent", _indirect_light,
+    lambda scene: change(scene, indirect_light=0.0), within="shadows", with_default=_force_indirect,
+)

@@ -25,11 +25,13 @@ from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
+from ..shade.sample_light import OCTAVES
 from .clip_cover import cover
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
 BEHIND_MESHES = 0.5
+AT_ONCE = 1 << 19  # voxels whose powers are looked up between two chances to cancel
 # Slices next to a voxel that do not occlude it: they belong to the same surface, whose steps between voxels would show.
 NEAR_SKY = 2
 
@@ -218,8 +220,7 @@ def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
         FULL times the share that arrives, with a layer around the volume.
     """
     nodes = yield from map_steps(lit_nodes_steps(occluders.voxels.shape_xyz), lambda _: 0.0)
-    shares = np.diff(np.rint(FULL * np.cumsum((0.0, *weights)) / np.sum(weights))).astype(int).tolist()
-    sweeps = [(sweep, share) for of_sample, share in zip(passes, shares) for sweep in of_sample]
+    sweeps = [(sweep, share) for of_sample, share in zip(passes, _shares(weights)) for sweep in of_sample]
     for done, (sweep, share) in enumerate(sweeps):
         meshes = _meshes_before(sweep, occluders)
         steps = shade_nodes_steps(
@@ -227,6 +228,51 @@ def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
         )
         yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
     return nodes
+
+
+def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
+    """As ``node_light_steps``, with the light that is scattered on its way.
+
+    It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
+
+    Returns
+    -------
+    (2, nz + 2, ny + 2, nx + 2) ndarray of uint16
+        FULL times the share T that arrives, and the mean U, by their weights, of its further OCTAVES.
+
+    Notes
+    -----
+    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
+    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+    """
+    factors, powers = OCTAVES
+    least, code = powers[-1], np.arange(FULL + 1.0) / FULL
+    direct, *others = (code ** (power / least) for power in powers)
+    arriving = np.stack((direct, np.average(others, axis=0, weights=factors[1:])))
+    meshless, has_meshes = replace(occluders, triangles=None), occluders.triangles is not None
+    total = None
+    for n, (sweeps, share) in enumerate(zip(passes, _shares(weights))):
+        of_code = (share * arriving).astype(np.float32)
+        paths = [replace(sweep, length=least**2 * sweep.length) for sweep in sweeps]
+        found = yield from map_steps(node_light_steps([paths], [1.0], meshless), lambda d, n=n: (n + d) / len(passes))
+        left = None
+        if has_meshes and len(occluders.triangles):
+            cleared = node_light_steps([[replace(sweep, length=np.zeros(6)) for sweep in sweeps]], [1.0], occluders)
+            left = yield from map_steps(cleared, lambda _, n=n: (n + 1) / len(passes))
+        if total is None:
+            total = np.zeros((2, *found.shape), np.uint16)
+        for layer, codes in enumerate(found):
+            yield (n + 1) / len(passes)
+            arrives = of_code[:, codes]
+            if left is not None:
+                arrives *= left[layer] / np.float32(FULL)
+            total[:, layer] += np.rint(arrives).astype(np.uint16)
+    return total
+
+
+def _shares(weights) -> list[int]:
+    """What each sample of a light is of FULL; they add up to it."""
+    return np.diff(np.rint(FULL * np.cumsum((0.0, *weights)) / np.sum(weights))).astype(int).tolist()
 
 
 def _occluding(axis: int, occluders: Occluders):

@@ -53,7 +53,7 @@ HELD = {
     "clips": lambda given: tuple(from_mapping(Clip, one, "A clip object of the sidecar") for one in given),
     "mode": str, "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
     "world": tuple, "environment": lambda given: from_mapping(Environment, given, "The sidecar's environment"),
-    "ambient_occlusion": float,
+    "ambient_occlusion": float, "indirect_light": float,
 }  # fmt: skip
 
 

@@ -37,7 +37,8 @@ def light_of(scene: Scene, falling) -> SampleLight | None:
     """The light of a scene on samples; None where nothing shines."""
     if falling is None:
         return None
-    return sample_light(falling, scene.volume.shape_xyz, casting(scene), scene.ambient_occlusion > 0.0)
+    opened = scene.ambient_occlusion > 0.0
+    return sample_light(falling, scene.volume.shape_xyz, casting(scene), opened, scene.indirect_light)
 
 
 def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, side: int, work: Work, threads: int):

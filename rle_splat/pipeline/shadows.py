@@ -12,6 +12,7 @@ from ..effects.shadows import (
     light_passes,
     node_light_steps,
     pool_occluders_steps,
+    scattered_light_steps,
     sky_passes,
     voxel_light_steps,
 )
@@ -21,7 +22,7 @@ from ..shade.light_sweep import FULL
 from ..shade.lighting import Shadows
 from .stage_cache import Job
 
-SHADOW_EFFECTS = ("shadows", "ambient occlusion")  # their names in the table of effects
+SHADOW_EFFECTS = ("shadows", "ambient occlusion", "indirect light")  # their names in the table of effects
 UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
 COARSE = 0.5  # sheet pixels per image pixel, up to which nodes of light are two voxels apart: as a draft has
 
@@ -34,14 +35,14 @@ def casting(scene: Scene) -> list[int]:
 
 
 def shadow_count(scene: Scene) -> int:
-    """How many lights, ambient light among them, have their share stored for each voxel."""
-    return len(casting(scene)) + (scene.ambient_occlusion > 0.0)
+    """How many shares of lights, of ambient light among them, are stored for each voxel."""
+    return len(casting(scene)) * (1 + (scene.indirect_light > 0.0)) + (scene.ambient_occlusion > 0.0)
 
 
 def without_shadows(scene: Scene) -> Scene:
-    """The scene without shadows and ambient occlusion, whether it asks for them or they are forced on or off."""
+    """The scene without SHADOW_EFFECTS, whether it asks for them or they are forced on or off."""
     effects = {name: on for name, on in scene.effects.items() if name not in SHADOW_EFFECTS}
-    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, effects=effects)
+    return replace(scene, volume_shadows=False, ambient_occlusion=0.0, indirect_light=0.0, effects=effects)
 
 
 def node_side(quality: Quality) -> int:
@@ -65,9 +66,12 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
     Returns
     -------
     list of Arriving
-        For each light of ``casting``, and for ambient light, if there is ambient occlusion.
+        For each light of ``casting``, then, with indirect light at nodes, U of each, and for ambient light, if there
+        is ambient occlusion.
     """
     find_steps = node_light_steps if side else voxel_light_steps
+    scattered = side > 0 and scene.indirect_light > 0.0
+    find_lamp_steps = scattered_light_steps if scattered else find_steps
 
     def blocking_steps():
         """Generator: what blocks light, at the grid's own resolution."""
@@ -78,18 +82,23 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
 
     def lamp_steps(light: Light):
         blocking = yield from blocking_steps()
-        return (yield from find_steps(*light_passes(light, blocking, nodes=side > 0, sharp=side > 1), blocking))
+        return (yield from find_lamp_steps(*light_passes(light, blocking, nodes=side > 0, sharp=side > 1), blocking))
 
     def ambient_steps():
         blocking = yield from blocking_steps()
         return (yield from find_steps(*sky_passes(blocking, nodes=side > 0), blocking))
 
-    found = []
+    found, further = [], []
     for number in casting(scene):
         light = scene.lights[number]
-        key = (occluders.key, side, _light_key(light))
+        key = (occluders.key, side, _light_key(light), scattered)
         steps = job.steps("shadows", key, lambda light=light: lamp_steps(light))
-        found.append(Arriving((yield from time_steps(steps, clock, "shadows")), 1.0, key))
+        codes = yield from time_steps(steps, clock, "shadows")
+        if scattered:
+            codes, beside = codes
+            further.append(Arriving(beside, 1.0, (*key, "further")))
+        found.append(Arriving(codes, 1.0, key))
+    found += further
     if scene.ambient_occlusion > 0.0:
         key = (occluders.key, side)
         steps = job.steps("ambient occlusion", key, ambient_steps)

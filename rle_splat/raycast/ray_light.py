@@ -11,7 +11,7 @@ from ..runtime.jit import inner_loop, read_only
 from ..shade.environment import SKY, TERMS
 from ..shade.lighting import BACK, PHONG, unit_vectors
 from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
-from ..shade.sample_light import ALMOST_NONE, NORMAL, RAMP, ROUNDING, TRUSTED, TURNED, SampleLight
+from ..shade.sample_light import ALMOST_NONE, NORMAL, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED, SampleLight
 
 AMBIENT, DIFFUSE, SPECULAR, SHININESS, EVERYWHERE = range(5)  # entries of Lighting.material
 NO_PLANE = -1
@@ -26,6 +26,10 @@ class RayLight(NamedTuple):
         See ``lights.light_rows``.
     shares : (n,) ndarray of int64
         Which plane is T of each lamp; NO_PLANE for one that casts no shadows.
+    scattered : (n,) ndarray of int64
+        The same of U.
+    indirect : float
+        See SampleLight.
     open_plane : int
         Which plane is O, or NO_PLANE.
     material : ndarray of float64
@@ -38,6 +42,8 @@ class RayLight(NamedTuple):
 
     lamps: np.ndarray
     shares: np.ndarray
+    scattered: np.ndarray
+    indirect: float
     open_plane: int
     material: np.ndarray
     start: np.ndarray
@@ -48,21 +54,20 @@ class RayLight(NamedTuple):
 def ray_light(light: SampleLight, rays) -> RayLight:
     """The light on the samples of rays, a RayList."""
     falling = light.falling
-    shares = np.full(len(falling.rows), NO_PLANE, np.int64)
-    shares[list(light.casting)] = np.arange(NORMAL, NORMAL + len(light.casting))
+    shares, scattered = map(read_only, light.rows_of(NORMAL, NO_PLANE))
     # Element by element: the bits of a matrix product depend on its size.
     (first, step), matrix = (rays.first.T, rays.step.T), falling.matrix[:3]
     start = np.stack([row[0] * first[0] + row[1] * first[1] + row[2] * first[2] + row[3] for row in matrix], axis=1)
     step = np.stack([row[0] * step[0] + row[1] * step[1] + row[2] * step[2] for row in matrix], axis=1)
     arrays = (read_only(array) for array in (falling.material, start, step, unit_vectors(-step)))
     open_plane = light.planes - 1 if light.opened else NO_PLANE
-    return RayLight(read_only(falling.rows), read_only(shares), open_plane, *arrays)
+    return RayLight(read_only(falling.rows), shares, scattered, light.indirect, open_plane, *arrays)
 
 
 @inner_loop
 def light_at(light, planes, ray, s):
-    """Light and highlight, RGB each, at ``s`` voxels along a ray, of its ``planes`` there: m, T and O."""
-    lamps, shares, open_plane, material, start, step, to_eye = light
+    """Light and highlight, RGB each, at ``s`` voxels along a ray, of its ``planes`` there: m, T, U and O."""
+    lamps, shares, scattered, indirect, open_plane, material, start, step, to_eye = light
     ex, ey, ez = to_eye[ray, 0], to_eye[ray, 1], to_eye[ray, 2]
     px, py, pz = start[ray, 0] + s * step[ray, 0], start[ray, 1] + s * step[ray, 1], start[ray, 2] + s * step[ray, 2]
     size = math.sqrt(planes[0] * planes[0] + planes[1] * planes[1] + planes[2] * planes[2])
@@ -82,13 +87,18 @@ def light_at(light, planes, ray, s):
         red, green, blue = red * planes[open_plane], green * planes[open_plane], blue * planes[open_plane]
     red_shine = green_shine = blue_shine = 0.0
     for lamp in range(lamps.shape[0]):
-        lx, ly, lz, arrives = _towards(lamps, lamp, px, py, pz)
+        lx, ly, lz, whole = _towards(lamps, lamp, px, py, pz)
+        arrives = whole
         if shares[lamp] >= 0:
-            arrives *= planes[shares[lamp]]
+            arrives = whole * planes[shares[lamp]]
         facing = nx * lx + ny * ly + nz * lz
         rounded = min(max(facing + ROUNDING, 0.0), 2.0 * ROUNDING)
         wrap = rounded * rounded * (0.25 / ROUNDING) + max(facing - ROUNDING, 0.0)
         matt = material[DIFFUSE] * (1.0 + surface * (wrap - 1.0)) * arrives
+        if scattered[lamp] >= 0:
+            spread = (1.0 + SPREAD) * wrap / (wrap + SPREAD) + max(-facing, 0.0) * max(-facing, 0.0)
+            around = material[DIFFUSE] * (1.0 + surface * (spread - 1.0)) * whole * planes[scattered[lamp]]
+            matt += indirect * (around - matt)
         red += matt * lamps[lamp, RGB]
         green += matt * lamps[lamp, RGB + 1]
         blue += matt * lamps[lamp, RGB + 2]

@@ -110,6 +110,8 @@ class Scene:
     ambient_occlusion : float
         Share, 0 to 1, of the light from all directions (the transfer function's ambient light included) that is
         removed where the volume or a mesh hides the sky.
+    indirect_light : float
+        Amount, 0 to 1, of light that is scattered on its way from lamps that cast shadows; ``post`` alone has it.
     labels : Labels or None
     channels : tuple of Channel
         Further volumes on the same grid. Extinctions are added; colors are averaged by extinction.
@@ -147,6 +149,7 @@ class Scene:
     world: tuple | None = None
     environment: Environment | None = None
     ambient_occlusion: float = 0.0
+    indirect_light: float = 0.0
     labels: Labels | None = None
     channels: tuple = ()
     reasons_off: dict[str, str] = field(default_factory=dict)
@@ -179,8 +182,11 @@ class Scene:
             object.__setattr__(self, "world", as_color(self.world, "The world's light"))
         elif self.environment is not None:
             raise RleSplatError("A scene with an environment needs its mean radiance; give it as the scene's world.")
-        if not (is_finite_number(self.ambient_occlusion) and 0.0 <= self.ambient_occlusion <= 1.0):
-            raise RleSplatError(f"Ambient occlusion must be a number from 0 to 1, not {short(self.ambient_occlusion)}.")
+        for name in ("ambient_occlusion", "indirect_light"):
+            value = getattr(self, name)
+            if not (is_finite_number(value) and 0.0 <= value <= 1.0):
+                named = name.replace("_", " ").capitalize()
+                raise RleSplatError(f"{named} must be a number from 0 to 1, not {short(value)}.")
         if self.labels is not None:
             self._check_grid(self.labels.volume, "label volume")
         for channel in self.channels:

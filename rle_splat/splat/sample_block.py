@@ -1,7 +1,7 @@
 """Light on the samples of one block by the formula of ``shade.sample_light``, from what is interpolated of the voxels.
 
 The classified colors of a block are multiplied by the light on them in place, before they are composited.  Between two
-sheets m, T and O are those of the middle, by its absorption, of what the transfer function shows of the slab.
+sheets m, T, U and O are those of the middle, by its absorption, of what the transfer function shows of the slab.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from ..runtime.vector_math import inverse, inverse_root, power
 from ..runtime.vectors import FLOAT, Vector, count_lanes, place
 from ..shade.environment import LINEAR, PRODUCTS, TERMS
 from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, SPOT, SUN
-from ..shade.sample_light import ALMOST_NONE, RAMP, ROUNDING, TRUSTED, TURNED
+from ..shade.sample_light import ALMOST_NONE, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED
 from .pixel_block import BLOCK
 from .sample_lamps import AMBIENT, EVERYWHERE, GLOSS, HELD, LAMP, MATT, NO_PLANE, SHININESS
 from .scalar_block import mix_blocks, put_block, rows_of
@@ -196,15 +196,23 @@ def _light(lit: _Lit, normal, eye, find_points, plane):
     with cgutils.for_range(builder, lit.length("shares")) as loop:
         first = builder.mul(loop.index, lit.whole(LAMP))
         arrives = lit.variable(lit.constant(1.0))
-        share = builder.load(lit.at("shares", loop.index))
-        with builder.if_then(lit.differs(share, NO_PLANE)):
+        share, scattered = (builder.load(lit.at(name, loop.index)) for name in ("shares", "scattered"))
+        is_scattered = lit.differs(scattered, NO_PLANE)
+        with builder.if_then(builder.and_(lit.differs(share, NO_PLANE), builder.not_(is_scattered))):
             lit.put(plane(share), arrives)
         towards = _towards(lit, first, find_points, arrives)
-        arrives = lit.get(arrives)
         facing = lit.dot(normal, towards)
         rounded = (facing + ROUNDING).most(0.0).least(2.0 * ROUNDING)
         wrap = (rounded * rounded).fused(0.25 / ROUNDING, (facing - ROUNDING).most(0.0))
-        strength = trust.fused(wrap - lit.constant(1.0), lit.constant(1.0)) * arrives
+        by_angle = trust.fused(wrap - lit.constant(1.0), lit.constant(1.0))
+        strength = lit.variable(by_angle * lit.get(arrives))
+        with builder.if_then(is_scattered):
+            whole, amount = lit.get(arrives), Vector.spread(builder, lit.value("indirect"), BLOCK)
+            lit.put(whole * plane(share), arrives)
+            direct = by_angle * lit.get(arrives)
+            around = _spread(lit, facing, wrap, trust) * whole * plane(scattered)
+            lit.put(amount.fused(around - direct, direct), strength)
+        strength, arrives = lit.get(strength), lit.get(arrives)
         for total, color in zip(matt, lit.spread("lamps", builder.add(first, lit.whole(MATT)), 3)):
             lit.put(strength.fused(color, lit.get(total)), total)
         with builder.if_then(lit.holds("is_glossy")):
@@ -214,6 +222,13 @@ def _light(lit: _Lit, normal, eye, find_points, plane):
             for total, color in zip(gloss, lit.spread("lamps", builder.add(first, lit.whole(GLOSS)), 3)):
                 lit.put(shine.fused(color, lit.get(total)), total)
     return [*matt, *gloss]
+
+
+def _spread(lit: _Lit, facing: Vector, wrap: Vector, trust: Vector) -> Vector:
+    """What indirect light counts by its direction."""
+    away = (facing * -1.0).most(0.0)
+    found = away.fused(away, wrap * (1.0 + SPREAD) / (wrap + SPREAD))
+    return trust.fused(found - lit.constant(1.0), lit.constant(1.0))
 
 
 def _mirror(lit: _Lit, normal, towards, facing: Vector, eye) -> Vector:

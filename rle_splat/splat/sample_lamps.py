@@ -16,7 +16,7 @@ from ..volume.axes import AXES
 from .pixel_block import BLOCK
 
 LEAST = 4.0  # transmittances at which a pixel is opaque: the optical depth of samples that share their light
-NO_PLANE = 0  # of T or O: that plane is the scalar's
+NO_PLANE = 0  # of T, U or O: that plane is the scalar's
 MATT, GLOSS, LAMP = COLUMNS, COLUMNS + 3, COLUMNS + 6  # columns of ``SampleLamps.lamps``, behind those of light_rows
 HELD = 7  # planes of ``scratch.Rows.light``
 AMBIENT, EVERYWHERE, SHININESS, SURFACE = 0, 1, 4, 5  # entries of ``SampleLamps.surface``, and how many there are
@@ -32,6 +32,10 @@ class SampleLamps(NamedTuple):
         of its spot's edge; then RGB of its diffuse light and of its highlight.
     shares : (n,) int64
         Plane of a sheet that holds T of each lamp, or NO_PLANE.
+    scattered : (n,) int64
+        That of U, or NO_PLANE.
+    indirect : float32
+        See SampleLight.
     open_plane : int
         That of O, or NO_PLANE.
     surface : (SURFACE,) float32
@@ -59,6 +63,8 @@ class SampleLamps(NamedTuple):
 
     lamps: np.ndarray
     shares: np.ndarray
+    scattered: np.ndarray
+    indirect: np.float32
     open_plane: int
     surface: np.ndarray
     sky: np.ndarray
@@ -89,8 +95,7 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
     lamps[:, EDGE] = 1.0 / np.where(lamps[:, EDGE] > 0.0, lamps[:, EDGE], 1.0)
     lamps[:, MATT:GLOSS] = material[1] * falling.rows[:, RGB:NEAREST]
     lamps[:, GLOSS:LAMP] = material[2] * falling.rows[:, RGB:NEAREST]
-    shares = np.full(len(lamps), NO_PLANE, np.int64)
-    shares[list(light.casting)] = np.arange(len(light.casting)) + 1 + NORMAL
+    shares, scattered = map(read_only, light.rows_of(1 + NORMAL, NO_PLANE))
     sky = falling.sky.copy()
     sky[:, : len(LINEAR)] *= -1.0  # terms are of the gradient, which points inwards
     slopes = [np.asarray(each, np.float64) for each in plane.ray_slopes]
@@ -98,7 +103,7 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
     bases = [x + away * slope - middle[axis] for x, slope, axis in zip(plane.points(), slopes, (i, j))]
     ahead = directions * (-plane.sign / np.linalg.norm(directions[2]))
     return SampleLamps(
-        _single(lamps), read_only(shares), light.planes if light.opened else NO_PLANE,
+        _single(lamps), shares, scattered, np.float32(light.indirect), light.planes if light.opened else NO_PLANE,
         _single(material[[0, 4, 5, 6, 3]]), _single(sky), falling.has_highlights, bool(material[PHONG] > 0.0),
         bool(material[BACK] > 0.0), _single(_padded(slopes[0])), _single(slopes[1]), _single(_padded(bases[0])),
         _single(bases[1]), _single(directions), _single(ahead), float(plane.sign), float(middle[k]),

@@ -3,6 +3,7 @@ place."""
 
 import json
 import math
+from itertools import pairwise
 
 import bpy
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from mathutils import Vector
 
 from tests.blender import scenes
+from tests.blender.test_panels import draw_all
 
 SIZE = 24
 BALL = np.clip(
@@ -51,6 +53,32 @@ def picture():
 def read(bridge, volume, **how):
     depsgraph = bpy.context.evaluated_depsgraph_get()
     return bridge("render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
+
+
+def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(ball, bridge, monkeypatch, tmp_path):
+    add_light("SUN", (10.0, 0.0, -30.0), energy=20.0)
+    scene = bpy.context.scene
+    settings = scene.rle_splat
+    plain, rendered = picture(), np.asarray(scenes.rendered(tmp_path / "plain.exr"))
+    settings.indirect_light = 1.0
+    assert read(bridge, ball).indirect_light == 1.0 and read(bridge, ball, with_shadows=False).indirect_light == 0.0
+    any_view, depsgraph = bridge("live.surface")._ANY_VIEW, bpy.context.evaluated_depsgraph_get()
+    assert bridge("render_scene").seen_by(ball, depsgraph, any_view).indirect_light == 1.0  # what the live view draws
+    assert np.abs(picture() - plain).max() > 0.02
+    row = settings.effect_rows["indirect light"]
+    assert row.on and row.reason == "amount 1"
+    assert np.abs(np.asarray(scenes.rendered(tmp_path / "lit.exr")) - rendered).max() > 0.02
+
+    def gray():
+        return {what[1] for before, what in pairwise(draw_all(monkeypatch)) if before == ("active", False)}
+
+    assert "indirect_light" not in gray()
+    settings.use_shadows = False
+    assert "indirect_light" in gray()
+    settings.use_shadows, settings.quality, settings.classification = True, "custom", "pre"
+    assert "indirect_light" in gray()
+    scattered, settings.indirect_light = picture(), 0.0
+    np.testing.assert_array_equal(scattered, picture())
 
 
 def plain_world(color, strength):

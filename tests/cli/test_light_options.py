@@ -88,6 +88,8 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
         (["--environment", "none.exr"], {"volume": "none.raw"}, "Cannot read none.exr"),  # before the volume is read
         (["--environment", "none.exr", "--world", "1", "1", "1"], {}, "give one of the two"),
         (["--ambient-occlusion", "1.5"], {}, "a number from 0 to 1"),
+        *((["--shadows", "--indirect-light", bad], {}, "a number from 0 to 1") for bad in ("-1", "2", "nan")),
+        (["--indirect-light", "1"], {}, "add --shadows"),
         (["--ambient-occlusion", "1", "--no-shading"], {"lights": False}, "contradict each other"),
         (["--shadows", "--tolerance", "2", "--classification", "pre"], {}, "turn off shadows"),
         (["--shadows", "--tolerance", "2", "--shadow-pass", "x.npy"], {}, "made by a quality"),

@@ -81,6 +81,15 @@ def test_a_picture_with_the_effect_forced_off_keeps_its_tolerance(name):
     np.testing.assert_array_equal(rendering.rgba, render(scene_of(), replace(quality, **plan)).rgba)
 
 
+def test_a_picture_with_indirect_light_keeps_its_tolerance():
+    """The error is that against a truth with it: the plain scene's picture is further off than measured."""
+    lit = scene_of(lights=(SUN,), headlight=False, volume_shadows=True, indirect_light=1.0)
+    rendering = render_within(lit, 2.0, Quality(classification="post"), probes=200)
+    assert rendering.report["error"]["kept"] and rendering.report["error"]["truth"] == "T2"
+    plain = render(replace(lit, indirect_light=0.0), Quality.preset("fine"))
+    assert 255.0 * np.abs(rendering.rgba - plain.rgba).max() > 4.0
+
+
 def test_a_mesh_that_is_forced_off_is_no_part_of_what_was_measured():
     triangle = np.array([[(4.0, 8.0, 4.0), (14.0, 8.0, 4.0), (9.0, 8.0, 14.0)]])
     scene, remark = scene_of(triangles=triangle), "The error was measured where no mesh ends or borders a ray."

@@ -308,6 +308,11 @@ def ambient_occlusion(draw, shot: Shot) -> Shot:
     return shot.with_scene(ambient_occlusion=draw(st.sampled_from(others)))
 
 
+def indirect_light(draw, shot: Shot) -> Shot:
+    others = [amount for amount in (0.0, 0.5, 1.0) if amount != shot.scene.indirect_light]
+    return shot.with_scene(indirect_light=draw(st.sampled_from(others)))
+
+
 def mist(draw, shot: Shot) -> Shot:
     scene = shot.scene
     if scene.mist is not None and draw(st.booleans()):
@@ -452,15 +457,15 @@ def without_extras(draw, shot: Shot) -> Shot:
     """A plain scene again: much of what effects do hides what others do."""
     plain = dict(labels=None, channels=(), mode="composite", mist=None, motion=(), crop=None, effects={}, clips=())
     drawn = draw(st.booleans())
-    lit = shot.with_scene(**plain, triangles=None, volume_shadows=drawn, ambient_occlusion=0.0)
+    lit = shot.with_scene(**plain, triangles=None, volume_shadows=drawn, ambient_occlusion=0.0, indirect_light=0.0)
     return lit.with_camera(aperture_radius=0.0)
 
 
 EDITS = (
     heights_of_opacity, window, colors_of_values, opacity_distance, gradient_opacity, shading, voxels,
     meaning_of_voxels, matrix_of_volume, orbit, knob_of_camera, picture, blur, lights, headlight, volume_shadows, world,
-    ambient_occlusion, mist, clips, meshes, labels, channels, mode, forced_effects, classification, preset,
-    knob_of_plan, records_of_voxels, threads, without_extras,
+    ambient_occlusion, indirect_light, mist, clips, meshes, labels, channels, mode, forced_effects, classification,
+    preset, knob_of_plan, records_of_voxels, threads, without_extras,
 )  # fmt: skip
 
 

@@ -97,6 +97,10 @@ def with_occlusion(draw, scene, random):
     return replace(with_world(draw, scene, random), ambient_occlusion=draw(st.sampled_from((0.5, 1.0))))
 
 
+def with_indirect_light(draw, scene, random):
+    return replace(with_shadows(draw, scene, random), indirect_light=draw(st.sampled_from((0.5, 1.0))))
+
+
 def with_meshes(draw, scene, random):
     middle, reach = reach_of(scene)
     corners = middle + reach * random.uniform(-1.5, 1.5, (draw(st.integers(1, 3)), 3, 3))
@@ -153,11 +157,12 @@ def with_motion(draw, scene, random):
 # Effects by the names that people know them by; what an effect rests on comes with it.
 GIVEN = {
     "mode": with_mode, "gradient opacity": with_gradient_opacity, "lights": with_lights, "shadows": with_shadows,
-    "world light": with_world, "ambient occlusion": with_occlusion, "mesh occlusion": with_meshes,
+    "world light": with_world, "ambient occlusion": with_occlusion, "indirect light": with_indirect_light,
+    "mesh occlusion": with_meshes,
     "clip objects": with_clips, "mist": with_mist, "labels": with_labels, "channels": with_channels,
     "depth of field": with_lens, "motion blur": with_motion,
 }  # fmt: skip
-RESTS_ON = {"shadows": ("lights",), "ambient occlusion": ("world light",)}
+RESTS_ON = {"shadows": ("lights",), "indirect light": ("shadows", "lights"), "ambient occlusion": ("world light",)}
 
 
 @st.composite

@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.accuracy.clips import Clipping
 from rle_splat.accuracy.integrate import integrate
-from rle_splat.accuracy.light_model import ROUNDING, PostLight, find_sides, voxel_width, wrap
+from rle_splat.accuracy.light_model import ROUNDING, PostLight, find_sides, spread, voxel_width, wrap
 from rle_splat.accuracy.light_normals import (
     NormalField,
     automatic_sigma,
@@ -253,6 +253,16 @@ def test_transmittance_of_a_slab_in_closed_form():
     assert np.abs(share_of(scene, below) - exact).max() < 1e-7
 
 
+def test_scattered_light_of_a_slab_in_closed_form():
+    alpha, towards = 0.9, np.array((np.sin(TURN), 0.0, np.cos(TURN)))
+    scene = scene_of(slab(alpha), ((0.0, 0.0), (1.0, 1.0)), towards, (0.0, 0.0, 1.0))
+    index = np.array(((5.0, 7.0, 3.0), (4.0, 7.0, 7.0), (4.0, 7.0, 11.5)))
+    depth = -np.log(1.0 - alpha) * np.array((5.0, 3.5, 0.0)) / np.cos(TURN)
+    assert depth[0] > 10.0  # of which T keeps nothing
+    found = Tracer(scene, world_opacity_distance(scene)).scattered(scene.lights[0], index)
+    assert np.abs(found - (0.5 * np.exp(-depth / 2.0) + 0.25 * np.exp(-depth / 4.0)) / 0.75).max() < 1e-6
+
+
 def test_transmittance_is_that_of_the_integral_along_rays():
     """The same as the alpha of the classified medium, in a sheared volume, past a clip object, to a sun and a lamp."""
     random = np.random.default_rng(7)
@@ -327,24 +337,25 @@ def test_the_sky_above_nothing_is_open():
 @pytest.mark.parametrize("two_sided", (False, True))
 @pytest.mark.parametrize("highlight", ("blinn-phong", "phong"))
 @pytest.mark.parametrize("camera", ("ORTHO", "PERSP"))
-def test_light_of_points_is_the_renderers_formula(kind, two_sided, highlight, camera):
+@pytest.mark.parametrize("indirect", (0.0, 0.7))
+def test_light_of_points_is_the_renderers_formula(kind, two_sided, highlight, camera, indirect):
     """Both are written apart, of the same planes."""
     random = np.random.default_rng(5)
     mean, environment = panorama_moments(random.uniform(0.0, 2.0, (8, 16, 3)), np.eye(3))
     shade = Shade(0.2, 0.7, 0.4, 9.0, highlight, two_sided)
     field = random.uniform(size=(8, 8, 8))
     scene = scene_of(field, RAMP, (0.3, 0.2, 1.0), (0.5, -0.4, 1.0), shade, ambient_occlusion=0.6, world=mean,
-                     environment=environment, headlight=True)  # fmt: skip
+                     environment=environment, headlight=True, indirect_light=indirect)  # fmt: skip
     lamp = replace(scene.lights[0], type=kind, energy=3e4 if kind != "SUN" else 3.0, spot_size=0.05, radius=0.5)
     scene = replace(scene, lights=(lamp, replace(lamp, casts_shadow=False)),
                     camera=replace(scene.camera, type=camera))  # fmt: skip
-    index, planes = random.uniform(0.0, 7.0, (200, 3)), random.uniform(0.0, 1.0, (200, 5))
+    index, planes = random.uniform(0.0, 7.0, (200, 3)), random.uniform(0.0, 1.0, (200, 5 + (indirect > 0.0)))
     planes[:, :3] = random.normal(size=(200, 3)) * random.uniform(0.0, 0.4, (200, 1))
     ours = PostLight(scene, 1.0).at(index, planes)
     falling = scene_lighting(scene, scene.index_to_world)
     eye = falling.eye[:3] - index * falling.eye[3]
     eye = eye / np.linalg.norm(eye, axis=1, keepdims=True) * np.ones((200, 1))
-    theirs = light_of_samples(sample_light(falling, (8, 8, 8), (0,), True), planes, eye, index)
+    theirs = light_of_samples(sample_light(falling, (8, 8, 8), (0,), True, indirect), planes, eye, index)
     assert np.ptp(ours[0]) > 0.5 and np.ptp(ours[1]) > 0.1
     np.testing.assert_allclose(ours[0], theirs[0], atol=1e-9)
     np.testing.assert_allclose(ours[1], theirs[1], atol=1e-9)
@@ -356,6 +367,32 @@ def test_haze_is_lit_as_a_cloud():
     index = np.array(((5.0, 6.0, 3.0), (6.0, 5.0, 8.0)))
     found = light_at(scene, index)[0]
     assert np.abs(found - (0.95 ** (11.0 - index[:, 2:]))).max() < 1e-5
+
+
+def test_haze_has_the_sum_of_octaves():
+    """In closed form; it is never brighter than without anything before it, and where nothing is, as bright."""
+    density = 0.3
+    scene = scene_of(np.full((12, 12, 12), density), ((0.0, 0.0), (1.0, 1.0)), (0, 0, 1), (0, 0, 1), indirect_light=1.0)
+    index = np.array(((5.0, 6.0, 3.0), (6.0, 5.0, 8.0)))
+    depth = -np.log(1.0 - density) * (11.0 - index[:, 2:])
+    octaves = sum(0.5**n * np.exp(-(0.5**n) * depth) for n in range(3)) / sum(0.5**n for n in range(3))
+    assert np.abs(light_at(scene, index)[0] - octaves).max() < 1e-5
+    half = light_at(replace(scene, indirect_light=0.5), index)[0]
+    assert np.abs(half - 0.5 * (octaves + np.exp(-depth))).max() < 1e-5
+
+
+def test_indirect_light_counts_what_is_seen_of_a_half_space():
+    """Both octaves, integrated over the depth at which the eye sees them; at most all of it, and all that comes
+    straight."""
+    cosine, depth = np.linspace(0.1, 1.0, 10), (np.arange(200000) + 0.5) * 1e-4
+    seen = [
+        np.array([(np.exp(-s * depth / c) * np.exp(-depth)).sum() for c in cosine]) for s in (0.5, 0.25)
+    ]  # fmt: skip
+    wanted = sum(weight * part / part[-1] for weight, part in zip((2.0 / 3.0, 1.0 / 3.0), seen))
+    assert np.abs(spread(cosine) - wanted).max() < 0.006
+    every = spread(np.linspace(-1.0, 1.0, 2001))
+    assert every.min() >= 0.0 and every.max() < 1.0 + 1e-12 and abs(spread(1.0) - 1.0) < 1e-12 and spread(-1.0) == 1.0
+    assert np.abs(np.diff(every)).max() < 5e-3
 
 
 def test_the_face_of_a_constant_cube_is_a_plane():
@@ -446,3 +483,15 @@ def test_a_gap_of_two_voxels_is_dark():
     field[4:8], field[10:14] = 1.0, 1.0
     scene = scene_of(field, ((0.3, 0.0), (0.7, 0.95)), (0, 0, 1), (0, 0, 1))
     assert light_at(scene, ((9.5, 9.5, 7.3),))[0].max() < 0.02
+
+
+def test_a_plate_before_a_lamp_is_translucent():
+    """Its dark side has the octaves of the light that comes through, and a thick one stays dark."""
+    found = []
+    for thickness in (2, 10):
+        field = np.zeros((20, 20, 20))
+        field[8 : 8 + thickness] = 1.0
+        scene = scene_of(field, ((0.3, 0.0), (0.7, 0.9)), (0, 0, 1), (0, 0, -1))
+        plain, lit = (seen(replace(scene, indirect_light=amount), (8.0,), (8.0,))[0][0] for amount in (0.0, 1.0))
+        found.append((plain, lit))
+    assert found[0][1] > 4.0 * found[0][0] and found[0][1] > 0.05 and found[1][1] < 0.01

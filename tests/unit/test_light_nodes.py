@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from rle_splat.effects.shadows import (
     light_passes,
     node_light_steps,
     pool_occluders_steps,
+    scattered_light_steps,
     sky_passes,
     voxel_light_steps,
 )
@@ -250,6 +253,26 @@ def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, find, monk
     off = np.abs(found[0] * CODE - reference * CODE)
     assert np.ptp(reference) > 0.5 * ONE
     assert (off > 3 * CODE).mean() < (1e-3 if meshes else 1e-9)  # the edge of a mesh is a step
+
+
+@pytest.mark.parametrize("meshes", [False, True])
+@pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), point((9.1, 8.7, 9.4)), replace(sun((0, 0, -1)), angle=0.5)])
+def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light, meshes):
+    """T as it is swept alone, and U of the powers of what each point of the lamp sends; on any number of threads."""
+    field = smooth((19, 18, 20), most=3.0)
+    triangles = np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 30.0, 8.0)]]) if meshes else None
+
+    def lit(find_steps, part=1.0, threads=1):
+        occluders = occluders_of(part * field, SKEWED, threads, triangles)
+        return drain(find_steps(*light_passes(light, occluders, nodes=True), occluders)) / FULL
+
+    found, alone = lit(scattered_light_steps), lit(node_light_steps)
+    np.testing.assert_allclose(found[0], alone, atol=4 * CODE)
+    assert np.ptp(alone) > 0.5
+    # A medium that is half as dense, and one of a quarter.
+    expected = (2.0 * lit(node_light_steps, 0.5) + lit(node_light_steps, 0.25)) / 3.0
+    np.testing.assert_allclose(found[1], expected, atol=4 * CODE)
+    np.testing.assert_array_equal(found, lit(scattered_light_steps, threads=2))
 
 
 def test_nodes_have_the_light_of_their_voxels():

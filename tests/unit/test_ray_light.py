@@ -31,7 +31,9 @@ MATERIALS = {
 }  # fmt: skip
 
 
-def traced(shade, lights=(), casting=(), opened=False, perspective=False, threads=0, axis=(35.0, 25.0), **around):
+def traced(
+    shade, lights=(), casting=(), opened=False, perspective=False, threads=0, axis=(35.0, 25.0), indirect=0.0, **around
+):
     """The rays of a small picture through kept voxels at random, whose codes are random, too."""
     random = np.random.default_rng(5)
     volume = Volume(random.random(SHAPE, np.float32), np.diag((0.2, 1.1, 0.9, 1.0)))
@@ -40,7 +42,7 @@ def traced(shade, lights=(), casting=(), opened=False, perspective=False, thread
     to_world = matrix @ volume.affine
     eye = np.append(camera.matrix_world[:3, 3], 1.0) if perspective else np.append(camera.matrix_world[:3, 2], 0.0)
     falling = lighting(to_world, shade, lights, eye=eye, **around)
-    light = None if falling is None else sample_light(falling, shape, casting, opened)
+    light = None if falling is None else sample_light(falling, shape, casting, opened, indirect)
     kept = random.random(SHAPE) < 0.97
     rows = kept.reshape(-1, shape[0])
     bits = np.zeros((len(rows), -(-shape[0] // 64) * 64), bool)
@@ -93,6 +95,12 @@ def test_shadows_and_occlusion():
     open_to_all = agree(SHADE, lights)
     shadowed = agree(SHADE, lights, casting=(3, 1), opened=True)
     assert shadowed[..., :3].sum() < 0.8 * open_to_all[..., :3].sum()
+
+
+def test_indirect_light():
+    how = dict(casting=(3, 0), opened=True, perspective=True)
+    whole = agree(SHADE, tuple(LAMPS.values()), indirect=1.0, **how)
+    assert np.abs(whole - traced(SHADE, tuple(LAMPS.values()), **how)).max() > 0.01
 
 
 def test_a_world_that_differs_by_direction():

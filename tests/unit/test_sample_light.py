@@ -50,7 +50,7 @@ def voxels_of(volume, kept) -> VisibleVoxels:
 
 def splatted(
     shade, lights=(), casting=(), opened=False, perspective=False, threads=0, azimuth=35.0, rule=ALONE, thinned=False,
-    termination=1e-6, function=EVEN, **around,
+    indirect=0.0, termination=1e-6, function=EVEN, **around,
 ):
     """The largest base plane of a small picture of kept voxels at random, whose codes are random, too."""
     random = np.random.default_rng(5)
@@ -59,7 +59,7 @@ def splatted(
     to_world = matrix @ volume.affine
     eye = np.append(camera.matrix_world[:3, 3], 1.0) if perspective else np.append(camera.matrix_world[:3, 2], 0.0)
     falling = lighting(to_world, shade, lights, eye=eye, **around)
-    light = None if falling is None else sample_light(falling, volume.shape_xyz, casting, opened)
+    light = None if falling is None else sample_light(falling, volume.shape_xyz, casting, opened, indirect)
     kept = random.random(SHAPE) < 0.97
     voxels = voxels_of(volume, kept)
     codes = random.normal(0.0, 0.5, (len(voxels), thinned + (0 if light is None else light.planes))).clip(-1.0, 1.0)
@@ -114,6 +114,17 @@ def test_shadows_and_occlusion(rule, azimuth):
     how = dict(lights=ALL, rule=rule, azimuth=azimuth, perspective=azimuth > 100.0, function=RAMP)
     shadowed = agree(SHADE, casting=(3, 1), opened=True, **how, within=1e-4)
     assert shadowed[..., :3].sum() < 0.8 * splatted(SHADE, **how)[..., :3].sum()
+
+
+@pytest.mark.parametrize("rule", (ALONE, TOGETHER, BETWEEN))
+@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
+def test_indirect_light(rule, perspective):
+    """Of lamps that cast shadows, near and far; the amount counts, and without any such lamp it does not."""
+    how = dict(lights=ALL, rule=rule, perspective=perspective, function=RAMP, opened=True)
+    whole = agree(SHADE, casting=(3, 0), indirect=1.0, **how, within=1e-4)
+    half, none = (splatted(SHADE, casting=(3, 0), indirect=amount, **how) for amount in (0.5, 0.0))
+    assert np.abs(whole - half).max() > 3e-3 < np.abs(half - none).max()
+    np.testing.assert_array_equal(splatted(SHADE, indirect=1.0, **how), splatted(SHADE, **how))
 
 
 @pytest.mark.parametrize("rule", (TOGETHER, BETWEEN))
