@@ -14,6 +14,7 @@ import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from .encode import place_chunks, run_tables
+from .encode_kernels import MOST_BYTES
 from .tables import OnAxis, RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
@@ -153,6 +154,11 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: in
     if is_shared(tables.axis):
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
-    target = np.empty_like(rows)
-    yield from place_chunks(tables, voxels, rows, target, threads=threads)
+    target, at_once = np.empty_like(rows), MOST_BYTES // rows.itemsize
+    for first in range(0, rows.shape[1], at_once):  # codes of many lamps are longer than a record can be
+        part = np.ascontiguousarray(rows[:, first : first + at_once])
+        moved = target if part.shape == target.shape else np.empty_like(part)
+        yield from place_chunks(tables, voxels, part, moved, threads=threads)
+        if moved is not target:
+            target[:, first : first + at_once] = moved
     return target.reshape(words.shape)

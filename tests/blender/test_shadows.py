@@ -59,7 +59,9 @@ def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(b
     add_light("SUN", (10.0, 0.0, -30.0), energy=20.0)
     scene = bpy.context.scene
     settings = scene.rle_splat
-    plain, rendered = picture(), np.asarray(scenes.rendered(tmp_path / "plain.exr"))
+    scenes.use_cycles((SIZE, SIZE))
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    plain, rendered = picture(), scenes.rendered(tmp_path / "plain.exr")
     settings.indirect_light = 1.0
     assert read(bridge, ball).indirect_light == 1.0 and read(bridge, ball, with_shadows=False).indirect_light == 0.0
     any_view, depsgraph = bridge("live.surface")._ANY_VIEW, bpy.context.evaluated_depsgraph_get()
@@ -67,7 +69,7 @@ def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(b
     assert np.abs(picture() - plain).max() > 0.02
     row = settings.effect_rows["indirect light"]
     assert row.on and row.reason == "amount 1"
-    assert np.abs(np.asarray(scenes.rendered(tmp_path / "lit.exr")) - rendered).max() > 0.02
+    assert np.abs(scenes.rendered(tmp_path / "lit.exr") - rendered).max() > 0.02
 
     def gray():
         return {what[1] for before, what in pairwise(draw_all(monkeypatch)) if before == ("active", False)}

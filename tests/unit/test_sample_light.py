@@ -127,6 +127,11 @@ def test_indirect_light(rule, perspective):
     np.testing.assert_array_equal(splatted(SHADE, indirect=1.0, **how), splatted(SHADE, **how))
 
 
+def test_many_lamps_that_scatter_along_x():
+    """Codes of more than 16 bytes, in the order of principal axis x, too."""
+    agree(SHADE, ALL, casting=(0, 1, 2, 3), opened=True, indirect=1.0, azimuth=80.0, function=RAMP, within=1e-4)
+
+
 @pytest.mark.parametrize("rule", (TOGETHER, BETWEEN))
 def test_thinned(rule):
     lit = agree(SHADE, (LAMPS["sun"],), casting=(0,), rule=rule, thinned=True)
