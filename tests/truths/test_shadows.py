@@ -506,3 +506,20 @@ def test_the_shadow_pass_compares_sheets_with_sheets():
     plain, expected = drain(shadow_pass_steps(scene, replace(quality, rays=NO_RAYS)))
     assert rendering.report["rays"]["pixels"] > 20 and (rendering.rgba != plain.rgba).any()
     np.testing.assert_array_equal(share, expected)
+
+
+def test_codes_of_lamps_that_stay_are_those_of_a_picture_of_its_own():
+    """Where one of three lamps moves, the other two's codes are copied: the picture is that without a cache."""
+    field = smooth((19, 18, 20), np.random.default_rng(5))
+    others = [sun((0.5, 0.3, -1)), sun((1, 0.4, -0.3))]
+    quality, cache = Quality(name=""), StageCache()
+    for number, along in ((0, (0, 0, -1)), (1, (0.2, -1, 0.7)), (2, (-0.6, 0.2, 1))):
+        lamps = [*others[:number], sun(along), *others[number:]]
+        scene = scene_of(field, SKEWED, lamps)
+        found, alone = render(scene, quality, cache=cache), render(scene, quality)
+        np.testing.assert_array_equal(found.rgba, alone.rgba)
+    moved = scene_of(field, SKEWED, [*others, sun((0.1, 0.9, 0.2))])
+    before = cache.made["shadows"]
+    found = render(moved, quality, cache=cache)
+    assert cache.made["shadows"] == before + 1
+    np.testing.assert_array_equal(found.rgba, render(moved, quality).rgba)
