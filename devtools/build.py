@@ -117,16 +117,19 @@ def zip_name(platform: str, python: str) -> str:
     return f"rle_splat-{version()}-{platform.replace('-', '_')}-{where}.zip"
 
 
-def build(platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST) -> dict[tuple[str, str], Path]:
+def build(
+    platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST, baseline_only: bool = False
+) -> dict[tuple[str, str], Path]:
     """Make one zip for each platform and Python; returns (platform, Python) -> zip.
 
-    Those of this platform bring kernels.  With the others, kernels are compiled when they are first needed.
+    Those of this platform bring kernels, or the baseline's only.  With the others, kernels are compiled when they are
+    first needed.
     """
     made = {}
     for platform in platforms:
         for python in pythons:
             path = output / zip_name(platform, python)
-            kernels = make_kernels([python]) if platform == this_platform() else []
+            kernels = make_kernels([python], baseline_only) if platform == this_platform() else []
             pack(platform, python, wheels_for([platform], [python]), path, kernels)
             size = path.stat().st_size
             if size >= LARGEST_ZIP_BYTES:
@@ -137,5 +140,5 @@ def build(platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST) -
 
 
 def build_here(python: str, output: Path) -> Path:
-    """The zip for this platform and a Python."""
-    return build((this_platform(),), (python,), output)[this_platform(), python]
+    """The zip for this platform and a Python, to be tried here: with the baseline's kernels only."""
+    return build((this_platform(),), (python,), output, baseline_only=True)[this_platform(), python]

@@ -20,7 +20,9 @@ from .wheels import packages, this_platform
 PACKAGE = ROOT / "rle_splat"
 FOLDER = PACKAGE / "kernels"
 COMPILED = BUILD / "kernels-shipped"
-LEVELS = {"linux-x64": ("x86-64-v3",), "windows-x64": ("x86-64-v3",)}  # as in rle_splat/runtime/shipped_kernels.py
+BASELINE = "x86-64-v3"
+X64 = (BASELINE, "x86-64-v4")  # as in rle_splat/runtime/shipped_kernels.py
+LEVELS = {"linux-x64": X64, "windows-x64": X64}
 
 
 def core_of(version: str) -> Environment:
@@ -72,14 +74,16 @@ def _is_ready(version: str) -> bool:
     return True
 
 
-def make_kernels(pythons=PYTHONS) -> list[Path]:
+def make_kernels(pythons=PYTHONS, baseline_only: bool = False) -> list[Path]:
     """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
 
-    A Python that this machine does not have, and cannot get, has none.
+    A Python that this machine does not have, and cannot get, has none.  ``baseline_only``: without those of better
+    processors, which tests can do without.
     """
     wanted = {
         FOLDER / f"python{version}-numba{packages()['numba']}-{level}.zip": (version, level)
-        for version in pythons for level in LEVELS.get(this_platform(), ()) if _is_ready(version)
+        for version in pythons for level in LEVELS.get(this_platform(), ())
+        if (level == BASELINE or not baseline_only) and _is_ready(version)
     }  # fmt: skip
     due = {path: of for path, of in wanted.items() if not is_made(path)}
     with ThreadPoolExecutor(os.cpu_count()) as workers:

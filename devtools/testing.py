@@ -258,7 +258,8 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     """
     ensure(CORE)
     with suppress(Failure):  # the stage of the zips says what is wrong
-        make_kernels(_pythons(_versions(quick)) + [CORE.version])  # first, so that no test compiles any of them
+        # First, so that no test compiles any of them.
+        make_kernels([*_pythons(_versions(quick)), CORE.version], baseline_only=True)
     found = list(parts(options, quick, everywhere).values())
     pending, stages, lock = list(found), {}, Lock()
 

@@ -18,7 +18,7 @@ from ..classify.default import default_transfer_function
 from ..classify.transfer_function import GradientOpacity
 from ..runtime import jit
 from ..runtime.steps import Progress, rescale
-from ..scene import Light, Quality, RleSplatError, Scene
+from ..scene import MODES, Channel, Clip, Labels, Light, Quality, RleSplatError, Scene
 from ..view.turntable import turntable
 from ..volume.volume import Volume
 from .render import render_steps
@@ -45,6 +45,7 @@ class SyntheticPicture:
     first: float
     more: float
     quality: str = "standard"
+    classification: str = "post"
     scene: str = "headlight"
     azimuth: float = 0.0
     perspective: bool = False
@@ -62,6 +63,16 @@ PICTURES = (
     SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
+    SyntheticPicture("unlit", 24.8, 0.0, scene="unlit"),
+    SyntheticPicture("clip objects", 3.1, 0.0, scene="clips"),
+    SyntheticPicture("X-ray", 18.1, 0.0, scene="xray"),
+    SyntheticPicture("maximum", 16.4, 0.0, scene="mip"),  # the other modes have the same kernels
+    SyntheticPicture("labels", 21.6, 2.5, scene="labels"),
+    SyntheticPicture("channels", 4.4, 0.4, scene="channels", azimuth=90.0, perspective=True),
+    SyntheticPicture("pre-classified", 3.9, 2.0, classification="pre"),
+    SyntheticPicture("pre-classified, sideways", 3.7, 0.6, classification="pre", azimuth=90.0, perspective=True),
+    SyntheticPicture("pre-classified, unlit", 0.7, 0.6, classification="pre", scene="unlit"),
+    SyntheticPicture("pre-classified, lights", 10.2, 1.6, classification="pre", scene="lights"),
 )
 
 
@@ -84,11 +95,13 @@ def prepare_steps():
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
-    - at "standard" and "draft", with gradient opacity: by the headlight.
+    - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
+      as an X-ray and in each other mode.
+    - at "standard" and "draft", unshaded.
+    - at "standard" with the classification "pre": unshaded, by the headlight, and by lights with shadows.
 
-    Not covered, and compiled when a picture first needs them: other stored types; unshaded transfer functions; the
-    classification "pre"; the qualities "strict" and "paper" and knobs by hand; a maximum error; labels and channels;
-    clip objects; mist; modes other than "composite"; ``.rle`` files.
+    Not covered, and compiled when a picture first needs them: other stored types; knobs by hand; a maximum error;
+    ``.rle`` files; several of the effects above at once, where together they have kernels of their own.
 
     Yields
     ------
@@ -135,7 +148,7 @@ def _on_disk() -> set[Path]:
 def _picture_steps(picture: SyntheticPicture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
-    quality = Quality.preset(picture.quality, name="prepared", threads=1)
+    quality = Quality.preset(picture.quality, picture.classification, name="prepared", threads=1)
     scene = _scene(picture, _ball(stored))
     return render_steps(scene, quality)
 
@@ -152,14 +165,29 @@ def _ball(stored: str) -> Volume:
 def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
-    By the headlight, or as ``picture.scene`` says: "surfaces", with gradient opacity; "lights", a lamp that casts
-    shadows and the world's light; "meshes", with these lights and a triangle that cuts the ball.
+    By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
+    the camera; "labels"; "channels", with itself as another one; "surfaces", with gradient opacity; "lights", a lamp
+    that casts shadows and the world's light; "meshes", with these lights and a triangle that cuts the ball.
     """
     camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
     function, _ = default_transfer_function(volume)
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
     if picture.scene == "headlight":
         return scene
+    if picture.scene in MODES:
+        return replace(scene, mode=picture.scene)
+    if picture.scene == "unlit":
+        return replace(scene, transfer_function=replace(function, shade=None))
+    if picture.scene == "clips":
+        box = np.diag((SIDE / 4.0, SIDE / 4.0, SIDE / 4.0, 1.0))
+        middle = (scene.index_to_world @ (*3 * [SIDE / 2.0], 1.0))[:3]
+        near = replace(camera, clip_start=float(np.linalg.norm(middle - camera.matrix_world[:3, 3])))
+        return replace(scene, camera=near, clips=(Clip("box", box, "outside"), Clip("plane", np.eye(4))))
+    if picture.scene == "labels":
+        half = Volume((volume.voxels > np.median(volume.voxels)).astype(np.uint8), volume.affine)
+        return replace(scene, labels=Labels(half, {1: function}))
+    if picture.scene == "channels":
+        return replace(scene, channels=(Channel(volume, function),))
     if picture.scene == "surfaces":
         return replace(scene, transfer_function=replace(function, gradient_opacity=GradientOpacity(0.0, 1.0)))
     beside = np.eye(4)

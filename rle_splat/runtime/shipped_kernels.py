@@ -28,12 +28,10 @@ from .kernel_digest import PACKAGE
 FOLDER = Path(__file__).parents[1] / "kernels"
 MAKER = "rle_splat"  # the package's name in the process that made the files
 
-# LLVM's name of a level -> the features of a processor that reaches it: Intel's from 2013 on, AMD's from 2015 on.
-LEVELS = {
-    "x86-64-v3": (
-        "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave",
-    ),
-}  # fmt: skip
+# Features of Intel's processors from 2013 on and of AMD's from 2015 on.
+_V3 = ("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave")
+# LLVM's name of a level -> the features of a processor that reaches it; the best first.
+LEVELS = {"x86-64-v4": (*_V3, "avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"), "x86-64-v3": _V3}
 COMPILED_INSTEAD = "Kernels are compiled when a picture first needs them."
 
 
