@@ -27,7 +27,8 @@ LEAST_SLABS = 4
 # Fields of a scene that single rays take into account; every other field must have its default.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "background", "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "reasons_off",
+    "background", "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "channels",
+    "reasons_off",
 }  # fmt: skip
 
 
