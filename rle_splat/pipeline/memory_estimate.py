@@ -126,8 +126,8 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.
         MemoryRow("shade", "normals", tables.lit * count, 6 + 4 + 6 if scalars else 12),
         # Of all channels, as above and the values around; and the means of normals and points while they are summed up.
-        MemoryRow("shade", "normals", (tables.lit * tables.channels) * count, 10 + 8),
-        MemoryRow("shade", "work", (tables.lit and tables.channels > 0) * count, 12 + 12 + 8 + 12),
+        MemoryRow("shade", "normals", (tables.lit * tables.channels) * count, 10 + 2 * 8),
+        MemoryRow("shade", "work", (tables.lit and tables.channels > 0) * count, 56),
         # Planes that are smoothed: as float32, smoothed, and squares of gradients.
         MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
         MemoryRow("shade", "normals", tables.shadows * count, 2 if scalars else 4),  # what arrives of each light
