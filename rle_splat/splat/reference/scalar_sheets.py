@@ -63,9 +63,9 @@ def _between(slices, first: int, weights, nothing) -> np.ndarray | None:
         return far
     if near is None or far is None:
         return None
-    both = (near[..., :1] > NOT_KEPT) & (far[..., :1] > NOT_KEPT)
     mixed = weights[0] * near + weights[1] * far
     empty = nothing == NOT_KEPT
+    both = (near[..., empty] > NOT_KEPT) & (far[..., empty] > NOT_KEPT)
     mixed[..., empty] = np.where(both, mixed[..., empty], NOT_KEPT)
     return mixed
 
@@ -290,7 +290,7 @@ def splat_scalar_sheets_numpy(
         color, sigma = sampled[..., :3], sampled[..., 3]
         if light is not None:
             if sheets.kind[sheet] != OWN:
-                both = (here[..., 0] > NOT_KEPT) & (there[..., 0] > NOT_KEPT)
+                both = counted == ONE
                 span = span or span_shown(here[..., 0], there[..., 0], *lookup[5:7])
                 share = share_here(*span, sigma * in_slab)[..., None]
                 shine = np.where(both[..., None], here[..., 1:] * share + there[..., 1:] * (ONE - share), shine)
