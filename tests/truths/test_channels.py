@@ -23,7 +23,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Channel, Labels, Light, Quality, RleSplatError
+from rle_splat.scene import Channel, Clip, Labels, Light, Mist, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 
 N = 14
@@ -201,6 +201,24 @@ def test_kernels_are_numpy(stage, depth_rule, light):
         # Sheets of the kernels share light over optical depths of a few terminations.
         bound = 1e-5 if light == "unlit" or rays else 0.4 * LEVEL
         np.testing.assert_allclose(kernels.rgba, reference.rgba, atol=bound)
+
+
+@pytest.mark.parametrize("depth_rule", ("midpoint-8", "preintegrated-4"))
+def test_clips_and_mist_cut_and_fade_all_channels(stage, depth_rule):
+    turned = np.array(((0.8, -0.6, 0.0, 7.0), (0.6, 0.8, 0.0, 7.0), (0.0, 0.0, 1.0, 6.0), (0.0, 0.0, 0.0, 1.0)))
+    clip = Clip("plane", turned @ np.array(((0, 0, 1, 0), (0, 1, 0, 0), (-1, 0, 0, 0), (0, 0, 0, 1))))
+    scene = scene_of(stage, parts(3), clips=(clip,))
+    picture = render(scene, fine(depth_rule=depth_rule))
+    true, _ = truth(scene, "T2", tolerance=1e-4, **shading_of(scene, "T2"))
+    error = np.abs(picture.rgba.reshape(-1, 4) - true).max(axis=1)
+    assert np.quantile(error, 0.98) < 1.0 * LEVEL
+    whole = render(replace(scene, clips=()), fine(depth_rule=depth_rule)).rgba
+    assert np.abs(picture.rgba - whole).max() > 20 * LEVEL
+    misty = replace(scene, mist=Mist(20.0, 30.0))
+    kernels = render(misty, fine(depth_rule=depth_rule)).rgba
+    with use_reference():
+        np.testing.assert_allclose(kernels, render(misty, fine(depth_rule=depth_rule)).rgba, atol=0.4 * LEVEL)
+    assert np.abs(kernels - picture.rgba).max() > 5 * LEVEL
 
 
 @pytest.mark.parametrize("light", ("unlit", *LIT))
