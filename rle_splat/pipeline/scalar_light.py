@@ -10,6 +10,8 @@ What each depends on, so that a lamp that moves or an object that turns redoes n
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..classify.shown_nearby import mean_extinction, nearby_steps
@@ -57,12 +59,9 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, work: Work, threads:
     job, clock, matrix, parts = work.job, work.clock, scene.index_to_world, scalars.parts
     sigma, shaded = smoothness_of(scene), shadow_count(scene) > 0
     surfaces_key = scalars.key, sigma
-
-    def find():
-        # From the scene's own volume: labels hide what is shown, but normals are of the values as they are.
-        volumes = scene.volume, *(part.volume for part in parts[1:])
-        return (yield from _find_surfaces(volumes, parts, sigma, threads))
-
+    # The scene's own volume: labels hide what is shown, but normals are of the values as they are.
+    volumes = scene.volume, *(part.volume for part in parts[1:])
+    find = partial(_find_surfaces, volumes, parts, sigma, threads)
     steps = job.steps("surfaces", surfaces_key, find, _bytes_of_surfaces)
     surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
     cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
@@ -73,7 +72,6 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, work: Work, threads:
 
     def place():
         faces, found = faces_of(scene.clips, matrix), []
-        volumes = scene.volume, *(part.volume for part in parts[1:])
         for part, volume, (surface, _) in zip(parts, volumes, surfaces, strict=True):
             given = surface, part.voxels, volume, part.function, matrix, faces
             steps = place_steps(*given, with_points=shaded, threads=threads)

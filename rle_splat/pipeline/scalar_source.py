@@ -182,6 +182,16 @@ class LitScalars:
         return tuple(function.classification_key for function in functions)
 
     @property
+    def centers(self) -> tuple[float, ...]:
+        """``center`` of each further channel."""
+        return tuple(channel.center for channel in self.channels)
+
+    @property
+    def further_tables(self) -> tuple[LookupTable, ...]:
+        """The lookup table of each further channel."""
+        return tuple(channel.transfer for channel in self.channels)
+
+    @property
     def values_key(self) -> tuple:
         """All that the values of further channels depend on."""
         return (self.key, *(channel.values_key for channel in self.channels))
@@ -211,8 +221,7 @@ class LitScalars:
             steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
             # As with classified voxels, whose records are lit already.
             codes = (yield from time_steps(steps, clock, "shade")).view(np.int16)
-        centers = tuple(channel.center for channel in self.channels)
-        return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, centers)
+        return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, self.centers)
 
     def trace(self, rays, slabs: int, counts=None):
         """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
@@ -230,7 +239,7 @@ class LitScalars:
         )
         return trace_rays(
             rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
-            tuple(channel.transfer for channel in self.channels), tuple(channel.center for channel in self.channels),
+            self.further_tables, self.centers,
         )  # fmt: skip
 
     def _channel_rows(self) -> ChannelVoxels | None:
@@ -360,7 +369,7 @@ class ScalarSource(Source):
         lit = replace(unlit, light=light, codes=codes, codes_key=codes_key, thinned=factor is not None)
         return ScalarVoxels(
             lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray",
-            further=tuple(channel.transfer for channel in lit.channels),
+            further=lit.further_tables,
         )  # fmt: skip
 
     def _relevant_steps(self, work: Work, volume, blocks: Blocks, further_blocks, voxels_key, lit: bool):
