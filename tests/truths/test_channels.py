@@ -12,6 +12,7 @@ import pytest
 from rle_splat.accuracy.light_model import PostLight
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.accuracy.planner.checks import measurable_scene
 from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.transfer import mean_extinction as true_mean_extinction
 from rle_splat.accuracy.transfer import world_opacity_distance
@@ -272,6 +273,9 @@ def test_a_tolerance_is_kept(stage):
     for refused, quality in ((labeled, Quality()), (scene, Quality(classification="pre"))):
         with pytest.raises(RleSplatError, match="choose a quality for labels, and post for channels"):
             render_within(refused, 1.0, quality)
+        with pytest.raises(RleSplatError, match="without labels, and with channels only for the classification post"):
+            measurable_scene(refused, quality)
+    assert measurable_scene(scene, Quality()).channels
 
 
 def ramps(slopes):

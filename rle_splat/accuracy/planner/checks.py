@@ -68,7 +68,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     Raises
     ------
     RleSplatError
-        Where the scene has no truth: without voxels, with meshes or mist, and for pre with shadows.
+        Where the scene has no truth: without voxels, with meshes, mist or labels, and for pre with shadows or channels.
     """
     if not scene.volume.holds_values:
         raise RleSplatError(
@@ -78,6 +78,11 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.hides_volume or scene.panes is not None:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    if lacks_channels(scene, quality):
+        raise RleSplatError(
+            "Accuracy is measured without labels, and with channels only for the classification post; take the labels "
+            "out of the scene, or choose post."
+        )
     if lacks_shadows(scene, quality):
         raise RleSplatError(
             "Accuracy is measured without shadows with the classification pre; turn off shadows and ambient occlusion, "
