@@ -45,8 +45,9 @@ class _Pieces:
     """Smooth pieces of rays.
 
     ``ray``, ``cubic`` (P,) int: the ray, and the row of ``table`` (cells crossed, channels, 4), whose t runs from
-    ``begin`` to ``end`` (P,).  ``segment`` (P,): from the medium's ``split``.  ``near``, ``far`` (P,): planar depths.
-    ``length`` (P,): world length.  ``seen`` (P,): transmittance before the piece.  ``allowed`` (P,): its largest error.
+    ``begin`` to ``end`` (P,).  ``segment`` (P,) or (P, channels): from the medium's ``split``.  ``near``, ``far`` (P,):
+    planar depths.  ``length`` (P,): world length.  ``seen`` (P,): transmittance before the piece.  ``allowed`` (P,):
+    its largest error.
     """
 
     table: np.ndarray

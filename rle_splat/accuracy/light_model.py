@@ -24,6 +24,7 @@ from .lamps import ReferenceLamps, unit
 from .light_normals import NormalField, automatic_sigma, smoothstep
 from .light_transport import Tracer
 from .medium import ScalarField, corner_indices, cubics, polynomial
+from .transfer import mean_extinction, opacity_unit_distance
 
 TRUSTED = 0.3  # length of m from which a normal is wholly trusted
 ROUNDING = np.sin(np.radians(5.0))  # of the maximum of n.l and 0, in cosines
@@ -131,7 +132,10 @@ class PostLight:
         self._covector = np.linalg.inv(own_to_world)
         self._world_per_mm = float(np.cbrt(abs(np.linalg.det(own_to_world))))
         sigma = automatic_sigma(volume.affine) if self._shade.smoothness is None else self._shade.smoothness
-        self._normals = NormalField(volume.voxels, volume.affine, sigma)
+        self._channels = [
+            (one.volume, one.transfer_function, NormalField(one.volume.voxels, one.volume.affine, sigma))
+            for one in (scene, *scene.channels)
+        ]
         self._lamps, self._faces = ReferenceLamps(scene), Faces(scene)
         self._casting = [n for n, light in enumerate(scene.lights) if scene.volume_shadows and light.casts_shadow]
         self._opened = scene.ambient_occlusion > 0.0
@@ -163,11 +167,34 @@ class PostLight:
         return np.stack(found, axis=1)
 
     def surfaces(self, z, y, x) -> tuple[np.ndarray, np.ndarray]:
-        """m (N, 3), world, and x' (N, 3), voxel indices x, y, z, of voxels (N,)."""
-        volume = self._scene.volume
-        field, index = self._normals.at(z, y, x), np.stack((x, y, z), axis=1).astype(np.float64)
+        """m (N, 3), world, and x' (N, 3), voxel indices x, y, z, of voxels (N,).
+
+        Of several channels, the means weighted by what each shows around the voxel.
+        """
+        found = [self._surfaces_of(*channel, z, y, x) for channel in self._channels]
+        if len(found) == 1:
+            return found[0]
+        weights = [self._shown_around(volume, function, z, y, x) for volume, function, _ in self._channels]
+        total = sum(weights)
+        shares = [np.divide(weight, total, out=np.zeros_like(total), where=total > 0.0) for weight in weights]
+        shares[0] = np.where(total > 0.0, shares[0], 1.0)
+        return tuple(sum(share[:, None] * each for share, each in zip(shares, both)) for both in zip(*found))
+
+    def _shown_around(self, volume, function, z, y, x):
+        """(N,) mean extinction over the values from the smallest to the largest of the 27 voxels around."""
+        steps = np.indices((3, 3, 3)).reshape(3, 27) - 1
+        at = (np.clip(own[:, None] + step, 0, n - 1) for own, step, n in zip((z, y, x), steps, self._shape))
+        values = volume.physical(volume.voxels[tuple(at)])
+        ends = sorted(point[0] for point in (*function.opacity, *function.color))
+        values = np.where(np.isinf(values), np.clip(values, ends[0], ends[-1]), values)
+        distance = opacity_unit_distance(function, self._scene.volume)
+        return mean_extinction(function, np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1), distance)
+
+    def _surfaces_of(self, volume, function, normals, z, y, x):
+        """``surfaces`` of one channel."""
+        field, index = normals.at(z, y, x), np.stack((x, y, z), axis=1).astype(np.float64)
         values = volume.physical(volume.voxels[z, y, x])
-        side, distance = find_sides(self._scene.transfer_function.opacity, values)
+        side, distance = find_sides(function.opacity, values)
         vector, slope = field[:, :3], field[:, 3]
         falling = -np.sign(volume.slope) * unit(np.einsum("ni,ij->nj", vector, self._covector))
         m = (side * np.linalg.norm(vector, axis=1))[:, None] * falling
@@ -281,40 +308,39 @@ class LitField(ScalarField):
 
     Parameters
     ----------
-    values, transfer_function, world_distance, physical
+    values, transfer_function, world_distance, physical, further
         As ``ScalarField`` takes them.
     light : PostLight
     """
 
     is_lit = True
 
-    def __init__(self, values, transfer_function, world_distance: float, physical, light: PostLight):
-        super().__init__(values, transfer_function, world_distance, physical)
-        self._light = light
+    def __init__(self, values, transfer_function, world_distance: float, physical, light: PostLight, further=()):
+        super().__init__(values, transfer_function, world_distance, physical, further)
+        self._light, self._count = light, 1 + len(further)
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        """(P, 3) integer low corners -> (P, 8, 4) at the corners: the scalar, and x, y, z."""
+        """(P, 3) integer low corners -> (P, 8, channels + 3) at the corners: the scalars, and x, y, z."""
         at = cell[:, None] + np.array(list(np.ndindex(2, 2, 2)))[:, ::-1]
         return np.concatenate((super().cells(cell), at), axis=-1)
 
     def light_up(self, table: np.ndarray) -> np.ndarray:
-        """Cubics (P, 4, 4) of cells -> (P, 4 + K, 4) with those of ``PostLight.planes``."""
-        start, travel = table[:, 1:, 0], table[:, 1:, 1]
+        """Cubics (P, channels + 3, 4) of cells -> (P, channels + 3 + K, 4) with those of ``PostLight.planes``."""
+        start, travel = table[:, self._count :, 0], table[:, self._count :, 1]
         cell = np.clip(np.floor(start + 0.5 * travel), self.low, self.high - 1.0).astype(np.int64)
-        index, _ = corner_indices(cell, self._values.shape)
+        index, _ = corner_indices(cell, self._shape)
         planes = self._light.planes(*(part.reshape(-1) for part in np.broadcast_arrays(*index)))
         return np.concatenate((table, cubics(planes.reshape(len(cell), 8, -1), start - cell, travel)), axis=1)
 
-    @staticmethod
-    def unlit(table: np.ndarray) -> np.ndarray:
+    def unlit(self, table: np.ndarray) -> np.ndarray:
         """The cubics that ``light_up`` was given."""
-        return table[:, :4]
+        return table[:, : self._count + 3]
 
     def fields(self, poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
         """(P, 4, N) extinction * RGB and extinction, of cubics (P, C, 4) at ``t`` (P, N); lit after ``light_up``."""
-        found = super().fields(poly[:, :1], segment, t)
-        if poly.shape[1] > 4:
-            at = np.moveaxis(polynomial(poly[:, 1:, None, :], t[:, None, :]), 1, 2).reshape(-1, poly.shape[1] - 1)
+        found, index = super().fields(poly, segment, t), poly[:, self._count :]
+        if index.shape[1] > 3:
+            at = np.moveaxis(polynomial(index[:, :, None, :], t[:, None, :]), 1, 2).reshape(-1, index.shape[1])
             light, highlight = (np.moveaxis(part.reshape(*t.shape, 3), 2, 1) for part in
                                 self._light.at(at[:, :3], at[:, 3:]))  # fmt: skip
             found[:, :3] = found[:, :3] * light + found[:, 3:] * highlight

@@ -16,7 +16,7 @@ from .clips import Clipping
 from .integrate import span
 from .lamps import unit
 from .rays import WorldRays
-from .transfer import Segments, extinction
+from .transfer import Segments, extinction, world_opacity_distance
 
 POINTS = 16  # on a lamp that is not a point
 WIDEST_SUN = 0.5 * np.pi  # angle
@@ -51,8 +51,13 @@ class Tracer:
         self._to_index = np.linalg.inv(self._matrix[:3, :3])
         self._high = np.array(volume.voxels.shape[::-1]) - 1.0
         self._center = self._matrix[:3, :3] @ (0.5 * self._high) + self._matrix[:3, 3]
-        self._extinction = _extinction_lookup(volume, scene.transfer_function, world_distance)
+        lookups = [_extinction_lookup(volume, scene.transfer_function, world_distance)]
         self._empty = _empty_blocks(volume, Segments(scene.transfer_function))
+        for channel in scene.channels:
+            own, function = channel.volume, channel.transfer_function
+            lookups.append(_extinction_lookup(own, function, world_opacity_distance(scene, function)))
+            self._empty = np.minimum(self._empty, _empty_blocks(own, Segments(function)))
+        self._extinction = lookups[0] if len(lookups) == 1 else lambda number: sum(one(number) for one in lookups)
         self._meshes = None if scene.triangles is None or len(scene.triangles) == 0 else Meshes(scene.triangles)
 
     def towards(self, light: Light, index: np.ndarray) -> np.ndarray:

@@ -159,7 +159,8 @@ class ClassifiedField(_Field):
 class ScalarField(_Field):
     """T2: the scalar interpolated trilinearly and then classified, inside the box of voxel centers [0, n - 1].
 
-    A cell with a NaN corner is transparent; an infinite value counts as the transfer function's nearest point.
+    A cell with a NaN corner is transparent; an infinite value counts as the transfer function's nearest point.  Further
+    channels are added: their extinctions, and source.
 
     Parameters
     ----------
@@ -169,52 +170,73 @@ class ScalarField(_Field):
         World length of the opacity unit distance.
     physical : callable, optional
         From ``values`` to physical ones; the values themselves by default.
+    further : sequence of tuple
+        These four of each further channel.
     """
 
-    def __init__(self, values, transfer_function, world_distance: float, physical=None):
-        self._values = values if physical else np.asarray(values)
-        self._physical = physical or (lambda stored: np.asarray(stored, dtype=np.float64))
-        self._segments = Segments(transfer_function)
-        self._world_distance = world_distance
+    def __init__(self, values, transfer_function, world_distance: float, physical=None, further=()):
+        self._parts = []
+        for own, function, distance, to_physical in ((values, transfer_function, world_distance, physical), *further):
+            own = own if to_physical else np.asarray(own)
+            to_physical = to_physical or (lambda stored: np.asarray(stored, dtype=np.float64))
+            self._parts.append((own, to_physical, Segments(function), distance))
+        self._shape = self._parts[0][0].shape
         self.low = np.zeros(3)
-        self.high = np.array(self._values.shape[::-1], dtype=np.float64) - 1.0
+        self.high = np.array(self._shape[::-1], dtype=np.float64) - 1.0
 
     def cells(self, cell: np.ndarray) -> np.ndarray:
-        """(P, 3) integer low corners -> (P, 8, 1): the scalar at the corners, x fastest."""
-        indices, _ = corner_indices(cell, self._values.shape)
-        values = self._physical(self._values[indices])
-        if np.isinf(values).any():
-            values = np.where(np.isinf(values), np.clip(values, *self._segments.ends), values)
-        return values.reshape(-1, 8, 1)
+        """(P, 3) integer low corners -> (P, 8, channels): the scalars at the corners, x fastest."""
+        indices, _ = corner_indices(cell, self._shape)
+        found = []
+        for stored, physical, segments, _ in self._parts:
+            values = physical(stored[indices])
+            if np.isinf(values).any():
+                values = np.where(np.isinf(values), np.clip(values, *segments.ends), values)
+            found.append(values.reshape(-1, 8))
+        return np.stack(found, axis=-1)
 
     def occupied(self, corners: np.ndarray) -> np.ndarray:
-        """(P,) bool: whether the transfer function is above zero anywhere in the cell's range of values."""
-        scalar = corners[..., 0]
-        return self._segments.show_between(scalar.min(axis=1), scalar.max(axis=1))
+        """(P,) bool: whether a transfer function is above zero anywhere in the cell's range of its values."""
+        found = np.zeros(len(corners), bool)
+        for number, (_, _, segments, _) in enumerate(self._parts):
+            scalar = corners[..., number]
+            found |= segments.show_between(scalar.min(axis=1), scalar.max(axis=1))
+        return found
 
     def split(self, poly: np.ndarray):
-        """Cut the scalar's cubics at the transfer function's points and leave out transparent pieces.
+        """Cut the scalars' cubics at the transfer functions' points and leave out transparent pieces.
 
-        Returns (Q,) arrays: the index of the cubic, t at the begin and the end, the segment of the transfer function.
+        Returns (Q,) arrays: the index of the cubic, t at the begin and the end; and (Q, channels) the segments of the
+        transfer functions.
         """
-        scalar = poly[:, 0]
-        crossing, t = _crossings(scalar, self._segments.knots)
-        whole = np.arange(len(scalar))
-        which = np.concatenate((whole, whole, crossing))
-        cuts = np.concatenate((np.zeros(len(scalar)), np.ones(len(scalar)), t))
+        whole = np.arange(len(poly))
+        which, cuts = [whole, whole], [np.zeros(len(poly)), np.ones(len(poly))]
+        for number, (_, _, segments, _) in enumerate(self._parts):
+            crossing, t = _crossings(poly[:, number], segments.knots)
+            which.append(crossing)
+            cuts.append(t)
+        which, cuts = np.concatenate(which), np.concatenate(cuts)
         order = np.lexsort((cuts, which))
         which, cuts = which[order], cuts[order]
         pair = np.flatnonzero((which[1:] == which[:-1]) & (cuts[1:] > cuts[:-1]))
         which, begin, end = which[pair], cuts[pair], cuts[pair + 1]
-        segment = self._segments.of(polynomial(scalar[which], 0.5 * (begin + end)))
-        seen = self._segments.visible[segment]
+        seen, found = np.zeros(len(which), bool), []
+        for number, (_, _, segments, _) in enumerate(self._parts):
+            value = polynomial(poly[which, number], 0.5 * (begin + end))
+            found.append(segments.of(value))
+            seen |= segments.visible[found[-1]] & ~np.isnan(value)
+        segment = np.stack(found, axis=-1)
         return which[seen], begin[seen], end[seen], segment[seen]
 
     def fields(self, poly: np.ndarray, segment: np.ndarray, t: np.ndarray) -> np.ndarray:
         """(P, 4, N) extinction * RGB and extinction, of cubics (P, C, 4) at ``t`` (P, N)."""
-        alpha, color = self._segments.evaluate(segment, polynomial(poly[:, 0, None, :], t))
-        sigma = optical_depth(alpha) / self._world_distance
-        return np.concatenate((color * sigma[:, None], sigma[:, None]), axis=1)
+        total = 0.0
+        for number, (_, _, segments, distance) in enumerate(self._parts):
+            alpha, color = segments.evaluate(segment[:, number], polynomial(poly[:, number, None, :], t))
+            sigma = optical_depth(alpha) / distance
+            own = np.concatenate((color * sigma[:, None], sigma[:, None]), axis=1)
+            total = total + (own if len(self._parts) == 1 else np.nan_to_num(own))
+        return total
 
 
 def _crossings(cubic: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -50,9 +50,10 @@ def world_length_of_unit(scene: Scene) -> float:
     return float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
 
 
-def world_opacity_distance(scene: Scene) -> float:
-    """World length of the distance that the transfer function's alpha refers to."""
-    return opacity_unit_distance(scene.transfer_function, scene.volume) * world_length_of_unit(scene)
+def world_opacity_distance(scene: Scene, transfer_function=None) -> float:
+    """World length of the distance that a transfer function's alpha refers to, by default the scene's own one's."""
+    function = transfer_function or scene.transfer_function
+    return opacity_unit_distance(function, scene.volume) * world_length_of_unit(scene)
 
 
 def optical_depth(alpha) -> np.ndarray:
@@ -68,6 +69,39 @@ def extinction(transfer_function, values, world_distance: float) -> np.ndarray:
     """
     alpha = np.nan_to_num(piecewise_linear(transfer_function.opacity, values), nan=0.0)
     return optical_depth(alpha) / world_distance
+
+
+def mean_extinction(transfer_function, low, high, world_distance: float) -> np.ndarray:
+    """Mean extinction over all values from ``low`` to ``high`` (N,), physical; 0 where they are NaN.
+
+    Notes
+    -----
+    Between two points the opacity a is linear, and the integral of -log(1 - a) is (1 - a) log(1 - a) + a.
+    """
+    points = sorted(transfer_function.opacity, key=lambda point: point[0])
+    x, a = np.array(points, dtype=np.float64).T
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    total = optical_depth(a[0]) * np.maximum(np.minimum(high, x[0]) - low, 0.0)
+    total = total + optical_depth(a[-1]) * np.maximum(high - np.maximum(low, x[-1]), 0.0)
+    for left, right, begin, end in zip(x[:-1], x[1:], a[:-1], a[1:]):
+        if right > left:
+            ends = [begin + (end - begin) * (np.clip(v, left, right) - left) / (right - left) for v in (low, high)]
+            width = np.clip(high, left, right) - np.clip(low, left, right)
+            rise = ends[1] - ends[0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mean = (_antiderivative(ends[1]) - _antiderivative(ends[0])) / rise
+            total = total + width * np.where(np.abs(rise) > 1e-6, mean, optical_depth(0.5 * (ends[0] + ends[1])))
+    narrow = high - low <= 1e-9 * np.maximum(np.abs(low), np.abs(high))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = total / (high - low)
+    own = optical_depth(np.nan_to_num(piecewise_linear(points, 0.5 * (low + high))))
+    return np.nan_to_num(np.where(narrow, own, mean)) / world_distance
+
+
+def _antiderivative(a) -> np.ndarray:
+    """Of the optical depth of an opacity."""
+    rest = np.maximum(1.0 - a, 0.0)
+    return rest * np.log(np.maximum(rest, 1e-300)) + a
 
 
 def extinction_and_color(transfer_function, values, world_distance: float) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,12 @@ def medium_of(scene: Scene, truth_name: str, colors=None, light=None):
         transfer_function, light = replace(transfer_function, color=((0.0, 1.0, 1.0, 1.0),)), None
     if truth_name == "T2":
         field = volume.voxels, transfer_function, distance, volume.physical
-        return ScalarField(*field) if light is None else LitField(*field, light)
+        further = [
+            (one.volume.voxels, function, world_opacity_distance(scene, function), one.volume.physical)
+            for one in scene.channels
+            for function in (one.transfer_function,)
+        ]
+        return ScalarField(*field, further) if light is None else LitField(*field, light, further)
     return ClassifiedField.of_scalars(volume.voxels, volume.physical, transfer_function, distance, colors)
 
 

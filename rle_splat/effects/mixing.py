@@ -8,7 +8,7 @@ from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
 from ..scene.changed import change
 from .kind import Kind
 
-BY_PRE = "Labels and channels are classified voxel by voxel, so the classification is pre."
+BY_PRE = "Labels are classified voxel by voxel, so the classification is pre."
 
 
 def is_mixed(scene: Scene) -> bool:
@@ -32,14 +32,10 @@ def only_hides(scene: Scene) -> bool:
 
 
 def _fit_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels: any post-classified one where they only hide, else as ``_classify_by_pre``."""
+    """The quality for labels: any post-classified one where they only hide, else one of classified voxels, since what
+    lies between two labels has no value to classify."""
     if quality.classification == "post" and only_hides(scene):
         return quality, ""
-    return _classify_by_pre(scene, quality)
-
-
-def _classify_by_pre(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels and channels: what lies between two labels, or two functions, has no value to classify."""
     try:
         return quality.classified("pre"), BY_PRE
     except RleSplatError:  # a depth rule that only post has, chosen by hand
@@ -84,5 +80,4 @@ LABELS = Kind(
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
     lambda scene: change(scene, channels=()), stage="mixing",
-    fitted=_classify_by_pre,
 )  # fmt: skip

@@ -8,7 +8,7 @@ from ..scene import Quality, Scene
 from ..scene.changed import change
 from .kind import Kind
 from .lighting_kinds import idle_because
-from .mixing import is_mixed, only_hides
+from .mixing import only_hides
 
 
 def _shadows(scene: Scene, _: Quality) -> tuple[bool, str]:
@@ -52,8 +52,8 @@ def _indirect_light(scene: Scene, quality: Quality) -> tuple[bool, str]:
         reason = "indirect light is turned off"
     if reason is None and not _shadows(scene, quality)[0]:
         reason = "only light that casts shadows is scattered, and none does"
-    # Labels and channels make a quality pre-classified.
-    if reason is None and (quality.classification == "pre" or (is_mixed(scene) and not only_hides(scene))):
+    # Labels that do more than hide make a quality pre-classified.
+    if reason is None and (quality.classification == "pre" or (scene.labels is not None and not only_hides(scene))):
         reason = "the volume is pre-classified"
     return reason is None, reason or f"amount {scene.indirect_light:g}"
 

@@ -40,6 +40,9 @@ class ScalarVolume(OnAxis):
         None where nothing shines.
     thinned : bool
         Whether the last channel of ``codes`` is a factor of the extinction.
+    values : (m, channels) ndarray of float32 or None
+        Stored values of further channels minus their ``centers``, in the order of ``tables``; None without any.
+    centers : tuple of float
     """
 
     tables: RunTables
@@ -48,9 +51,11 @@ class ScalarVolume(OnAxis):
     codes: np.ndarray | None = None
     light: object | None = None
     thinned: bool = False
+    values: np.ndarray | None = None
+    centers: tuple[float, ...] = ()
 
     def __post_init__(self):
-        for array in (self.scalars, self.codes):
+        for array in (self.scalars, self.codes, self.values):
             if array is not None:
                 array.setflags(write=False)
 
@@ -72,7 +77,8 @@ class ScalarVolume(OnAxis):
     @property
     def record(self) -> int:
         """Bytes of a voxel record."""
-        return self.scalars.itemsize + (0 if self.codes is None else 2 * self.codes.shape[1])
+        codes = 0 if self.codes is None else 2 * self.codes.shape[1]
+        return self.scalars.itemsize + codes + 4 * len(self.centers)
 
     @property
     def table_bytes(self) -> dict[str, int]:

@@ -101,11 +101,14 @@ class ScalarVoxels(Medium):
         The largest channel that a pixel's unassociated color may have.
     absorbs : bool
         Whether the volume absorbs light only, as in an X-ray picture.
+    further : tuple of LookupTable
+        Those of further channels.
     """
 
     transfer: LookupTable | ValueMap
     brightest: float
     absorbs: bool = False
+    further: tuple[LookupTable, ...] = ()
 
     @property
     def shows_values(self) -> bool:
@@ -115,7 +118,9 @@ class ScalarVoxels(Medium):
     def splat_steps(self, tables, plane, intervals):
         if self.shows_values:
             return value_splat_steps(tables, self.transfer, plane, self.quality, intervals)
-        return scalar_splat_steps(tables, self.transfer, plane, self.quality, intervals, self.absorbs, self.mist)
+        return scalar_splat_steps(
+            tables, self.transfer, plane, self.quality, intervals, self.absorbs, self.mist, self.further
+        )
 
     def most_color(self, tables) -> float:
         return self.brightest

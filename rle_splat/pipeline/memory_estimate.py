@@ -88,6 +88,8 @@ class PlannedTables:
         Whether labels or channels take part.
     thinned : bool
         Of scalars: whether each has a factor of extinction, as where labels take part.
+    channels : int
+        Of scalars: further channels that are classified where they are interpolated.
     """
 
     record: int = 0
@@ -96,6 +98,7 @@ class PlannedTables:
     shadows: int = 0
     mixed: bool = False
     thinned: bool = False
+    channels: int = 0
 
 
 def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, ...]:
@@ -109,11 +112,12 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
     own = not scalars and not counts_values(found.dtype)  # else a lookup table holds the optical properties
     shaded, thinned = tables.shadows > 0, tables.mixed or tables.thinned
     codes = 6 * tables.lit + 2 * (tables.shadows + thinned)  # bytes of the codes of a scalar's normal and planes
-    record = min(value, 4) + codes if scalars else tables.record
+    record = min(value, 4) + codes + 4 * tables.channels if scalars else tables.record
     return (
         MemoryRow("classify", "visible", ny * nz, 28),  # where a row starts, its pieces, and what counting these takes
         MemoryRow("classify", "visible", count, 2 if nx <= 65536 else 4),  # a voxel's column
         MemoryRow("classify", "visible", count, value),
+        MemoryRow("classify", "visible", tables.channels * count, 4),  # values of further channels
         MemoryRow("classify", "visible", own * count, 20),  # extinction, opacity and color
         MemoryRow("classify", "visible", voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
         MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
@@ -121,6 +125,9 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
         # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.
         MemoryRow("shade", "normals", tables.lit * count, 6 + 4 + 6 if scalars else 12),
+        # Of all channels, as above and the values around; and the means of normals and points while they are summed up.
+        MemoryRow("shade", "normals", (tables.lit * tables.channels) * count, 10 + 2 * 8),
+        MemoryRow("shade", "work", (tables.lit and tables.channels > 0) * count, 56),
         # Planes that are smoothed: as float32, smoothed, and squares of gradients.
         MemoryRow("shade", "work", (scalars and tables.lit) * min(max(SMOOTHED_AT_ONCE, 5 * nx * ny), voxels), 16),
         # What arrives of each light: at voxels, or at the nodes of a grid with a layer around it.

@@ -12,9 +12,9 @@ has another name, is rendered as it is.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 from ..classify.roughness import roughness
-from ..effects.mixing import is_mixed
 from ..scene import MODES, NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Quality, Scene
 from .choose_source import choose_source
 from .plan_model import PresetPlan, preset_plans
@@ -54,10 +54,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     why_not = _why_not(source.scene) if is_known else "it has one plan for all scenes"
     if why_not:
         return replace(source, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
-    job, volume, function = cache.job(), source.scene.volume, source.scene.transfer_function
-    key = (volume.key, function.classification_key) if cache.keeps else ()
-    rough = job.get("roughness", key, lambda: roughness(volume, function), lambda _: 8)
-    job.keep()
+    rough = _roughness(source.scene, cache)
     if rough is None:
         why = f"{said}; too little of the volume is visible to tell more, so it takes its usual plan."
         return replace(source, plan={"why": why, "aim": aim, "expected": None})
@@ -74,6 +71,17 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why += " No plan is expected to err less."
     knobs = dict(zip(PRESET_KNOBS, chosen.knobs, strict=True))
     return replace(source, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
+
+
+def _roughness(scene: Scene, cache: StageCache) -> float | None:
+    """The roughness of the roughest channel of a scene; None where too little is visible of all of them."""
+    job, found = cache.job(), []
+    for one in (scene, *scene.channels):
+        volume, function = one.volume, one.transfer_function
+        key = (volume.key, function.classification_key) if cache.keeps else len(found)
+        found.append(job.get("roughness", key, partial(roughness, volume, function), lambda _: 8))
+    job.keep()
+    return max((rough for rough in found if rough is not None), default=None)
 
 
 def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[PresetPlan, PresetPlan]:
@@ -147,8 +155,8 @@ def _why_not(scene: Scene) -> str:
         return "for tables in a folder it has one plan for all scenes"
     if scene.mode != MODES[0]:
         return f"in the mode {scene.mode} it has one plan for all scenes"
-    if is_mixed(scene):
-        return "with labels or channels it has one plan for all scenes"
+    if scene.labels is not None:
+        return "with labels it has one plan for all scenes"
     if scene.transfer_function.gradient_opacity is not None:
         return "with a gradient opacity it has one plan for all scenes"
     return ""

@@ -10,10 +10,14 @@ What each depends on, so that a lamp that moves or an object that turns redoes n
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
+from ..classify.shown_nearby import mean_extinction, nearby_steps
 from ..effects.shadows import Occluders
 from ..runtime.buffer_pool import empty
+from ..runtime.jit import read_only
 from ..runtime.steps import announce, map_steps, time_steps
 from ..scene import Scene
 from ..shade.light_nodes import read_nodes_steps
@@ -41,13 +45,13 @@ def light_of(scene: Scene, falling) -> SampleLight | None:
     return sample_light(falling, scene.volume.shape_xyz, casting(scene), opened, scene.indirect_light)
 
 
-def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, side: int, work: Work, threads: int):
+def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Work, threads: int):
     """Generator of Progress: the codes of the voxels of a lit scene, and their key.
 
     Parameters
     ----------
-    voxels : VisibleVoxels
-        Those that are kept, which ``voxels_key`` names.
+    scalars : LitScalars
+        The voxels that are kept, not lit yet.
     occluders : Occluders
         What casts shadows.
     side : int
@@ -59,21 +63,30 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, side: int
         ONE times the planes of ``light_of``.
     tuple
     """
-    job, clock, volume, matrix = work.job, work.clock, scene.volume, scene.index_to_world
-    rows, sigma = (voxels.row_start, voxels.column), smoothness_of(scene)
-    surfaces_key = voxels_key, sigma
-    steps = job.steps("surfaces", surfaces_key, lambda: surface_steps(volume, *rows, sigma, threads=threads))
+    job, clock, matrix, parts = work.job, work.clock, scene.index_to_world, scalars.parts
+    sigma, shaded = smoothness_of(scene), shadow_count(scene) > 0
+    surfaces_key = scalars.key, sigma
+    # The scene's own volume: labels hide what is shown, but normals are of the values as they are.
+    volumes = scene.volume, *(part.volume for part in parts[1:])
+    find = partial(_find_surfaces, volumes, parts, sigma, threads)
+    steps = job.steps("surfaces", surfaces_key, find, _bytes_of_surfaces)
     surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
-    shaded = shadow_count(scene) > 0
     cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
-    ranges = shown_ranges(scene.transfer_function.opacity)
-    normals_key = surfaces_key, array_key(matrix), cuts, array_key(ranges), shaded
+    ranges = [shown_ranges(part.function.opacity) for part in parts]
+    # The means of channels depend on how much each shows.
+    weighted_by = (scalars.functions_key, scalars.length) if len(parts) > 1 else ()
+    normals_key = surfaces_key, array_key(matrix), cuts, array_key(*ranges), shaded, weighted_by
 
     def place():
-        faces = faces_of(scene.clips, matrix)
-        function = scene.transfer_function
-        given = surfaces, voxels, volume, function, matrix, faces
-        return Placed(*(yield from place_steps(*given, with_points=shaded, threads=threads)))
+        faces, found = faces_of(scene.clips, matrix), []
+        for part, volume, (surface, _) in zip(parts, volumes, surfaces, strict=True):
+            given = surface, part.voxels, volume, part.function, matrix, faces
+            steps = place_steps(*given, with_points=shaded, threads=threads)
+            if len(parts) == 1:
+                return Placed(*(yield from steps))
+            found.append(steps)
+        weights = (mean_extinction(part.transfer, nearby) for part, (_, nearby) in zip(parts, surfaces))
+        return (yield from _mean_steps(found, weights))
 
     steps = time_steps(job.steps("normals", normals_key, place), clock, "shade")
     placed = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
@@ -82,7 +95,7 @@ def code_steps(scene: Scene, voxels, voxels_key, occluders: Occluders, side: int
     steps = arriving_steps(scene, occluders, job, clock, side)
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
-    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, voxels, key, arriving, job, threads))
+    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, scalars.voxels, key, arriving, job, threads))
     return (yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Casting shadows")), key
 
 
@@ -122,6 +135,51 @@ class Placed:
     @property
     def nbytes(self) -> int:
         return self.codes.nbytes + (0 if self.offsets is None else self.offsets.nbytes)
+
+
+def _find_surfaces(volumes, parts, sigma: float, threads: int):
+    """Generator of fractions: of each of several channels its Surfaces, and the values around each voxel (2, m); of a
+    single one the latter are None."""
+    found, rows = [], (parts[0].voxels.row_start, parts[0].voxels.column)
+    for number, (volume, part) in enumerate(zip(volumes, parts, strict=True)):
+
+        def along(done, number=number):
+            return (number + done) / len(parts)
+
+        surfaces = yield from map_steps(surface_steps(volume, *rows, sigma, threads=threads), along)
+        nearby = None
+        if len(parts) > 1:
+            nearby = yield from map_steps(nearby_steps(volume, part.voxels, part.infinite), lambda _: along(1.0))
+        found.append((surfaces, nearby))
+    return found
+
+
+def _bytes_of_surfaces(found) -> int:
+    return sum(surfaces.nbytes + (0 if nearby is None else nearby.nbytes) for surfaces, nearby in found)
+
+
+def _mean_steps(placed, weights):
+    """Generator of fractions: the means of what channels place, weighted; those of the first where nothing weighs.
+
+    ``placed``: of each channel a ``place_steps``.  ``weights``: (m,) float32 each.
+    """
+    total, sums, first = np.float32(0.0), None, None
+    for number, (steps, weight) in enumerate(zip(placed, weights)):
+        found = yield from map_steps(steps, lambda done, number=number: (number + done) / len(placed))
+        first = found if first is None else first
+        sums = [None if one is None else np.zeros(one.shape, np.float32) for one in found] if sums is None else sums
+        for to, one in zip(sums, found):
+            if one is not None:
+                to += weight[:, None] * one
+        total = total + weight
+    shows, means = total > 0.0, []
+    for own, to in zip(first, sums):
+        if own is None:
+            means.append(None)
+            continue
+        np.divide(to, total[:, None], out=to, where=shows[:, None])
+        means.append(read_only(np.where(shows[:, None], np.rint(to), own).astype(np.int16)))
+    return Placed(*means)
 
 
 def with_factor(codes: np.ndarray | None, factor: np.ndarray) -> np.ndarray:

@@ -8,10 +8,13 @@ What each stage result depends on, so that a change redoes no more than it must:
     revealed  the voxels, and where labels hide
     factor    relevant, where labels hide, and the transfer function
     gradients relevant, where opacity depends on them; thinned, from gradients and codes
+    values    relevant, of further channels, and the principal axis
     codes     relevant, and what ``scalar_light`` says; the light itself is made where a sheet reads them
     runs      relevant, and the principal axis
     scalars   relevant, and the principal axis
     table     the transfer function: nothing else depends on it
+
+Of several channels, voxels are kept that matter to any of them.
 """
 
 from __future__ import annotations
@@ -21,19 +24,18 @@ from functools import partial
 
 import numpy as np
 
-from ..classify.classification import opacity_distance, unit_length
+from ..classify.classification import unit_length
 from ..classify.gaps import close_gaps
 from ..classify.limits import LEAST_DISTANCE
-from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
+from ..classify.lookup_table import LookupTable, extinction_of
 from ..classify.mixture import Mixture
-from ..classify.points import LARGEST
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, shown_values, value_map
 from ..effects.shadows import Occluders
 from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
-from ..raycast.scalar_rays import RowVoxels, bricks_of
+from ..raycast.scalar_rays import ChannelVoxels, RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
 from ..runtime.memory import bytes_text
@@ -48,6 +50,7 @@ from ..volume.gradient_size import gradient_sizes
 from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
+from .scalar_channels import ScalarChannel, channel_table, joined_values, shown_ends, value_ends
 from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
@@ -65,21 +68,28 @@ HIDING = "Hiding labels"
 class RelevantVoxels:
     """The ``voxels`` that matter to a range of values, ``reach``; ``closed``: and those in short gaps between them.
 
-    ``found``: how many they are, for estimates of memory.
+    ``found``: how many they are, for estimates of memory.  ``further``: of each further channel what it shows, and its
+    values of the same voxels.
     """
 
     reach: Reach
     voxels: VisibleVoxels
     closed: bool
     found: VoxelCount
+    further: tuple[tuple[Reach, VisibleVoxels], ...] = ()
 
     @property
     def key(self) -> tuple:
-        return (*self.reach.key, self.closed)
+        return _relevant_key(self.reach, [reach for reach, _ in self.further], self.closed)
 
     @property
     def nbytes(self) -> int:
-        return self.voxels.nbytes
+        return self.voxels.nbytes + sum(voxels.stored.nbytes for _, voxels in self.further)
+
+
+def _relevant_key(reach: Reach, further, closed: bool) -> tuple:
+    """``further``: the Reach of each further channel."""
+    return (*reach.key, *(each.key for each in further), closed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +126,8 @@ class LitScalars:
         All that they depend on.
     thinned : bool
         Whether their last channel is a factor of extinction.
+    channels : tuple of ScalarChannel
+        Further ones.
     """
 
     source: ScalarSource
@@ -133,6 +145,7 @@ class LitScalars:
     codes: np.ndarray | None = None
     codes_key: tuple = ()
     thinned: bool = False
+    channels: tuple[ScalarChannel, ...] = ()
 
     @property
     def visible_voxels(self) -> int:
@@ -148,8 +161,39 @@ class LitScalars:
         return center_of(self.volume.voxels.dtype, self.ends)
 
     def extinction(self) -> np.ndarray:
-        """(m,) float32 of the voxels by the transfer function alone, 1 / world length."""
-        return extinction_of(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
+        """(m,) float32 of the voxels by transfer functions alone, 1 / world length."""
+        found = extinction_of(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
+        return sum((channel.extinction() for channel in self.channels), found)
+
+    @property
+    def parts(self) -> tuple[ScalarChannel, ...]:
+        """All channels: the volume itself first."""
+        volume, function = self.volume, self.source.scene.transfer_function
+        own = ScalarChannel(
+            volume, function, self.voxels, Reach.of(volume, function), self.ends, self.infinite, self.transfer
+        )
+        return (own, *self.channels)
+
+    @property
+    def functions_key(self) -> tuple:
+        """The keys of all transfer functions, as far as they classify."""
+        functions = (self.source.scene.transfer_function, *(channel.function for channel in self.channels))
+        return tuple(function.classification_key for function in functions)
+
+    @property
+    def centers(self) -> tuple[float, ...]:
+        """``center`` of each further channel."""
+        return tuple(channel.center for channel in self.channels)
+
+    @property
+    def further_tables(self) -> tuple[LookupTable, ...]:
+        """The lookup table of each further channel."""
+        return tuple(channel.transfer for channel in self.channels)
+
+    @property
+    def values_key(self) -> tuple:
+        """All that the values of further channels depend on."""
+        return (self.key, *(channel.values_key for channel in self.channels))
 
     def encode_steps(self, axis: int):
         """Generator of fractions done: the ScalarVolume of one principal axis."""
@@ -168,11 +212,15 @@ class LitScalars:
 
         steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
         placed = yield from time_steps(steps, clock, "encode")
-        if self.codes is None:
-            return ScalarVolume(tables, placed, self.center)
-        steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
-        codes = yield from time_steps(steps, clock, "shade")  # as with classified voxels, whose records are lit already
-        return ScalarVolume(tables, placed, self.center, codes.view(np.int16), self.light, self.thinned)
+        values = codes = None
+        if self.channels:
+            steps = job.steps("values", (self.values_key, order), lambda: place_steps(joined_values(self.channels)))
+            values = yield from time_steps(steps, clock, "mixing")
+        if self.codes is not None:
+            steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
+            # As with classified voxels, whose records are lit already.
+            codes = (yield from time_steps(steps, clock, "shade")).view(np.int16)
+        return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, self.centers)
 
     def trace(self, rays, slabs: int, counts=None):
         """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
@@ -184,10 +232,24 @@ class LitScalars:
         codes = None if self.codes is None else read_only(self.codes)
         # Of the function as it is: what is kept may be more.
         reach = Reach.of_values(scene.volume, shown_values(scene.transfer_function, scene.mode))
-        with np.errstate(over="ignore"):
-            shown = np.clip(reach.ends.astype(np.float64) - self.center, -LARGEST, LARGEST)
-        rows = RowVoxels(voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1])
-        return trace_rays(rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts)
+        shown = shown_ends(reach, self.center)
+        rows = RowVoxels(
+            voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
+        )
+        return trace_rays(
+            rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
+            self.further_tables, self.centers,
+        )  # fmt: skip
+
+    def _channel_rows(self) -> ChannelVoxels | None:
+        """Further channels for single rays; None without any."""
+        if not self.channels:
+            return None
+        key = (self.values_key, IN_ROWS)
+        values = self.work.job.get("values", key, lambda: joined_values(self.channels))
+        shown = [shown_ends(channel.reach, channel.center) for channel in self.channels]
+        begins = np.cumsum([0, *map(len, shown)])
+        return ChannelVoxels(*map(read_only, (values, np.concatenate(shown), begins)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +285,8 @@ class ScalarSource(Source):
         volume = scene.volume
         length = unit_length(volume, scene.index_to_world)
         voxels_key = volume.key if job.cache.keeps else ""
+        if scene.channels and job.cache.keeps:
+            voxels_key = (voxels_key, *(channel.volume.key for channel in scene.channels))
         if scene.labels is not None:
             voxels_key = (voxels_key, self._mixture.key)
             reveal_steps = partial(self._mixture.reveal_steps, threads=self.threads)
@@ -231,15 +295,42 @@ class ScalarSource(Source):
         steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
         steps = time_steps(steps, clock, "classify")
         blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
+        further = yield from self._channel_blocks(work)
         falling = scene_lighting(scene, scene.index_to_world)
-        relevant, needed = yield from self._relevant_steps(work, volume, blocks, voxels_key, falling is not None)
+        relevant, needed = yield from self._relevant_steps(
+            work, volume, blocks, further, voxels_key, falling is not None
+        )  # fmt: skip
         with clock.stage("classify"):
             ends, infinite = value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
+            channels = self._channels(work, relevant, further, length)
         key = voxels_key, relevant.key
         return LitScalars(
-            self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling
+            self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling,
+            channels=channels,
         )  # fmt: skip
+
+    def _channel_blocks(self, work: Work):
+        """Generator of Progress: the Blocks of each further channel."""
+        found = []
+        for number, channel in enumerate(self.scene.channels):
+            key = channel.volume.key if work.job.cache.keeps else number
+            steps = work.job.steps("blocks", key, partial(block_steps, channel.volume, threads=self.threads))
+            steps = time_steps(steps, work.clock, "mixing")
+            found.append((yield from announce(steps, 0.02, 0.02, "Looking through the channels")))
+        return found
+
+    def _channels(self, work: Work, relevant: RelevantVoxels, blocks, length: float) -> tuple[ScalarChannel, ...]:
+        """The further channels, of which ``blocks`` are known."""
+        found = []
+        for number, (channel, own, (reach, voxels)) in enumerate(zip(self.scene.channels, blocks, relevant.further)):
+            volume, function = channel.volume, channel.transfer_function
+            ends, infinite = value_ends(volume, function, own)
+            key = (volume.key if work.job.cache.keeps else number, function.classification_key, length, "further")
+            given = self.scene.volume, volume, function, ends, length
+            table = work.job.get("table", key, partial(channel_table, *given))
+            found.append(ScalarChannel(volume, function, voxels, reach, ends, infinite, table))
+        return tuple(found)
 
     def shade_steps(self, voxels: LitScalars, work: Work):
         """Generator of Progress: the ScalarVoxels of the scene."""
@@ -263,32 +354,37 @@ class ScalarSource(Source):
 
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
-            unlit.voxels, extinction, tables_of, *around, (key, tf.classification_key, length), boxed=True,
+            unlit.voxels, extinction, tables_of, *around, (key, *unlit.functions_key, length), boxed=True,
             threads=self.threads,
         )  # fmt: skip
         codes, codes_key = None, ()
         if unlit.falling is not None:
             yield Progress(0.1, "Shading")
-            codes, codes_key = yield from code_steps(
-                scene, unlit.voxels, key, occluders, node_side(self.quality), work, self.threads
-            )
+            side = node_side(self.quality)
+            codes, codes_key = yield from code_steps(scene, unlit, occluders, side, work, self.threads)
         if factor is not None:
             codes_key = (codes_key, hidden_key, key, tf.gradient_opacity)
             codes = job.get("thinned", codes_key, lambda: with_factor(codes, factor))
         light = light_of(scene, unlit.falling)
         lit = replace(unlit, light=light, codes=codes, codes_key=codes_key, thinned=factor is not None)
         return ScalarVoxels(
-            lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray"
+            lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray",
+            further=lit.further_tables,
         )  # fmt: skip
 
-    def _relevant_steps(self, work: Work, volume, blocks: Blocks, voxels_key, lit: bool):
-        """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come."""
+    def _relevant_steps(self, work: Work, volume, blocks: Blocks, further_blocks, voxels_key, lit: bool):
+        """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come.
+
+        ``further_blocks``: the Blocks of each further channel.
+        """
         job, clock = work.job, work.clock
         reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
 
+        channels = self.scene.channels
+        further = [Reach.of(channel.volume, channel.transfer_function) for channel in channels]
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
         thinned = self.scene.transfer_function.gradient_opacity is not None
-        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned)
+        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels))
 
         def needed_by(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)
@@ -296,15 +392,16 @@ class ScalarSource(Source):
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
         # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
         between = preintegrated_of(self.quality.depth_rule) is not None or self.shows_values
-        closed = not between and blocks.nan_voxels == 0  # what is no number is never kept
+        # What is no number is never kept.  With several channels what is kept is what any of them shows now.
+        closed = not (between or channels) and blocks.nan_voxels == 0
 
         def serves(key, held: RelevantVoxels) -> bool:
-            if between or key[0] != voxels_key or not held.reach.covers(reach):
+            if between or channels or key[0] != voxels_key or not held.reach.covers(reach):
                 return False
             held_blocks, blocks_shown = (np.count_nonzero(one.of_blocks(blocks)) for one in (held.reach, reach))
             return held_blocks <= WORTH_KEEPING * blocks_shown
 
-        key = (voxels_key, (*reach.key, closed))
+        key = (voxels_key, _relevant_key(reach, further, closed))
         found = None if job.has("relevant", key) else job.latest("relevant", serves)
         if found is not None:
             key = found
@@ -313,6 +410,11 @@ class ScalarSource(Source):
             return relevant, needed_by(relevant.found)
         steps = time_steps(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
         bits = yield from announce(steps, 0.02, 0.08, "Finding the voxels that matter")
+        for channel, own, shown in zip(channels, further_blocks, further, strict=True):
+            steps = time_steps(
+                relevant_steps(channel.volume, shown, own, threads=self.threads), clock, "mixing"
+            )  # fmt: skip
+            bits |= yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
@@ -323,7 +425,12 @@ class ScalarSource(Source):
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
         with clock.stage("classify"):
             voxels = gather_kept(volume, bits, counted, blocks, threads=self.threads)
-            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts))
+            stored = (
+                gather_kept(channel.volume, bits, counted, own, threads=self.threads).stored
+                for channel, own in zip(channels, further_blocks)
+            )
+            others = tuple((shown, replace(voxels, stored=own)) for shown, own in zip(further, stored))
+            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts, others))
         return relevant, needed
 
     def _transfer(self, work: Work, voxels_key, ends, length: float) -> LookupTable | ValueMap:
@@ -331,8 +438,7 @@ class ScalarSource(Source):
         if self.shows_values:
             return value_map(volume, tf, self.scene.mode, ends)
         key = (voxels_key, tf.classification_key, length)
-        distance = opacity_distance(volume, tf, length)
-        return work.job.get("table", key, lambda: lookup_table(volume, tf, ends, distance))
+        return work.job.get("table", key, lambda: channel_table(volume, volume, tf, ends, length))
 
     def _hide_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
@@ -354,23 +460,9 @@ class ScalarSource(Source):
         if scene.mode != "composite":
             return 1.0
         shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
-        brightest = refuse_too_bright(lit.transfer.most_color * shine[0] + shine[1])
+        most_color = max(each.transfer.most_color for each in (lit, *lit.channels))
+        brightest = refuse_too_bright(most_color * shine[0] + shine[1])
         return max(brightest, *mist_color(scene.mist))
-
-
-def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
-    """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity.
-
-    These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.
-    """
-    (least, most), infinite = blocks.finite_range, ()
-    if blocks.holds_infinite:
-        points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
-        infinite = min(points), max(points)
-        # Blocks that hold infinite values do not tell their finite ones.
-        finite = sorted((value - volume.intercept) / volume.slope for value in volume.value_range)
-        least, most = min(finite[0], infinite[0]), max(finite[1], infinite[1])
-    return (least, most) if least <= most else (0.0, 0.0), infinite
 
 
 def _bytes_of(volume) -> int:

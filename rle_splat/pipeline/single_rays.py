@@ -28,7 +28,7 @@ LEAST_SLABS = 4
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
     "background", "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "indirect_light",
-    "reasons_off",
+    "channels", "reasons_off",
 }  # fmt: skip
 
 

@@ -12,21 +12,27 @@ import numpy as np
 from ..shade.sample_light import ONE, light_of_samples
 from ..splat.scalar_scanline import NOT_KEPT
 from .ray_light import ray_light
-from .scalar_rays import COMPOSITED, HALF, SLIVER, SPAN, WALKED
+from .scalar_rays import COMPOSITED, HALF, NO_VALUE, SLIVER, SPAN, WALKED
 
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays(voxels, rays, lookup, light, slabs, least, results):
+def trace_rays(voxels, rays, lookup, channels, light, slabs, least, results):
     """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too; ``light``: a
     SampleLight or None."""
+    # Of each channel: where its values are among the planes of a voxel, its ranges that are shown, its lookup.
+    parts, further = [(0, voxels.shown, lookup)], voxels.further
+    for n in range(0 if further is None else further.values.shape[1]):
+        first, last = channels.begins[n + 1 : n + 3]
+        own = channels.tables[first:last], channels.sums[first:last], *channels.numbers[n + 1], (last - first) // 4 - 1
+        parts.append((channels.planes[n + 1], further.shown[further.begins[n] : further.begins[n + 1]], own))
     out, half, work = results
     work[:] = 0
     if min(voxels.shape) < 2:
         return
     dense, falling = _dense(voxels), None if light is None else ray_light(light, rays)
     tops = np.array(dense.shape[2::-1]) - 2
-    state = np.zeros((len(out), 4))
+    state, planes = np.zeros((len(out), 4)), 0 if light is None else light.planes
     state[:, 3] = 1.0
     here = rays.enter.copy()
     live = np.flatnonzero(here < rays.leave)
@@ -36,9 +42,11 @@ def trace_rays(voxels, rays, lookup, light, slabs, least, results):
         cell = np.floor(rays.first[live] + rays.step[live] * (0.5 * (a + b))[:, None])
         cell = np.clip(cell, 0, tops).astype(np.int64)
         corners = dense[tuple(np.moveaxis(cell[:, None] + CELL, -1, 0))[::-1]]
-        low, high = (choose(corners[..., 0], axis=1)[:, None] for choose in (np.min, np.max))
-        shown = ((high >= voxels.shown[:, 0]) & (low <= voxels.shown[:, 1])).any(axis=1)
-        kept = (corners[..., 0] > NOT_KEPT).all(axis=1) & shown
+        shown = np.zeros(len(a), bool)
+        for plane, ranges, _ in parts:
+            low, high = (choose(corners[..., plane], axis=1)[:, None] for choose in (np.min, np.max))
+            shown |= ((high >= ranges[:, 0]) & (low <= ranges[:, 1])).any(axis=1) & (low[:, 0] > NO_VALUE)
+        kept = shown & (corners[..., -1] > NOT_KEPT).all(axis=1)
         here[live] = b
         work[live, WALKED] += 1
         mine = live[kept]
@@ -46,22 +54,27 @@ def trace_rays(voxels, rays, lookup, light, slabs, least, results):
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
         light_of = None if light is None else partial(_light_of, light, falling, mine)
         state[mine], half[mine] = _composite(
-            state[mine], half[mine], corners[kept], *stretch, lookup, light_of, slabs, least
+            state[mine], half[mine], corners[kept][..., :-1], *stretch, parts, light_of, planes, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
 
 
 def _dense(voxels) -> np.ndarray:
-    """(z, y, x, channels) float64: scalar and planes of every voxel, NOT_KEPT where it is not kept."""
+    """(z, y, x, planes) float64: scalar, codes, values of further channels and last 1 of every voxel, NOT_KEPT where it
+    is not kept."""
     n_z, n_y, n_x = voxels.shape
-    channels = 1 if voxels.codes is None else 1 + voxels.codes.shape[1]
+    codes = 0 if voxels.codes is None else voxels.codes.shape[1]
+    channels = 2 + codes + (0 if voxels.further is None else voxels.further.values.shape[1])
     kept = np.unpackbits(voxels.bits.astype("<u8").view(np.uint8).reshape(n_z * n_y, -1), axis=1, bitorder="little")
     dense = np.full((n_z * n_y, n_x, channels), NOT_KEPT)
     kept = kept[:, :n_x] > 0
     dense[kept, 0] = voxels.scalars
     if voxels.codes is not None:
-        dense[kept, 1:] = voxels.codes / float(ONE)
+        dense[kept, 1 : 1 + codes] = voxels.codes / float(ONE)
+    if voxels.further is not None:
+        dense[kept, 1 + codes : -1] = voxels.further.values
+    dense[kept, -1] = 1.0
     return dense.reshape(n_z, n_y, n_x, channels)
 
 
@@ -92,37 +105,50 @@ def _light_of(light, falling, rays, seen, planes, s):
     return light_of_samples(light, planes, falling.to_eye[rays], points)
 
 
-def _composite(state, half, corners, first, step, a, b, length, lookup, light_of, slabs, least):
-    """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
-    is absorbed; ``light_of(seen, planes, s)``: light and highlights of the rays ``seen``, or None."""
+def _classify_slab(lookup, before, here):
+    """(n, 4) RGB times extinction, and extinction, of slabs in which the scalar goes from one value to another."""
     table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
     table, sums = table.reshape(-1, 4).astype(np.float64), sums.reshape(-1, 4).astype(np.float64)
+    before, here = (np.clip(value, nearest, furthest) for value in (before, here))
+    smallest, largest = np.minimum(before, here), np.maximum(before, here)
+    spread, middle = (largest - smallest) * rate, 0.5 * (smallest + largest)
+    ends = [np.clip((end - origin) * rate, 0.0, last) for end in (smallest, largest)]
+    cells = [np.minimum(end.astype(np.int64), last - 1) for end in ends]
+    low_sum, high_sum = (sums[c] + (end - c)[:, None] * table[c] for c, end in zip(cells, ends, strict=True))
+    mean = np.maximum((high_sum - low_sum) / np.maximum(spread, SPAN)[:, None], 0.0)
+    position = np.clip((middle - origin) * rate - 0.5, 0.0, last - 1.0)
+    entry = position.astype(np.int64)
+    part = (position - entry)[:, None]
+    own = table[entry] * (1.0 - part) + table[np.minimum(entry + 1, last - 1)] * part
+    own[(middle < low) | (middle > high)] = 0.0
+    sampled = np.where((spread >= SPAN)[:, None], mean, own)
+    sampled[(largest < low) | (smallest > high)] = 0.0
+    return sampled
+
+
+def _composite(state, half, corners, first, step, a, b, length, parts, light_of, light_planes, slabs, least):
+    """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
+    is absorbed; ``parts``: the channels, as ``trace_rays`` has them; ``light_of(seen, planes, s)``: light and
+    highlights of the rays ``seen``, of so many ``light_planes``, or None."""
     count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
     thick = (b - a) / count
-    before = np.zeros(len(a))
+    before = None
+    whole = (corners > NO_VALUE).all(axis=1)
     for slab in range(int(count.max(initial=-1)) + 1):
         s = a + thick * slab
-        here = np.clip(_trilinear(corners, first + step * s[:, None])[:, 0], nearest, furthest)
-        smallest, largest = np.minimum(before, here), np.maximum(before, here)
+        here, there = _trilinear(corners, first + step * s[:, None]), before
         before = here
         if slab == 0:
             continue
-        spread, middle = (largest - smallest) * rate, 0.5 * (smallest + largest)
-        ends = [np.clip((end - origin) * rate, 0.0, last) for end in (smallest, largest)]
-        cells = [np.minimum(end.astype(np.int64), last - 1) for end in ends]
-        low_sum, high_sum = (sums[c] + (end - c)[:, None] * table[c] for c, end in zip(cells, ends, strict=True))
-        mean = np.maximum((high_sum - low_sum) / np.maximum(spread, SPAN)[:, None], 0.0)
-        position = np.clip((middle - origin) * rate - 0.5, 0.0, last - 1.0)
-        entry = position.astype(np.int64)
-        part = (position - entry)[:, None]
-        own = table[entry] * (1.0 - part) + table[np.minimum(entry + 1, last - 1)] * part
-        own[(middle < low) | (middle > high)] = 0.0
-        sampled = np.where((spread >= SPAN)[:, None], mean, own)
-        seen = (slab <= count) & (largest >= low) & (smallest <= high) & (sampled[:, 3] > 0.0) & (state[:, 3] >= least)
+        sampled = sum(
+            np.where(whole[:, [plane]], _classify_slab(lookup, there[:, plane], here[:, plane]), 0.0)
+            for plane, _, lookup in parts
+        )
+        seen = (slab <= count) & (sampled[:, 3] > 0.0) & (state[:, 3] >= least)
         color, sigma = sampled[:, :3], sampled[:, 3]
         if light_of is not None:
             middle = s[seen] - 0.5 * thick[seen]
-            planes = _trilinear(corners[seen], first[seen] + step[seen] * middle[:, None])[:, 1:]
+            planes = _trilinear(corners[seen], first[seen] + step[seen] * middle[:, None])[:, 1 : 1 + light_planes]
             light, gloss = light_of(seen, planes, middle)
             color[seen] = color[seen] * light + sigma[seen, None] * gloss
         deep = sigma * length * thick

@@ -18,11 +18,14 @@ from ..runtime.bits import count_bits
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..shade.sample_light import ONE
+from ..splat.scalar_scanline import columns_of
+from ..splat.scalar_slab import lookup_at
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
 from .ray_light import light_at
 
+NO_VALUE = -1e38  # of a voxel's values, at most: it is no number
 SPAN = 4.0  # entries of a lookup table from which on a mean is taken over them; below, two of them are mixed
 SLIVER = 1e-9  # voxels of depth: what is shorter is nothing
 WORD_BITS, IN_WORD = 6, 63  # 2**WORD_BITS voxels of a row share a word of bits
@@ -41,7 +44,7 @@ class RowVoxels(NamedTuple):
     records of a row begin.  ``bricks``: (z, y, x) uint8, 0 where none of a brick's voxels is kept.  ``scalars`` (m,)
     and ``codes`` (m, channels) int16 or None: as ``encode.scalars.ScalarVolume`` has them, in rows.  ``shown``: (k, 2)
     float64, a cell shows something where, for any row (a, b), its largest scalar is at least a and its smallest at most
-    b; others may be kept too.  ``shape``: voxels along z, y, x.
+    b; others may be kept too.  ``shape``: voxels along z, y, x.  ``further``: ChannelVoxels, or None.
     """
 
     bits: np.ndarray
@@ -51,6 +54,19 @@ class RowVoxels(NamedTuple):
     codes: np.ndarray | None
     shown: np.ndarray
     shape: tuple[int, int, int]
+    further: ChannelVoxels | None = None
+
+
+class ChannelVoxels(NamedTuple):
+    """Further channels of the same voxels.
+
+    ``values``: (m, channels) float32, as ``encode.scalars.ScalarVolume`` has them, in rows.  ``shown`` of all of them,
+    as RowVoxels has it, those of channel number ``n`` from ``begins[n]`` to ``begins[n + 1]``.
+    """
+
+    values: np.ndarray
+    shown: np.ndarray
+    begins: np.ndarray
 
 
 class RayList(NamedTuple):
@@ -131,13 +147,30 @@ def _pair_at(bits, row_start, row, x):
 
 @inner_loop
 def _is_shown(scalars, i, j, k, m, shown):
-    """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones."""
+    """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones.
+
+    Never with a corner without a value, which one volume has not among its kept voxels.
+    """
     low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
               min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1])))  # fmt: skip
     high = max(max(max(scalars[i], scalars[i + 1]), max(scalars[j], scalars[j + 1])),
                max(max(scalars[k], scalars[k + 1]), max(scalars[m], scalars[m + 1])))  # fmt: skip
     for interval in range(shown.shape[0]):
         if high >= shown[interval, 0] and low <= shown[interval, 1]:
+            return low > NO_VALUE
+    return False
+
+
+@inner_loop
+def _is_any_shown(further, scalars, i, j, k, m, shown):
+    """Whether a cell shows something in any channel."""
+    if further is None:
+        return _is_shown(scalars, i, j, k, m, shown)
+    if _is_shown(scalars, i, j, k, m, shown):
+        return True
+    for channel in range(further.values.shape[1]):
+        first, last = further.begins[channel], further.begins[channel + 1]
+        if _is_shown(further.values[:, channel], i, j, k, m, further.shown[first:last]):
             return True
     return False
 
@@ -203,23 +236,106 @@ def _absorb(thick):
 
 
 @inner_loop
+def _classify_slab(lookup, before, here):
+    """RGB times extinction, and extinction, of a slab in which the scalar goes from one value to another."""
+    table, sums, origin, rate, _, low, high, _, _, last = lookup
+    smallest, largest = min(before, here), max(before, here)
+    if largest < low or smallest > high:
+        return 0.0, 0.0, 0.0, 0.0
+    spread = (largest - smallest) * rate
+    if spread >= SPAN:
+        first = min(max((smallest - origin) * rate, 0.0), float(last))
+        second = min(max((largest - origin) * rate, 0.0), float(last))
+        sigma = _mean(table, sums, 3, first, second, last, spread)
+        if sigma <= 0.0:
+            return 0.0, 0.0, 0.0, 0.0
+        r = _mean(table, sums, 0, first, second, last, spread)
+        g = _mean(table, sums, 1, first, second, last, spread)
+        return r, g, _mean(table, sums, 2, first, second, last, spread), sigma
+    value = 0.5 * (smallest + largest)
+    if value < low or value > high:
+        return 0.0, 0.0, 0.0, 0.0
+    position = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
+    entry = int(position)
+    share, after = position - entry, 4 * min(entry + 1, last - 1)
+    entry *= 4
+    sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
+    r = table[entry] * (1.0 - share) + table[after] * share
+    g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
+    return r, g, table[entry + 2] * (1.0 - share) + table[after + 2] * share, sigma
+
+
+@inner_loop
+def _has_value(further, scalars, corners):
+    """Whether the volume's own scalar has a value at all corners of a cell, as it always has without further channels;
+    see ``_composite_stretch``."""
+    if further is None:
+        return True
+    i, j, k, m = corners
+    return min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
+               min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1]))) > NO_VALUE  # fmt: skip
+
+
+@inner_loop
+def _find_channels(further, corners, start, step, cubics):
+    """Put the cubics of further channels along a stretch into ``cubics``; that of one without a value at some corner
+    is far below all values."""
+    if further is not None:
+        i, j, k, m = corners
+        px, py, pz = start
+        dx, dy, dz = step
+        values = further.values
+        for n in range(values.shape[1]):
+            least = min(min(min(values[i, n], values[i + 1, n]), min(values[j, n], values[j + 1, n])),
+                        min(min(values[k, n], values[k + 1, n]), min(values[m, n], values[m + 1, n])))  # fmt: skip
+            c0, c1, c2, c3 = _cubic(
+                np.float64(values[i, n]), np.float64(values[i + 1, n]), np.float64(values[j, n]),
+                np.float64(values[j + 1, n]), np.float64(values[k, n]), np.float64(values[k + 1, n]),
+                np.float64(values[m, n]), np.float64(values[m + 1, n]), px, py, pz, dx, dy, dz,
+            )  # fmt: skip
+            if least <= NO_VALUE:
+                c0, c1, c2, c3 = np.float64(least), 0.0, 0.0, 0.0
+            cubics[0, n], cubics[1, n], cubics[2, n], cubics[3, n] = c0, c1, c2, c3
+
+
+@inner_loop
+def _add_channels(further, channels, cubics, begin, end, r, g, bl, sigma):
+    """What a slab shows, with that of further channels; ``begin``, ``end``: of the slab, parts of the stretch.
+
+    ``channels``: ChannelLookups.
+    """
+    if further is not None:
+        for n in range(further.values.shape[1]):
+            c0, c1, c2, c3 = cubics[0, n], cubics[1, n], cubics[2, n], cubics[3, n]
+            if c0 > NO_VALUE:
+                lookup = lookup_at(channels, n + 1)
+                before = min(max(((c3 * begin + c2) * begin + c1) * begin + c0, lookup.nearest), lookup.furthest)
+                here = min(max(((c3 * end + c2) * end + c1) * end + c0, lookup.nearest), lookup.furthest)
+                more_r, more_g, more_bl, more = _classify_slab(lookup, before, here)
+                r, g, bl, sigma = r + more_r, g + more_g, bl + more_bl, sigma + more
+    return r, g, bl, sigma
+
+
+@inner_loop
 def _composite_stretch(
-    codes, scalars, lookup, light, number, corners, start, step, a, deep, length, slabs, least, scratch, ray,
+    further, channels, codes, scalars, lookup, light, number, corners, start, step, a, deep, length, slabs, least,
+    scratch, ray,
 ):  # fmt: skip
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
-    ``codes``, ``scalars``: of RowVoxels.  ``lookup``, ``light``, ``slabs``, ``least``: see ``trace_rays``.  ``number``:
+    ``further``, ``codes``, ``scalars``: of RowVoxels.  ``channels``, ``lookup``, ``light``, ``slabs``, ``least``: see
+    ``trace_rays``.  ``number``:
     of the ray.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch begins
     in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and
     its length, in voxels of depth; ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels)
     float64 and its last row.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
-    table, sums, origin, rate, _, low, high, nearest, furthest, last = lookup
+    nearest, furthest = lookup.nearest, lookup.furthest
     i, j, k, m = corners
     px, py, pz = start
     dx, dy, dz = step
     red, green, blue, transmittance, at_half = ray
-    cubics, planes = scratch
+    cubics, planes, values = scratch
     c0, c1, c2, c3 = _cubic(
         np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
         np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
@@ -228,39 +344,18 @@ def _composite_stretch(
     count = max(math.ceil(deep * slabs - SLIVER), 1)
     part = 1.0 / count
     length = length * deep * part
+    has_value = _has_value(further, scalars, corners)
+    _find_channels(further, corners, start, (dx * deep, dy * deep, dz * deep), values)
     here = min(max(c0, nearest), furthest)
     lit = False
     for slab in range(1, count + 1):
         t = slab * part
         before = here
         here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
-        smallest, largest = min(before, here), max(before, here)
-        if largest < low or smallest > high:
+        r, g, bl, sigma = _classify_slab(lookup, before, here) if has_value else (0.0, 0.0, 0.0, 0.0)
+        r, g, bl, sigma = _add_channels(further, channels, values, t - part, t, r, g, bl, sigma)
+        if sigma <= 0.0:
             continue
-        spread = (largest - smallest) * rate
-        if spread >= SPAN:
-            first = min(max((smallest - origin) * rate, 0.0), float(last))
-            second = min(max((largest - origin) * rate, 0.0), float(last))
-            sigma = _mean(table, sums, 3, first, second, last, spread)
-            if sigma <= 0.0:
-                continue
-            r = _mean(table, sums, 0, first, second, last, spread)
-            g = _mean(table, sums, 1, first, second, last, spread)
-            bl = _mean(table, sums, 2, first, second, last, spread)
-        else:
-            value = 0.5 * (smallest + largest)
-            if value < low or value > high:
-                continue
-            position = min(max((value - origin) * rate - 0.5, 0.0), last - 1.0)
-            entry = int(position)
-            share, after = position - entry, 4 * min(entry + 1, last - 1)
-            entry *= 4
-            sigma = table[entry + 3] * (1.0 - share) + table[after + 3] * share
-            if sigma <= 0.0:
-                continue
-            r = table[entry] * (1.0 - share) + table[after] * share
-            g = table[entry + 1] * (1.0 - share) + table[after + 1] * share
-            bl = table[entry + 2] * (1.0 - share) + table[after + 2] * share
         if light is not None:
             if not lit:
                 lit = True
@@ -286,13 +381,14 @@ def _composite_stretch(
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, lookup, light, slabs, least, scratch, results):
+def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scratch, results):
     """Rays [begin, end); see ``trace_rays``."""
-    bits, row_start, bricks, scalars, codes, shown, (n_z, n_y, n_x) = voxels
+    bits, row_start, bricks, scalars, codes, shown, (n_z, n_y, n_x), further = voxels
     out, half, work = results
     if begin >= end:
         return
-    own = scratch[begin], scratch[begin, POWERS]
+    planes = columns_of(codes)
+    own = scratch[begin, :, :planes], scratch[begin, POWERS, :planes], scratch[begin, :, planes:]
     for ray in range(begin, end):
         transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         walked = composited = 0
@@ -346,10 +442,10 @@ def _trace(begin, end, voxels, rays, lookup, light, slabs, least, scratch, resul
                 j = _pair_at(bits, row_start, z * n_y + y + 1, x) if i >= 0 else -1
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
-                if m >= 0 and _is_shown(scalars, i, j, k, m, shown):
+                if m >= 0 and _is_any_shown(further, scalars, i, j, k, m, shown):
                     composited += 1
                     red, green, blue, transmittance, at_half = _composite_stretch(
-                        codes, scalars, lookup, light, ray, (i, j, k, m),
+                        further, channels, codes, scalars, lookup, light, ray, (i, j, k, m),
                         (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
                         slabs, least, own, (red, green, blue, transmittance, at_half),
                     )  # fmt: skip
@@ -366,13 +462,14 @@ def _trace(begin, end, voxels, rays, lookup, light, slabs, least, scratch, resul
 
 
 @kernel
-def trace_rays(voxels, rays, lookup, light, slabs, least, scratch, results):
+def trace_rays(voxels, rays, lookup, channels, light, slabs, least, scratch, results):
     """Fill ``results``: premultiplied rgba (n, 4) float32 of single rays; where along them half is absorbed, (n,)
     float64, inf where less is; how many cells and empty bricks each walked through and how many cells it composited,
     (n, 2) int32.
 
     ``voxels``: RowVoxels; ``rays``: RayList; ``light``: RayLight, or None for rays that nothing lights, whose voxels
-    have no codes then.  ``lookup``, ``least``: as ``splat_scalar_rows`` has them.  ``slabs``: that a voxel's depth is
-    cut into, at least.  ``scratch``: (n, POWERS + 1, channels of codes) float64.
+    have no codes then.  ``lookup``, ``channels``, ``least``: as ``splat_scalar_rows`` has them; extinctions of
+    ``channels`` are added to those of ``lookup``.  ``slabs``: that a voxel's depth is cut into, at least.  ``scratch``:
+    (n, POWERS + 1, channels of codes and further channels) float64.
     """
-    share_out(_trace, scratch.shape[0], (voxels, rays, lookup, light, slabs, least, scratch, results))
+    share_out(_trace, scratch.shape[0], (voxels, rays, lookup, channels, light, slabs, least, scratch, results))

@@ -221,6 +221,8 @@ class ScalarTables(NamedTuple):
         Stored values of the kept voxels.
     codes : (m, channels) int16 or None
         See ``encode.scalars.ScalarVolume``.
+    values : (m, channels) float32 or None
+        Those of further channels.
     """
 
     pointers: np.ndarray
@@ -228,6 +230,7 @@ class ScalarTables(NamedTuple):
     runs: np.ndarray
     scalars: StoredScalars
     codes: np.ndarray | None
+    values: np.ndarray | None
     width: int
 
 
@@ -267,13 +270,45 @@ class Lookup(NamedTuple):
     last: np.int32
 
 
+class ChannelLookups(NamedTuple):
+    """The Lookup of each of several channels, the volume's own first; one entry of each array per channel.
+
+    Attributes
+    ----------
+    planes : (n,) int64
+        The plane of a sheet that holds the channel's values.
+    begins : (n + 1,) int64
+        Where its rows begin in ``tables`` and ``sums``, counted in numbers, and the last one ends.
+    tables, sums : (begins[n],) float32
+    numbers : (n, 7) float32
+        origin, rate, least, low, high, nearest and furthest.
+    """
+
+    planes: np.ndarray
+    begins: np.ndarray
+    tables: np.ndarray
+    sums: np.ndarray
+    numbers: np.ndarray
+
+    @classmethod
+    def of(cls, lookups, first: int) -> ChannelLookups:
+        """Of Lookups; ``first``: the plane of the second one's values."""
+        begins = np.cumsum([0, *(len(each.table) for each in lookups)])
+        planes = np.arange(first - 1, first - 1 + len(lookups))
+        planes[0] = 0
+        tables, sums = (np.concatenate(each) for each in zip(*((one.table, one.sums) for one in lookups)))
+        numbers = np.array([each[2:9] for each in lookups], np.float32)
+        return cls(*map(read_only, (planes, begins, tables, sums, numbers)))
+
+
 class CodePlanes(NamedTuple):
     """The planes of a sheet of the scalar that hold what codes of voxels stand for.
 
     Attributes
     ----------
     count : int or None
-        All planes of a sheet, the scalar's included; None where voxels have no codes.
+        All planes of a sheet, the scalar's and those of further channels included; None where there is but the
+        scalar's.
     stride : int
         Numbers from one plane of a voxel scanline to the next.
     thinning : int

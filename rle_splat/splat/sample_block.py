@@ -21,6 +21,7 @@ from .scalar_block import mix_blocks, put_block, rows_of
 
 ALMOST = np.float32(0.9)  # of the least weight: what is not the very first to be seen is lit by its own light
 ALMOST_OPPOSITE = 1e-6  # squared length of a half-way vector that counts as none
+USUAL, SPAN_BEGIN, SPAN_END = 1, 3, 4  # blocks of ``scratch.BlockScratch.shares``
 TINY = 1e-30  # cosines of highlights are at least that, and squared distances to be divided by
 
 
@@ -245,11 +246,10 @@ def _mirror(lit: _Lit, normal, towards, facing: Vector, eye) -> Vector:
     return lit.get(cosine)
 
 
-def _share_here(here: Vector, there: Vector, low, high, depth: Vector, usual: Vector) -> Vector:
-    """What a sheet's normals count in a slab between two sheets: how far on is the middle of what is shown of it.
+def _span_shown(here: Vector, there: Vector, low, high) -> tuple[Vector, Vector]:
+    """Where in a slab between two sheets what is shown of it begins and ends, 0 to 1.
 
-    ``here``, ``there``: values of the sheet and of the one before.  ``depth``: optical depth of the slab.  ``usual``:
-    the share where it is not known better, 0 or 1 where one of the two has no value.
+    ``here``, ``there``: values of the sheet and of the one before.
     """
     builder = here.builder
     one, rises = Vector(builder, here.like(1.0)), here.at_least(there)
@@ -257,9 +257,18 @@ def _share_here(here: Vector, there: Vector, low, high, depth: Vector, usual: Ve
     # Where one has no value they are so far apart that the inverse would be a denormal number, which is slow.
     per_value = inverse((here.most(there) - least).most(TINY).least(1.0 / TINY))
     first, last = (((end - least) * per_value).most(0.0).least(1.0) for end in (low, high))
-    first, last = first.where(rises, one - last), last.where(rises, one - first)
+    return first.where(rises, one - last), last.where(rises, one - first)
+
+
+def _share_here(span, depth: Vector, usual: Vector) -> Vector:
+    """What a sheet's normals count in a slab between two sheets: how far on is the middle of what is shown of it.
+
+    ``span``: of ``_span_shown``.  ``depth``: optical depth of the slab.  ``usual``: the share where it is not known
+    better, 0 or 1 where one of the two has no value.
+    """
+    builder, (first, last) = depth.builder, span
     # 1 / (2 + depth / 2) is nearly 1 / depth - 1 / (exp(depth) - 1), where light is absorbed evenly.
-    middle = first + (last - first) * inverse(depth.fused(0.5, Vector(builder, here.like(2.0))))
+    middle = first + (last - first) * inverse(depth.fused(0.5, Vector(builder, depth.like(2.0))))
     both = builder.and_(usual.at_least(0.25), Vector(builder, usual.like(0.75)).at_least(usual))
     return middle.where(both, usual)
 
@@ -270,7 +279,29 @@ def _scanline_shares(down: Vector, share: Vector | None = None):
     return (nearer, down) if share is None else (nearer * share, down * share)
 
 
-def _lighter(between: bool):
+@intrinsic
+def find_span(
+    typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, low, high, shares
+):  # fmt: skip
+    """``_span_shown`` of a block of slabs, to the blocks SPAN_BEGIN and SPAN_END of ``shares``; see
+    ``scalar_block.look_between``."""
+
+    def generate(context, builder, signature, arguments):
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, low, high, shares = arguments
+        down, down_before, low, high = (
+            Vector.spread(builder, number, BLOCK) for number in (down, down_before, low, high)
+        )
+        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
+        for number, end in zip((SPAN_BEGIN, SPAN_END), _span_shown(here, there, low, high), strict=True):
+            put_block(context, builder, signature.args[10], shares, number, end)
+        return context.get_dummy_value()
+
+    places, number = (types.intp, types.intp), types.float32
+    return types.void(sheet, *places, number, before, *places, number, number, number, shares), generate
+
+
+def _lighter(between: bool, spans_known: bool = False):
     @intrinsic
     def light_block(
         typing, sampled, first, sheet, upper, lower, down, before, upper_before, lower_before, down_before, shares,
@@ -282,7 +313,8 @@ def _lighter(between: bool):
         Light is evaluated anew once the samples of a pixel that the last one was used for have an optical depth of
         ``lamps.least``: in haze it need not be at every sheet, nor in front of a surface.
 
-        ``sheet``, ``before``: as ``scalar_block.look_between``, which has found ``shares``.  ``low``, ``high``: ends of
+        ``sheet``, ``before``: as ``scalar_block.look_between``, which has found ``shares``; these hold what is shown of
+        the slab too, if ``spans_known``.  ``low``, ``high``: ends of
         the stored values that are shown.  ``length``, ``deep``, ``thickness``: see ``scalar_block.
         composite_classified``.  ``state[transmittance:]``: transmittance ahead of the block.  ``held[at:]``: the
         block's planes of ``scratch.Rows.light``.  ``lamps``: SampleLamps; ``pixel``, ``row``: of the block's first
@@ -322,13 +354,16 @@ def _lighter(between: bool):
                 down, down_before = (Vector.spread(builder, one, BLOCK) for one in (down, down_before))
                 parts = [(sheet_type, sheet, upper, lower)]
                 if between:
-                    usual = place(context, builder, shares_type, shares, lit.whole(BLOCK))
-                    here = _share_here(
+                    usual, *span = (
+                        Vector.load(builder, place(context, builder, shares_type, shares, lit.whole(n * BLOCK)), BLOCK)
+                        for n in (USUAL, SPAN_BEGIN, SPAN_END)[: 3 if spans_known else 1]
+                    )
+                    span = span or _span_shown(
                         mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, 0),
                         mix_blocks(context, builder, before_type, before, upper_before, lower_before, down_before, 0),
-                        *(Vector.spread(builder, end, BLOCK) for end in (low, high)), depth,
-                        Vector.load(builder, usual, BLOCK),
+                        *(Vector.spread(builder, end, BLOCK) for end in (low, high)),
                     )
+                    here = _share_here(span, depth, usual)
                     parts.append((before_type, before, upper_before, lower_before))
                     weights = (*_scanline_shares(down, here), *_scanline_shares(down_before, lit.constant(1.0) - here))
                 else:
@@ -371,7 +406,7 @@ def _lighter(between: bool):
     return light_block
 
 
-light_own, light_between = _lighter(False), _lighter(True)
+light_own, light_between, light_mixed = _lighter(False), _lighter(True), _lighter(True, True)
 
 
 @inner_loop

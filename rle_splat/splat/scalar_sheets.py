@@ -17,7 +17,7 @@ from ..runtime.prefetch import fetch_ahead
 from ..shade.sample_light import NORMAL
 from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
-from .arguments import Box, CodePlanes, Lookup, ScalarTables
+from .arguments import Box, ChannelLookups, CodePlanes, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
 from .mist_block import MistRays
 from .pixel_block import BLOCK
@@ -47,9 +47,11 @@ class ScalarMedium(NamedTuple):
     absorbs : True or None
         True where only the sum of optical depths is wanted; the table has one channel then.
     mist : MistRays
+    channels : ChannelLookups or None
+        Of several channels, which then classify in place of ``lookup``.
     grouped : True or None
-        True where sheets are handled in groups (``scalar_group``), which needs ``sign`` and ``absorbs`` to be None, no
-        mist, whole rays, no thinning, and sheets with slabs of their own.
+        True where sheets are handled in groups (``scalar_group``), which needs ``sign``, ``absorbs`` and ``channels``
+        to be None, no mist, whole rays, no thinning, and sheets with slabs of their own.
     least : float32
         Transmittance at which a pixel is opaque.
     """
@@ -61,6 +63,7 @@ class ScalarMedium(NamedTuple):
     sign: np.float32 | None
     absorbs: bool | None
     mist: MistRays
+    channels: ChannelLookups | None
     grouped: bool | None
     least: np.float32
 
@@ -127,7 +130,7 @@ def _is_filled(medium, sheets, number, scanline):
 
 
 @inner_loop
-def _put(codes, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+def _put(codes, values, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
@@ -135,7 +138,7 @@ def _put(codes, tables, box, planes, sheets, number, scanline, slot, shift_u, sc
     line.reach[0] = tables.width
     put_scanline(
         line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, box.overhang,
-        tables.runs, tables.scalars, codes, weight, int(tables.pointers[near, scanline]),
+        tables.runs, tables.scalars, codes, values, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
     )
 
@@ -147,23 +150,25 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
     if not _is_filled(medium, sheets, number, scanline):
         return
     _put(
-        medium.tables.codes, medium.tables, medium.box, medium.planes, sheets, number, scanline, slot, shift_u, scale_u,
-        line, live_count, marks,
+        medium.tables.codes, medium.tables.values, medium.tables, medium.box, medium.planes, sheets, number, scanline,
+        slot, shift_u, scale_u, line, live_count, marks,
     )  # fmt: skip
 
 
 @inner_loop
-def _fetch(codes, tables, ahead, scanline, count):
+def _fetch(codes, values, tables, ahead, scanline, count):
     first = tables.data_starts[ahead, scanline]
     fetch_scalars(tables.scalars, first, count)
     if codes is not None:
         fetch_ahead(codes, first * codes.shape[1], count * codes.shape[1])
+    if values is not None:
+        fetch_ahead(values, first * values.shape[1], count * values.shape[1])
 
 
 @inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
-    _fetch(medium.tables.codes, medium.tables, ahead, scanline, count)
+    _fetch(medium.tables.codes, medium.tables.values, medium.tables, ahead, scanline, count)
 
 
 @inner_loop
@@ -191,7 +196,18 @@ def _resample_lit(lamps, voxels, stride, cells, fractions, first, samples, to):
 @inner_loop
 def _clear_line(medium, line):
     """See ``band_walker.scanline_walker``: light of voxels that are not kept does not count."""
-    line.line[line.reach[0] : line.reach[1]] = NOT_KEPT
+    first, last = line.reach[0], line.reach[1]
+    line.line[first:last] = NOT_KEPT
+    _clear_channels(medium.channels, line.line, medium.planes.stride, first, last)
+
+
+@inner_loop
+def _clear_channels(channels, numbers, stride, first, last):
+    """Voxels [first, last) of a line, or pixels of a block, have no value in any further channel."""
+    if channels is not None:
+        for number in range(1, channels.planes.size):
+            plane = stride * channels.planes[number]
+            numbers[plane + first : plane + last] = NOT_KEPT
 
 
 # The next three are functions, since numba leaves a branch out only where an argument is None: as plain loops over the
@@ -274,12 +290,12 @@ def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels
     sample_before = _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks)
     if cut is None:
         return composite_slab(
-            None, medium.sign, medium.absorbs, None, medium, sheets, number, slab.kind, begin, end, thickness, row,
-            sample, sample_before, pixels, own.rows, own.block, half,
+            None, medium.sign, medium.absorbs, None, medium.channels, medium, sheets, number, slab.kind, begin, end,
+            thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
         )  # fmt: skip
     return composite_slab(
-        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium, sheets, number, slab.kind, begin, end,
-        thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium.channels, medium, sheets, number, slab.kind,
+        begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
     )  # fmt: skip
 
 
@@ -362,10 +378,12 @@ def _clear_scratch(medium, own):
     line = own.line.line
     line[:stride] = NOT_KEPT
     line[stride:] = np.float32(0.0)
+    _clear_channels(medium.channels, line, stride, 0, stride)
     for samples in (own.sheet.samples, own.sheet_before.samples):
         absent = samples.size - planes * BLOCK
         samples[absent:] = np.float32(0.0)
         samples[absent : absent + BLOCK] = NOT_KEPT
+        _clear_channels(medium.channels, samples, BLOCK, absent, absent + BLOCK)
 
 
 @inner_loop
@@ -392,8 +410,8 @@ _splat_bands = band_walker(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, grouped, least, first_row, last_row, workers,
-    next_band, scratch, out, half, filled,
+    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, grouped, least, first_row, last_row,
+    workers, next_band, scratch, out, half, filled,
 ):
     """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
     or depths (4.2).
@@ -405,14 +423,14 @@ def splat_scalar_rows(
     tables : ScalarTables
     sheets : SheetList
     rays : Rays
-    box, lookup, sign, absorbs, planes, mist, grouped, least
+    box, lookup, sign, absorbs, planes, mist, channels, grouped, least
         See ``ScalarMedium``.
     first_row, last_row, workers, next_band, scratch
         See ``sheet_buffer.splat_rows``.
     out, half, filled
         Written: see ``sheet_buffer.splat_rows``; without compositing, see ``ray_sums``.
     """
-    medium = ScalarMedium(tables, box, lookup, planes, sign, absorbs, mist, grouped, least)
+    medium = ScalarMedium(tables, box, lookup, planes, sign, absorbs, mist, channels, grouped, least)
     share_out(
         _splat_bands, workers,
         (medium, sheets, rays, first_row, last_row, next_band, scratch, (out, half, filled)),

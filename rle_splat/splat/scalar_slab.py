@@ -9,6 +9,8 @@ import numpy as np
 from ..runtime.bits import lowest_bit
 from ..runtime.jit import inner_loop
 from ..view.depth_rules import OWN
+from .arguments import Lookup
+from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
@@ -16,7 +18,7 @@ from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .rays_in_box import inside_box, interval_in_box
-from .sample_block import light_between, light_own
+from .sample_block import find_span, light_between, light_mixed, light_own
 from .sample_lamps import HELD
 from .scalar_block import classify_spans, classify_values, composite_classified, look_between, look_up
 from .sheet_row import note_half_depth
@@ -78,6 +80,14 @@ def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pix
 
 
 @inner_loop
+def _see(channels, intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
+    """As ``_look_up``; of several channels it is not known before they are classified, so all count as seen."""
+    if channels is None:
+        return _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block)
+    return BLOCK
+
+
+@inner_loop
 def _classify(lookup, seen, block):
     """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
     if seen & 255 > seen >> 8:
@@ -86,6 +96,70 @@ def _classify(lookup, seen, block):
         block.samples[:] = np.float32(0.0)
     if seen >> 8 > 0:
         classify_spans(lookup.sums, block.spans, block.shares, block.samples)
+
+
+@inner_loop
+def lookup_at(channels, number):
+    """The Lookup of one of ChannelLookups."""
+    first, last = channels.begins[number], channels.begins[number + 1]
+    origin, rate, least, low, high, nearest, furthest = (
+        channels.numbers[number, 0], channels.numbers[number, 1], channels.numbers[number, 2],
+        channels.numbers[number, 3], channels.numbers[number, 4], channels.numbers[number, 5],
+        channels.numbers[number, 6],
+    )  # fmt: skip
+    return Lookup(
+        channels.tables[first:last], channels.sums[first:last], origin, rate, least, low, high, nearest, furthest,
+        np.int32((last - first) // 4 - 1),
+    )  # fmt: skip
+
+
+@inner_loop
+def _moved(samples, plane):
+    """The Samples of another plane than the scalar's."""
+    sheet, upper, lower, down = samples
+    return Samples(sheet, upper + BLOCK * plane, lower + BLOCK * plane, down)
+
+
+@inner_loop
+def _find_span(lamps, lookup, here, there, block):
+    if lamps is not None:
+        sheet, upper, lower, down = here
+        before, upper_before, lower_before, down_before = there
+        find_span(
+            sheet, upper, lower, down, before, upper_before, lower_before, down_before, lookup.low, lookup.high,
+            block.shares,
+        )
+
+
+@inner_loop
+def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block):
+    """Classify a block of a slab by each channel's own table and add up, to ``block.samples`` and ``block.shares``; 0
+    where nothing is seen."""
+    block.mixed[:] = np.float32(0.0)
+    seen = 0
+    for number in range(channels.planes.size):
+        lookup, plane = lookup_at(channels, number), channels.planes[number]
+        own, own_before = _moved(here, plane), _moved(there, plane)
+        found = _look_up(intervals, lookup, kind, is_shortened, begin, end, own, own_before, pixels, block)
+        seen |= found
+        _classify(lookup, found, block)
+        if kind != OWN:
+            _find_span(lamps, lookup, own, own_before, block)
+        add_samples(block.samples, block.shares, block.mixed)
+    finish_mixing(block.mixed, block.samples, block.shares)
+    return seen
+
+
+@inner_loop
+def _classified(
+    channels, intervals, lamps, lookup, seen, kind, is_shortened, begin, end, here, there, pixels, block
+):  # fmt: skip
+    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels; 0 where
+    nothing is seen."""
+    if channels is None:
+        _classify(lookup, seen, block)
+        return seen
+    return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
 
 
 @inner_loop
@@ -108,11 +182,31 @@ def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, 
 
 
 @inner_loop
-def _light_samples(lamps, kind, lookup, here, there, length, deep, thickness, position, pixels, block, rows):
+def _light_slab(
+    channels, lookup, here, there, length, deep, thickness, left, position, at, lamps, pixels, block, rows
+):  # fmt: skip
+    """As ``_light_samples``, between two sheets; ``at``: of the block, ``left`` its transmittance."""
+    sheet, upper, lower, down = here
+    before, upper_before, lower_before, down_before = there
+    if channels is None:
+        light_between(
+            block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
+            block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
+            lamps, pixels.first, pixels.v, position,
+        )
+    else:
+        light_mixed(
+            block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
+            block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
+            lamps, pixels.first, pixels.v, position,
+        )
+
+
+@inner_loop
+def _light_samples(lamps, channels, kind, lookup, here, there, length, deep, thickness, position, pixels, block, rows):
     """Light a classified block; nothing without ``lamps``.  ``position``: of the slab's middle."""
     if lamps is not None:
         sheet, upper, lower, down = here
-        before, upper_before, lower_before, down_before = there
         at = BLOCK * (pixels.r * rows.bright.shape[1] + pixels.b)
         left = 4 * at + TRANSMITTANCE
         if kind == OWN:
@@ -122,10 +216,8 @@ def _light_samples(lamps, kind, lookup, here, there, length, deep, thickness, po
                 pixels.v, position,
             )
         else:
-            light_between(
-                block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
-                block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
-                lamps, pixels.first, pixels.v, position,
+            _light_slab(
+                channels, lookup, here, there, length, deep, thickness, left, position, at, lamps, pixels, block, rows
             )
 
 
@@ -170,16 +262,17 @@ def _composite_classified(
 
 @inner_loop
 def composite_slab(
-    intervals, sign, absorbs, mist, medium, sheets, number, kind, begin, end, thickness, row, here, there, pixels, rows,
-    block, half,
+    intervals, sign, absorbs, mist, channels, medium, sheets, number, kind, begin, end, thickness, row, here, there,
+    pixels, rows, block, half,
 ):  # fmt: skip
     """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
     are not opaque.
 
-    ``intervals``, ``sign``, ``absorbs``, ``mist``: of Rays and ScalarMedium; what is None is not compiled.  ``begin``,
-    ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet and the one before.
+    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``: of Rays and ScalarMedium; what is None is not
+    compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet
+    and the one before.
     """
-    _, box, lookup, planes, _, _, _, _, _ = medium
+    _, box, lookup, planes, _, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels
     shortened = False
     if intervals is not None:
@@ -188,7 +281,7 @@ def composite_slab(
         shortened = is_shortened(rows.bounds, r, b, begin, end)
     seen = 0
     if sign is None:
-        seen = _look_up(intervals, lookup, kind, shortened, begin, end, here, there, pixels, block)
+        seen = _see(channels, intervals, lookup, kind, shortened, begin, end, here, there, pixels, block)
         if seen == 0:
             return LIVE
     at = BLOCK * (r * rows.bright.shape[1] + b)
@@ -218,9 +311,14 @@ def composite_slab(
             half,
         )
         return LIVE
-    _classify(lookup, seen, block)
+    seen = _classified(
+        channels, intervals, planes.lamps, lookup, seen, kind, shortened, begin, end, here, there, pixels, block
+    )  # fmt: skip
+    if seen == 0:
+        return LIVE
     _light_samples(
-        planes.lamps, kind, lookup, here, there, length, deep, thickness, 0.5 * (begin + end), pixels, block, rows
+        planes.lamps, channels, kind, lookup, here, there, length, deep, thickness, 0.5 * (begin + end), pixels, block,
+        rows,
     )
     return _composite_classified(
         intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half

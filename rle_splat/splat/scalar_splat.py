@@ -10,7 +10,7 @@ from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import Sheets
-from .arguments import CodePlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
+from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
@@ -26,17 +26,19 @@ ALMOST_MOST = 1.0 + 1e-5  # of the largest count: means of it may be rounded up,
 
 def scalar_splat_steps(
     encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, intervals=None,
-    absorbs: bool = False, mist: Mist | None = None,
+    absorbs: bool = False, mist: Mist | None = None, further: tuple[LookupTable, ...] = (),
 ):
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
+    ``further``: of further channels, whose extinctions are added.
     """
     lookup = kernel_lookup(table, encoded.center)
+    channels = channel_lookups(lookup, further, encoded.centers, encoded.codes)
     if absorbs:
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
-    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, mist)
+    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, mist, channels)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -85,44 +87,70 @@ def kernel_lookup(table: LookupTable, center: float) -> Lookup:
     )  # fmt: skip
 
 
+def channel_lookups(lookup: Lookup, further, centers, codes) -> ChannelLookups | None:
+    """The ChannelLookups of a volume's own Lookup and of LookupTables; None without any of these.
+
+    ``centers``: of their values.  ``codes``: (m, channels) of the voxels, or None.
+    """
+    if not further:
+        return None
+    lookups = [lookup, *(kernel_lookup(table, center) for table, center in zip(further, centers, strict=True))]
+    return ChannelLookups.of(lookups, 1 + _columns(codes))
+
+
+def _columns(array) -> int:
+    return 0 if array is None else array.shape[1]
+
+
 def _tables(encoded: ScalarVolume) -> ScalarTables:
     tables = encoded.tables
     return ScalarTables(
         read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
-        StoredScalars.of(encoded.scalars), None if encoded.codes is None else read_only(encoded.codes), encoded.width,
+        StoredScalars.of(encoded.scalars),
+        *(None if array is None else read_only(array) for array in (encoded.codes, encoded.values)), encoded.width,
     )  # fmt: skip
 
 
 def _planes(encoded: ScalarVolume, light, plane: BasePlane, least, scratch: Scratch) -> CodePlanes:
     """``light``: the SampleLight that is wanted."""
     line = scratch.line.line.shape[1]
-    if encoded.codes is None:
-        return CodePlanes(None, line, 0, None)
-    channels = encoded.codes.shape[1]
+    planes = _planes_of(encoded)
     lamps = None if light is None else sample_lamps(light, plane, encoded.shape_xyz, least)
-    return CodePlanes(1 + channels, line // (1 + channels), channels if encoded.thinned else 0, lamps)
+    thinning = encoded.codes.shape[1] if encoded.thinned else 0
+    return CodePlanes(planes if planes > 1 else None, line // planes, thinning, lamps)
 
 
-def _steps(encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None):
+def _planes_of(encoded: ScalarVolume) -> int:
+    """Planes of a sheet: the scalar, codes, and values of further channels."""
+    return 1 + _columns(encoded.codes) + _columns(encoded.values)
+
+
+def _steps(
+    encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None,
+    channels=None,
+):  # fmt: skip
     """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = _tables(encoded)
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, 1.0, True, intervals)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
-    grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist)
+    grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist, channels)
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     light = encoded.light if sign is None and absorbs is None else None
     arguments = (tables, sheets, rays, box, lookup, sign, absorbs)
     mist = mist_rays(plane, mist)
     if not compiled():
-        yield from splat_scalar_sheets_numpy(*arguments, encoded.thinned, light, plane, mist, least, *image.arrays)
+        yield from splat_scalar_sheets_numpy(
+            *arguments, encoded.thinned, light, plane, mist, channels, least, *image.arrays
+        )
         return image
     workers = thread_count(quality.threads)
-    channels, group = 1 if encoded.codes is None else 1 + encoded.codes.shape[1], GROUP if grouped else 1
-    held = 0 if light is None else HELD
-    scratch = scratch_for(workers, tables, sheets, rays, None, channels, before=True, group=group, light=held)
-    arguments = (*arguments, _planes(encoded, light, plane, float(least), scratch), mist, grouped, least)
+    held, group = 0 if light is None else HELD, GROUP if grouped else 1
+    count = _planes_of(encoded)
+    scratch = scratch_for(workers, tables, sheets, rays, None, count, before=True, group=group, light=held)
+    planes = _planes(encoded, light, plane, float(least), scratch)
+    arguments = (*arguments, planes, mist, channels, grouped, least)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
     return image
 

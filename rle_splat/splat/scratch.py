@@ -132,8 +132,8 @@ class BlockScratch(NamedTuple):
         Samples of a sheet: extinction times color, and extinction.
     entries : (BLOCK,) int32
     spans : (2 * BLOCK,) int32
-    shares : (3 * BLOCK,) float32
-        What ``scalar_block.look_between`` writes.
+    shares : (5 * BLOCK,) float32
+        What ``scalar_block.look_between`` writes; of several channels, what ``channel_block`` adds.
     length_inside : (BLOCK,) float32
         World lengths of the rays inside their intervals, per voxel of depth.
     before : (BLOCK * (group + 1),) float32 or float64
@@ -142,6 +142,8 @@ class BlockScratch(NamedTuple):
         Colors ahead of the slab.
     classified : (4 * BLOCK * group,) float32
         Samples of each sheet of a group, classified and lit.
+    mixed : (8 * BLOCK,) float32
+        Sums over channels (``channel_block``).
     """
 
     samples: np.ndarray
@@ -152,6 +154,7 @@ class BlockScratch(NamedTuple):
     before: np.ndarray
     colors: np.ndarray
     classified: np.ndarray
+    mixed: np.ndarray
 
 
 class WaitingBlocks(NamedTuple):
@@ -314,9 +317,9 @@ def _shapes(
         "bounds": (BAND + 1, 6, blocks * shortened, np.float32), "reached": (words * shortened, np.uint64),
         "light": (light * BLOCK * blocks * BAND, np.float32),
         "samples": (4 * BLOCK, np.float32),
-        "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (3 * BLOCK, np.float32),
+        "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (5 * BLOCK, np.float32),
         "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
-        "classified": (4 * BLOCK * group, np.float32),
+        "classified": (4 * BLOCK * group, np.float32), "mixed": (8 * BLOCK, np.float32),
         "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
         "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
     }

@@ -22,6 +22,12 @@ def _load(builder, pointer, count):
     return value
 
 
+def _of_code(builder, value, dtype):
+    """What lanes of codes stand for; floating-point numbers are values as they are."""
+    found = Vector(builder, _as_single(builder, value, dtype))
+    return found if isinstance(dtype, types.Float) else found * PER_CODE
+
+
 def _as_single(builder, value, dtype):
     """Lanes of numbers of numba's type ``dtype`` as float32."""
     single = ir.VectorType(FLOAT, value.type.count)
@@ -102,7 +108,7 @@ def _mixer_of_codes(count, channels=None):
                 found = _columns(builder, pointer, count, channels) if channels else [
                     _column(builder, pointer, count, stored)
                 ]
-                return [Vector(builder, _as_single(builder, one, codes_type.dtype)) * PER_CODE for one in found]
+                return [_of_code(builder, one, codes_type.dtype) for one in found]
 
             def put(number, vector):
                 plane = builder.add(channel, ir.Constant(to.type, number + 1))

@@ -58,8 +58,7 @@ def test_extinctions_add_and_colors_by_their_share(pair):
     assert [row.source for row in first.rle_splat.channels] == [second]
     both = middle()
     assert reported("channels")["on"] and "1 further channel" in reported("channels")["reason"]
-    # pre pads the cube by a ramp of one voxel in all: N voxels of each, where post has N - 1
-    depth = -N * np.log1p(-ALPHA)
+    depth = -(N - 1) * np.log1p(-ALPHA)
     assert both[3] == pytest.approx(-np.expm1(-2.0 * depth), abs=2e-3)
     np.testing.assert_allclose(both[:3] / both[3], np.add(RED, BLUE) / 2.0, atol=5e-3)
     np.testing.assert_allclose(alone[:3] / alone[3], RED, atol=5e-3)

@@ -49,7 +49,7 @@ WITHOUT_TRUTH = {
     ),
     "mode": (scene_of(mode="mip"), "mode mip"),
     "labels": (scene_of(labels=Labels(Volume((X > 0.5).astype(np.uint8), np.eye(4)), {1: None})), "labels"),
-    "channels": (scene_of(channels=(Channel(VOLUME, FUNCTION),)), "channels"),
+    "channels": (scene_of(channels=(Channel(VOLUME, FUNCTION),)), "post for channels"),
     "depth of field": (lens(scene_of()), "depth of field"),
     "motion blur": (moving(scene_of()), "motion blur"),
     "shadows": (scene_of(lights=(SUN,), headlight=False, volume_shadows=True), "without shadows"),
@@ -57,14 +57,17 @@ WITHOUT_TRUTH = {
 }  # fmt: skip
 
 
+BY_POST = "without shadows", "post for channels"  # what is refused with pre alone
+
+
 @pytest.mark.parametrize("name", WITHOUT_TRUTH)
 def test_an_effect_without_a_truth_is_refused_unless_it_is_forced_off(name):
     scene, words = WITHOUT_TRUTH[name]
     for quality in (Quality(classification="pre"), Quality(classification="post")):
-        if quality.classification == "pre" or words != "without shadows":
+        if quality.classification == "pre" or words not in BY_POST:
             with pytest.raises(RleSplatError, match=words):
                 check_tolerance_applies(scene, quality)
-        else:  # whose truth has shadows
+        else:  # whose truth has shadows, and channels
             check_tolerance_applies(scene, quality)
         check_tolerance_applies(replace(scene, effects={name: False}), quality)
 

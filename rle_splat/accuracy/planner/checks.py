@@ -19,6 +19,11 @@ def lacks_shadows(scene: Scene, quality: Quality) -> bool:
     return truth_of(quality) == "T1" and shadow_count(scene) > 0
 
 
+def lacks_channels(scene: Scene, quality: Quality) -> bool:
+    """Whether a scene has labels, or channels that are classified voxel by voxel: there is no truth of these."""
+    return scene.labels is not None or (is_mixed(scene) and truth_of(quality) == "T1")
+
+
 def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     """Raise RleSplatError where a picture of the scene, with the effects that are on, can keep no tolerance."""
     check_plannable(quality)
@@ -30,10 +35,10 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     scene = analyze_effects(scene, quality)[1]
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
-    if is_mixed(scene):
+    if lacks_channels(scene, quality):
         raise RleSplatError(
-            "A tolerance is measured against a truth of one volume and one transfer function; choose a quality for "
-            "labels and channels."
+            "A tolerance is measured against a truth without labels, and with channels only for the classification "
+            "post; choose a quality for labels, and post for channels."
         )
     if scene.mist is not None:
         raise RleSplatError("A tolerance cannot be kept in mist, of which there is no truth; turn the mist off.")
@@ -63,7 +68,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     Raises
     ------
     RleSplatError
-        Where the scene has no truth: without voxels, with meshes or mist, and for pre with shadows.
+        Where the scene has no truth: without voxels, with meshes, mist or labels, and for pre with shadows or channels.
     """
     if not scene.volume.holds_values:
         raise RleSplatError(
@@ -73,6 +78,11 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.hides_volume or scene.panes is not None:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    if lacks_channels(scene, quality):
+        raise RleSplatError(
+            "Accuracy is measured without labels, and with channels only for the classification post; take the labels "
+            "out of the scene, or choose post."
+        )
     if lacks_shadows(scene, quality):
         raise RleSplatError(
             "Accuracy is measured without shadows with the classification pre; turn off shadows and ambient occlusion, "

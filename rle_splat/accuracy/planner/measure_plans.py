@@ -22,7 +22,7 @@ from ...scene import Quality, Rendering, RleSplatError, Scene
 from ..metrics import LEVEL, SSIM_WINDOW, difference, ssim
 from ..probes import PROBES, Probes, choose_probes
 from .candidates import check_plannable
-from .checks import lacks_shadows, measurable_scene
+from .checks import lacks_channels, lacks_shadows, measurable_scene
 from .choose import Choice
 from .plans import knobs_of, same_plan, with_plan
 from .probe_errors import true_pixel_steps
@@ -35,7 +35,7 @@ CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels: the plans that these would choose are measured too
 LONGEST = 1000.0  # milliseconds: such a plan is not measured when a frame of it is expected to take longer
 PILOTS_END = 0.05  # the fraction of the work after which the pilots end
-WITHOUT_T1 = "Plans of pre are left out, because their truth T1 has no shadows."
+WITHOUT_T1 = "Plans of pre are left out, because their truth T1 has no shadows and no channels."
 FRAMES_END = 0.6  # the fraction of the work after which the frames end and the truths begin
 
 
@@ -164,8 +164,9 @@ def sweep_steps(
         raise RleSplatError("Measuring takes one probe and one repeat at least.")
     cache = StageCache() if cache is None else cache
     wished, remarks = _Wished(), []
-    if shadow_count(scene):
-        count, plans = len(plans), [plan for plan in plans if not lacks_shadows(scene, plan)]
+    if shadow_count(scene) or scene.channels:
+        count = len(plans)
+        plans = [plan for plan in plans if not (lacks_shadows(scene, plan) or lacks_channels(scene, plan))]
         remarks = [WITHOUT_T1] * (len(plans) < count)
     if tolerances:
         problems = _why_no_tolerance(chosen)

@@ -20,17 +20,15 @@ ONE = np.float32(1.0)
 
 
 def dense_slice(tables, k: int) -> np.ndarray | None:
-    """(n_scanlines, width, channels) float32: scalar and planes of slice ``k``; None if nothing of it is kept."""
+    """(n_scanlines, width, planes) float32: scalar, codes and values of slice ``k``; None if nothing of it is kept."""
     scalars = tables.scalars.array()
-    channels = 1 if tables.codes is None else 1 + tables.codes.shape[1]
     dense = None
     for j in range(tables.pointers.shape[1]):
         run = int(tables.pointers[k, j])
         if run < 0:
             continue
         if dense is None:
-            dense = np.zeros((tables.pointers.shape[1], tables.width, channels), np.float32)
-            dense[..., 0] = NOT_KEPT
+            dense = np.tile(_nothing(tables), (tables.pointers.shape[1], tables.width, 1))
         x, voxel = 0, int(tables.data_starts[k, j])
         while x < tables.width:
             x += int(tables.runs[run])
@@ -39,13 +37,25 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
             count = int(tables.runs[run + 1])
             dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
             if tables.codes is not None:
-                dense[j, x : x + count, 1:] = tables.codes[voxel : voxel + count] / CODE_OF_ONE
+                codes = tables.codes[voxel : voxel + count] / CODE_OF_ONE
+                dense[j, x : x + count, 1 : 1 + codes.shape[1]] = codes
+            if tables.values is not None:
+                dense[j, x : x + count, -tables.values.shape[1] :] = tables.values[voxel : voxel + count]
             x, voxel, run = x + count, voxel + count, run + 2
     return dense
 
 
-def _between(slices, first: int, weights) -> np.ndarray | None:
-    """Two slices mixed, (n_scanlines, width, channels); None where either of them, if it counts, is empty."""
+def _nothing(tables) -> np.ndarray:
+    """(planes,) float32 of a voxel that is not kept."""
+    codes, values = (0 if array is None else array.shape[1] for array in (tables.codes, tables.values))
+    return np.array([NOT_KEPT, *[0.0] * codes, *[NOT_KEPT] * values], np.float32)
+
+
+def _between(slices, first: int, weights, nothing) -> np.ndarray | None:
+    """Two slices mixed, (n_scanlines, width, planes); None where either of them, if it counts, is empty.
+
+    ``nothing``: a voxel that is not kept.
+    """
     near, far = slices.get(first), slices.get(first + 1)
     if weights[1] == 0.0:
         return near
@@ -53,9 +63,10 @@ def _between(slices, first: int, weights) -> np.ndarray | None:
         return far
     if near is None or far is None:
         return None
-    both = (near[..., :1] > NOT_KEPT) & (far[..., :1] > NOT_KEPT)
     mixed = weights[0] * near + weights[1] * far
-    mixed[..., :1] = np.where(both, mixed[..., :1], NOT_KEPT)
+    empty = nothing == NOT_KEPT
+    both = (near[..., empty] > NOT_KEPT) & (far[..., empty] > NOT_KEPT)
+    mixed[..., empty] = np.where(both, mixed[..., empty], NOT_KEPT)
     return mixed
 
 
@@ -81,6 +92,38 @@ def _entry(value, inside, origin, rate, last):
     with np.errstate(over="ignore", invalid="ignore"):
         index = np.clip((value - origin) * rate, 0.0, last - 1).astype(np.int64)
     return np.where(inside, index, last)
+
+
+def _classify(kind, here, there, lookup, cut):
+    """Classified samples (H, W, 4) of a slab, the share of it that counts, and planes; ``cut``: of ``cut_ends_numpy``,
+    which makes values where rays begin and end in it of those of two sheets, or None."""
+    if kind == OWN:
+        return _own_samples(here, lookup)
+    first, last = there[..., 0], here[..., 0]
+    if cut is not None:
+        first, last = cut_ends_numpy(*cut, last, first, lookup[4])
+    return _samples_between(here, there, lookup, first, last)
+
+
+def _classify_channels(kind, here, there, channels, cut):
+    """As ``_classify``, by several channels; and where what is shown begins and ends (H, W) each: see
+    ``channel_block``."""
+    mixed = np.zeros((*here.shape[:2], 4), np.float32)
+    counts, begin, end = np.zeros((3, *here.shape[:2]), np.float32)
+    shine = here[..., 1:]
+    for plane, first, last, numbers in zip(channels.planes, channels.begins, channels.begins[1:], channels.numbers):
+        lookup = (channels.tables[first:last], channels.sums[first:last], *numbers, (last - first) // 4 - 1)
+        own, own_before = (np.concatenate((one[..., [plane]], one[..., 1:]), axis=-1) for one in (here, there))
+        sampled, counted, planes = _classify(kind, own, own_before, lookup, cut)
+        sampled = sampled * np.broadcast_to(counted, counts.shape)[..., None]
+        mixed += sampled
+        part = np.divide(sampled[..., 3], mixed[..., 3], out=np.zeros_like(counts), where=mixed[..., 3] > 0.0)
+        more = counted > counts
+        shine = np.where(more[..., None], planes, shine)
+        counts = np.where(more, counted, counts)
+        for total, own_end in zip((begin, end), span_shown(own[..., 0], own_before[..., 0], *lookup[5:7])):
+            total += part * (own_end.astype(np.float32) - total)
+    return mixed / counts[..., None], counts, shine, (begin, end)
 
 
 def _samples_between(here, there, lookup, first, second):
@@ -153,12 +196,16 @@ def cut_ends_numpy(intervals, begin, end, here, there, least):
     return np.where(counts, first, there), np.where(counts, last, here)
 
 
-def share_here(here, there, low, high, depth) -> np.ndarray:
-    """See ``sample_block._share_here``; all (H, W), but the ends ``low`` and ``high`` of what is shown."""
+def span_shown(here, there, low, high) -> tuple[np.ndarray, np.ndarray]:
+    """See ``sample_block._span_shown``; all (H, W), but the ends ``low`` and ``high`` of what is shown."""
     here, there = here.astype(np.float64), there.astype(np.float64)
     apart, least = np.maximum(np.abs(here - there), 1e-30), np.minimum(here, there)
     ends = [np.clip((end - least) / apart, 0.0, 1.0) for end in (low, high)]
-    first, last = (np.where(here >= there, one, 1.0 - other) for one, other in (ends, ends[::-1]))
+    return tuple(np.where(here >= there, one, 1.0 - other) for one, other in (ends, ends[::-1]))
+
+
+def share_here(first, last, depth) -> np.ndarray:
+    """See ``sample_block._share_here``; all (H, W)."""
     return (first + (last - first) / (2.0 + 0.5 * depth)).astype(np.float32)
 
 
@@ -180,7 +227,7 @@ def _light_numpy(light, plane, position, planes):
 
 
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, least, pixels, half, filled
+    tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, channels, least, pixels, half, filled
 ):
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does.
@@ -199,9 +246,8 @@ def splat_scalar_sheets_numpy(
     state = np.zeros(pixels.shape, numbers)
     state[..., 3] = 1.0
     n_slices = tables.pointers.shape[0]
-    channels = 1 if tables.codes is None else 1 + tables.codes.shape[1]
-    absent = np.zeros((height, width, channels), np.float32)
-    absent[..., 0] = NOT_KEPT
+    nothing = _nothing(tables)
+    absent = np.broadcast_to(nothing, (height, width, len(nothing)))
     slices: dict = {}
     here = absent
     for sheet in range(len(sheets.first_slice)):
@@ -211,7 +257,7 @@ def splat_scalar_sheets_numpy(
         slices = {
             k: slices[k] if k in slices else dense_slice(tables, k) for k in (first, first + 1) if 0 <= k < n_slices
         }
-        mixed = _between(slices, first, sheets.slice_weights[sheet])
+        mixed = _between(slices, first, sheets.slice_weights[sheet], nothing)
         here = absent
         if mixed is not None:
             (scale_u, scale_v), (offset_u, offset_v) = sheets.scale[sheet], sheets.offset[sheet]
@@ -230,16 +276,12 @@ def splat_scalar_sheets_numpy(
             position = position if sheets.begin[sheet] <= position <= sheets.end[sheet] else -position
             _gather_numpy(here[..., 0], in_slab, sign, lookup[2], lookup[4], position, (enter, leave), state, half)
             continue
-        if sheets.kind[sheet] == OWN:
-            sampled, counted, shine = _own_samples(here, lookup)
+        cut = (rays.intervals, sheets.begin[sheet], sheets.end[sheet]) if rays.intervals.size else None
+        if channels is None:
+            sampled, counted, shine = _classify(sheets.kind[sheet], here, there, lookup, cut)
+            span = None
         else:
-            first_value, last_value = there[..., 0], here[..., 0]
-            if rays.intervals.size:
-                slab_ends = sheets.begin[sheet], sheets.end[sheet]
-                first_value, last_value = cut_ends_numpy(
-                    rays.intervals, *slab_ends, last_value, first_value, lookup[4]
-                )
-            sampled, counted, shine = _samples_between(here, there, lookup, first_value, last_value)
+            sampled, counted, shine, span = _classify_channels(sheets.kind[sheet], here, there, channels, cut)
         if thinned:
             in_slab = in_slab * shine[..., -1]
         if absorbs is not None:
@@ -248,8 +290,9 @@ def splat_scalar_sheets_numpy(
         color, sigma = sampled[..., :3], sampled[..., 3]
         if light is not None:
             if sheets.kind[sheet] != OWN:
-                both = (here[..., 0] > NOT_KEPT) & (there[..., 0] > NOT_KEPT)
-                share = share_here(here[..., 0], there[..., 0], *lookup[5:7], sigma * in_slab)[..., None]
+                both = counted == ONE
+                span = span or span_shown(here[..., 0], there[..., 0], *lookup[5:7])
+                share = share_here(*span, sigma * in_slab)[..., None]
                 shine = np.where(both[..., None], here[..., 1:] * share + there[..., 1:] * (ONE - share), shine)
             middle = 0.5 * (sheets.begin[sheet] + sheets.end[sheet])
             shining, highlight = _light_numpy(light, plane, middle, shine)
