@@ -14,7 +14,7 @@ from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
-from rle_splat.scene import NO_RAYS, Channel, Clip, Light, Quality, RleSplatError, Scene
+from rle_splat.scene import NO_RAYS, Clip, Labels, Light, Quality, RleSplatError, Scene
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -410,6 +410,9 @@ def test_without_shadows_nothing_is_swept_and_nothing_changes(classification, wa
     assert analyze(lightless, quality)["shadows"].reason == "no light casts shadows"
 
 
+ALL_LABELED = Labels(
+    Volume(np.ones((16, 16, 16), np.uint8), lit_blob().volume.affine), {1: lit_blob().transfer_function}
+)
 INDIRECT_IS_OFF = {
     "amount 0": ({"indirect_light": 0.0}, "post", "indirect light is turned off"),
     "pre": ({}, "pre", "the volume is pre-classified"),
@@ -418,7 +421,7 @@ INDIRECT_IS_OFF = {
     "a headlight": ({"lights": (), "headlight": True}, "post", "only light that casts shadows is scattered"),
     "a lamp without shadows": ({"lights": (sun((0, 0, -1), casts_shadow=False),)}, "post", "only light that casts"),
     "by hand": ({"effects": {"indirect light": False}}, "post", "by hand"),
-    "a channel": ({"channels": (Channel(lit_blob().volume, lit_blob().transfer_function),)}, "post", "pre-classified"),
+    "labels": ({"labels": ALL_LABELED}, "post", "the volume is pre-classified"),
     "a mode": ({"mode": "mip"}, "post", "nothing is shaded"),
 }  # fmt: skip
 

@@ -37,7 +37,7 @@ kernel = ours(".encode.encode_kernels").fill_row_runs
 starts, runs = np.zeros((1, 1), np.int64), np.zeros(3, np.uint16)
 compilations = []
 with jit.while_compiling(lambda: compilations.append(1)), jit.parallel_call(1):
-    kernel(starts, np.array([[12]], np.uint64), np.array([0, 2]), np.array([2, 3], np.uint16), 9, starts, runs)
+    kernel(starts, np.array([[12]], np.uint64), 9, starts, runs)
 print(*runs, "compiled" if compilations else "loaded", jit.shipped_level(), jit.shipped_problem())
 """
 PACK = """
