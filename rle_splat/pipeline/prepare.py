@@ -48,6 +48,7 @@ class SyntheticPicture:
     classification: str = "post"
     scene: str = "headlight"
     azimuth: float = 0.0
+    elevation: float = 0.0
     perspective: bool = False
 
     def seconds(self, stored: str) -> float:
@@ -64,6 +65,7 @@ PICTURES = (
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
     SyntheticPicture("unlit", 24.8, 0.0, scene="unlit"),
+    SyntheticPicture("hard walls, unlit", 30.1, 3.1, quality="fine", scene="unlit"),
     SyntheticPicture("clip objects", 3.1, 0.0, scene="clips"),
     SyntheticPicture("X-ray", 18.1, 0.0, scene="xray"),
     SyntheticPicture("maximum", 16.4, 0.0, scene="mip"),  # the other modes have the same kernels
@@ -72,7 +74,11 @@ PICTURES = (
     SyntheticPicture("pre-classified", 3.9, 2.0, classification="pre"),
     SyntheticPicture("pre-classified, sideways", 3.7, 0.6, classification="pre", azimuth=90.0, perspective=True),
     SyntheticPicture("pre-classified, unlit", 0.7, 0.6, classification="pre", scene="unlit"),
-    SyntheticPicture("pre-classified, lights", 10.2, 1.6, classification="pre", scene="lights"),
+    # Seen along all three principal axes at once.
+    SyntheticPicture(
+        "pre-classified, lights", 10.2, 1.6, classification="pre", scene="lights", azimuth=45.0, elevation=35.26,
+        perspective=True,
+    ),
 )
 
 
@@ -97,7 +103,7 @@ def prepare_steps():
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
-    - at "standard" and "draft", unshaded.
+    - at "standard", "draft" and "fine", unshaded.
     - at "standard" with the classification "pre": unshaded, by the headlight, and by lights with shadows.
 
     Not covered, and compiled when a picture first needs them: other stored types; knobs by hand; a maximum error;
@@ -169,7 +175,9 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     the camera; "labels"; "channels", with itself as another one; "surfaces", with gradient opacity; "lights", a lamp
     that casts shadows and the world's light; "meshes", with these lights and a triangle that cuts the ball.
     """
-    camera, matrix = turntable(volume, picture.azimuth, perspective=picture.perspective, width=WIDTH, height=HEIGHT)
+    camera, matrix = turntable(
+        volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT
+    )
     function, _ = default_transfer_function(volume)
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
     if picture.scene == "headlight":
