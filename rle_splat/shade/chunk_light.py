@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import kernel
+from ..runtime.jit import inner_loop, kernel
 from .environment import SKY, TERMS
 from .lighting import BACK, FULL_CODE, PHONG
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
@@ -173,6 +173,12 @@ def _divide_shares(shadows, count, s):
             s[SHARE + i] = s[SHARE + i] / s[ALL + i] if s[ALL + i] > _ZERO else _ONE
 
 
+@inner_loop(exact=True)
+def _divide_exactly(part, length):
+    """``part / length``: the processors' estimates of one over a root differ between makers."""
+    return part / length
+
+
 @kernel(inline="always")
 def _scale_of(x, y, z):
     """One over the length of a vector; 0 for the zero vector."""
@@ -260,7 +266,7 @@ def _add_light(light, normals, material, count, s):
         hx, hy, hz = s[LX + i] + s[VX + i], s[LY + i] + s[VY + i], s[LZ + i] + s[VZ + i]
         facing = normals[0, i] * hx + normals[1, i] * hy + normals[2, i] * hz
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
-        s[COS + i] = abs(facing) / length if length > _ZERO else _ZERO
+        s[COS + i] = _divide_exactly(abs(facing), length) if length > _ZERO else _ZERO
     if material[PHONG] > 0.0:
         for i in range(count):
             facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]
