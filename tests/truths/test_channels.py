@@ -148,10 +148,11 @@ def test_unlit_channels_are_a_march_along_rays(stage, count, perspective):
 def test_lit_channels_are_the_truth(stage, count, light):
     scene = scene_of(stage, parts(count), light == "sun", **LIT[light])
     true, depth = truth(scene, "T2", tolerance=1e-5, **shading_of(scene, "T2"))
+    most = 1.2 * LEVEL if light == "sun" else 0.8 * LEVEL  # shadows are read from a grid, of one volume, too
     for knobs in ({}, {"rays": 1e-9}):
         picture = render(scene, fine(**knobs))
         error = np.abs(picture.rgba.reshape(-1, 4) - true).max(axis=1)
-        assert np.quantile(error, 0.99) < 0.8 * LEVEL and ("rays" not in knobs or error.max() < LEVEL), knobs
+        assert np.quantile(error, 0.99) < most and ("rays" not in knobs or error.max() < LEVEL), knobs
         both = (depth < 1e9) & (picture.depth.ravel() < 1e9)
         assert np.quantile(np.abs(picture.depth.ravel() - depth)[both], 0.5) < 0.1
     assert picture.report["rays"]["pixels"] > 100
