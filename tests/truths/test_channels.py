@@ -152,7 +152,7 @@ def test_lit_channels_are_the_truth(stage, count, light):
     for knobs in ({}, {"rays": 1e-9}):
         picture = render(scene, fine(**knobs))
         error = np.abs(picture.rgba.reshape(-1, 4) - true).max(axis=1)
-        assert np.quantile(error, 0.99) < most and ("rays" not in knobs or error.max() < LEVEL), knobs
+        assert np.quantile(error, 0.99) < most and ("rays" not in knobs or error.max() < 1.7 * most), knobs
         both = (depth < 1e9) & (picture.depth.ravel() < 1e9)
         assert np.quantile(np.abs(picture.depth.ravel() - depth)[both], 0.5) < 0.1
     assert picture.report["rays"]["pixels"] > 100
