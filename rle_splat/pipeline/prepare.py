@@ -61,6 +61,7 @@ PICTURES = (
     SyntheticPicture("perspective", 0.0, 0.0, perspective=True),
     SyntheticPicture("sideways", 4.3, 0.0, azimuth=90.0),
     SyntheticPicture("lights", 7.7, 0.0, scene="lights", perspective=True),
+    SyntheticPicture("lights, draft", 0.8, 0.0, quality="draft", scene="lights"),
     SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
@@ -71,6 +72,8 @@ PICTURES = (
     SyntheticPicture("maximum", 16.4, 0.0, scene="mip"),  # the other modes have the same kernels
     SyntheticPicture("labels", 21.6, 2.5, scene="labels"),
     SyntheticPicture("channels", 4.4, 0.4, scene="channels", azimuth=90.0, perspective=True),
+    SyntheticPicture("channels, hard walls", 7.4, 4.1, quality="fine", scene="channels"),
+    SyntheticPicture("channels, pre-classified", 0.6, 0.3, classification="pre", scene="channels"),
     SyntheticPicture("pre-classified", 3.9, 2.0, classification="pre"),
     SyntheticPicture("pre-classified, sideways", 3.7, 0.6, classification="pre", azimuth=90.0, perspective=True),
     SyntheticPicture("pre-classified, unlit", 0.7, 0.6, classification="pre", scene="unlit"),
@@ -100,11 +103,11 @@ def prepare_steps():
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, and with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
-    - at "standard" with the classification "pre": unshaded, by the headlight, and by lights with shadows.
+    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, and with channels.
 
     Not covered, and compiled when a picture first needs them: other stored types; knobs by hand; a maximum error;
     ``.rle`` files; several of the effects above at once, where together they have kernels of their own.
