@@ -107,7 +107,7 @@ def prepare_steps():
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
-    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, and with channels.
+    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with channels.
 
     Not covered, and compiled when a picture first needs them: other stored types; knobs by hand; a maximum error;
     ``.rle`` files; several of the effects above at once, where together they have kernels of their own.
