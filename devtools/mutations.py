@@ -208,7 +208,7 @@ MUTANTS = (
     ),
     _left_out(
         "shadows, of post-classified light,", "pipeline/scalar_light.py",
-        "key = normals_key, key", "key = normals_key, ()",
+        "key = normals_key, side, tuple(one.key for one in arriving)", "key = normals_key, side, (len(arriving),)",
     ),
     _left_out(
         "the extinction that casts shadows", "pipeline/scan_source.py",
@@ -229,7 +229,7 @@ MUTANTS = (
     ),
     _left_out(
         "the strength of ambient occlusion", "pipeline/shadows.py",
-        "keys.append((scene.ambient_occlusion, key))", "keys.append(key)",
+        "(*key, scene.ambient_occlusion)", "key",
     ),
     _left_out(
         "the functions of labels and channels", "classify/mixture.py",

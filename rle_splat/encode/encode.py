@@ -340,7 +340,8 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
     last = np.zeros(len(starts), np.int64)  # one past the last visible voxel of each row
     seen = ends > starts
     last[seen] = voxels.column[ends[seen] - 1].astype(np.int64) + 1
-    run_counts = 2 * voxels.row_pieces.astype(np.int64) + (seen & (last < nx))
+    # Of one type: where memory has run out, numpy crashes when it finds no room to convert in.
+    run_counts = 2 * voxels.row_pieces.astype(np.int64) + (seen & (last < nx)).astype(np.int64)
     scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts[rows])
     scanline_data_pointers, n_voxels = pointers_from_counts((ends - starts)[rows])
     runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))

@@ -3,7 +3,8 @@
 The key of a kernel on disk holds everything that decides over its machine code: see ``kernel_digest``.  numba itself
 does not compile a kernel again when a function that it inlines or a constant that it uses has changed.
 
-A kernel is looked for in the user's folder, then among those that came with the installation (``shipped_kernels``).
+A kernel is looked for among those that came with the installation (``shipped_kernels``), then in the user's folder: in
+this order a picture has the same bits however many kernels the folder holds.
 
 A kernel that cannot be kept, on a full or read-only disk, works all the same.  A file that is damaged counts as
 missing: its kernel is compiled again.  (numba itself executes damaged machine code, or raises until the folder is
@@ -180,7 +181,7 @@ class KernelCache(Cache):
         _register_memory_functions()
         try:
             with self._guard_against_spurious_io_errors():
-                return self._load_overload(sig, target_context) or self._load_shipped(sig, target_context)
+                return self._load_shipped(sig, target_context) or self._load_overload(sig, target_context)
         except OSError:
             return None
 
