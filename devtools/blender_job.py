@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .build import build_here, shipped
 from .environments import ensure_bpy
+from .kernels import made_kernels
 from .places import BPY_PYTHON, BUILD, ROOT, Failure, clean_environ, say
 from .wheels import WHEEL_PINS
 
@@ -22,7 +23,8 @@ def run_job(version: str, script: str, folder: Path, **job) -> None:
     zip_path = ""
     if not stamp.is_file() or stamp.read_text() != digest:
         stamp.unlink(missing_ok=True)
-        zip_path = str(build_here(BPY_PYTHON[version], BUILD / "zip-demo"))
+        # One picture compiles less than all that a zip brings: kernels are not made for it.
+        zip_path = str(build_here(BPY_PYTHON[version], BUILD / "zip-demo", made_kernels))
     job = {"zip": zip_path, "install": bool(zip_path), "folder": str(folder), **job}
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / "blender.log"

@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
-from .kernels import make_kernels
+from .kernels import make_baseline, make_kernels
 from .licenses import license_texts
 from .places import BLENDERS, DIST, PYTHONS, ROOT, Failure, run_quietly, say
 from .wheels import TAG_PATTERNS, this_platform, wheels_for
@@ -118,18 +118,18 @@ def zip_name(platform: str, python: str) -> str:
 
 
 def build(
-    platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST, baseline_only: bool = False
+    platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST, find_kernels=make_kernels
 ) -> dict[tuple[str, str], Path]:
     """Make one zip for each platform and Python; returns (platform, Python) -> zip.
 
-    Those of this platform bring kernels, or the baseline's only.  With the others, kernels are compiled when they are
-    first needed.
+    Those of this platform bring the kernels that ``find_kernels`` finds for a list of Pythons.  With the others,
+    kernels are compiled when they are first needed.
     """
     made = {}
     for platform in platforms:
         for python in pythons:
             path = output / zip_name(platform, python)
-            kernels = make_kernels([python], baseline_only) if platform == this_platform() else []
+            kernels = find_kernels([python]) if platform == this_platform() else []
             pack(platform, python, wheels_for([platform], [python]), path, kernels)
             size = path.stat().st_size
             if size >= LARGEST_ZIP_BYTES:
@@ -139,6 +139,6 @@ def build(
     return made
 
 
-def build_here(python: str, output: Path) -> Path:
+def build_here(python: str, output: Path, find_kernels=make_baseline) -> Path:
     """The zip for this platform and a Python, to be tried here: with the baseline's kernels only."""
-    return build((this_platform(),), (python,), output, baseline_only=True)[this_platform(), python]
+    return build((this_platform(),), (python,), output, find_kernels)[this_platform(), python]

@@ -74,6 +74,24 @@ def _is_ready(version: str) -> bool:
     return True
 
 
+def _files(pythons) -> dict[Path, tuple[str, str]]:
+    """The files for these Pythons and this platform, whether they are made or not, with Python and level."""
+    return {
+        FOLDER / f"python{version}-numba{packages()['numba']}-{level}.zip": (version, level)
+        for version in pythons for level in LEVELS.get(this_platform(), ())
+    }  # fmt: skip
+
+
+def make_baseline(pythons=PYTHONS) -> list[Path]:
+    """``make_kernels`` without those of better processors, which trials and tests can do without."""
+    return make_kernels(pythons, baseline_only=True)
+
+
+def made_kernels(pythons=PYTHONS) -> list[Path]:
+    """Those of the files that hold the kernels of these sources."""
+    return [path for path in _files(pythons) if is_made(path)]
+
+
 def make_kernels(pythons=PYTHONS, baseline_only: bool = False) -> list[Path]:
     """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
 
@@ -81,8 +99,7 @@ def make_kernels(pythons=PYTHONS, baseline_only: bool = False) -> list[Path]:
     processors, which tests can do without.
     """
     wanted = {
-        FOLDER / f"python{version}-numba{packages()['numba']}-{level}.zip": (version, level)
-        for version in pythons for level in LEVELS.get(this_platform(), ())
+        path: (version, level) for path, (version, level) in _files(pythons).items()
         if (level == BASELINE or not baseline_only) and _is_ready(version)
     }  # fmt: skip
     due = {path: of for path, of in wanted.items() if not is_made(path)}
