@@ -17,6 +17,7 @@ from ..runtime.bits import count_bits, eight_bytes, lowest_bit
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
@@ -201,6 +202,11 @@ def count_kept(bits: np.ndarray, *, threads: int = 0):
 
 
 def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> VisibleVoxels:
+    """``gather_steps`` at once."""
+    return drain(gather_steps(volume, bits, counted, blocks, threads=threads))
+
+
+def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
     """List the kept voxels and their stored values.
 
     Parameters
@@ -214,6 +220,11 @@ def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
     threads : int
         0 for one per core.
 
+    Yields
+    ------
+    float
+        Fraction done.
+
     Returns
     -------
     VisibleVoxels
@@ -224,11 +235,16 @@ def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
     column = empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
     stored = empty(row_start[-1], volume.voxels.dtype)
     rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
-    if compiled():
-        with parallel_call(threads):
-            _fill_kept(bits, rows, row_start, column, stored)
-    else:
-        reference.list_seen(reference.unpack(bits)[:, :nx] > 0, rows, column, stored)
+    for first, last in cut_chunks(nz, ny * nx, multiple=BLOCK_Z):
+        yield first / nz
+        part = slice(first * ny, last * ny)
+        starts = row_start[first * ny : last * ny + 1]
+        if compiled():
+            with parallel_call(threads):
+                _fill_kept(bits[part], rows[part], starts, column, stored)
+        else:
+            own = slice(starts[0], starts[-1])
+            reference.list_seen(reference.unpack(bits[part])[:, :nx] > 0, rows[part], column[own], stored[own])
     return VisibleVoxels(volume.shape_xyz, row_start, row_pieces, column, stored, blocks.nan_voxels, bits)
 
 

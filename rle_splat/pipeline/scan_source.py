@@ -20,7 +20,7 @@ import numpy as np
 
 from ..classify.classification import ClassifiedVolume, classify_voxels, unit_length
 from ..classify.mixture import Mixture
-from ..classify.relevant import count_kept, gather_kept
+from ..classify.relevant import count_kept, gather_steps
 from ..classify.visible import Visibility, mark_steps
 from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
@@ -236,12 +236,9 @@ class ScanSource(Source):
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
-        with clock.stage(self.stage):
-            voxels = job.get(
-                "visible", visible_key,
-                lambda: gather_kept(scene.volume, bits, counted, blocks, threads=self.threads),
-            )  # fmt: skip
-        return voxels, needed
+        gather = partial(gather_steps, scene.volume, bits, counted, blocks, threads=self.threads)
+        steps = time_steps(job.steps("visible", visible_key, gather), clock, self.stage)
+        return (yield from announce(steps, 0.06, 0.1, message)), needed
 
 
 @dataclass(frozen=True, eq=False)

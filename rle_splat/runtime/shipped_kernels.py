@@ -116,7 +116,7 @@ class ShippedKernels:
             return None
         try:
             content = self._archive.read(name)
-        except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError):
+        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):  # the last: it seems to be encrypted
             self._report_damage(file_name(self.level))
             return None
         return _Reader(io.BytesIO(content)).load()

@@ -28,7 +28,8 @@ def picture(volume: Volume) -> np.ndarray:
     camera, matrix = turntable(whole(), width=SIZE, height=SIZE)
     function, _ = fit_preset("ct-bone", volume)
     scene = Scene(volume, function, camera, SIZE, SIZE, matrix, headlight=True)
-    return render(scene, Quality.preset("fine")).rgba
+    # More single rays than usual: else a pixel at an edge is one for one order of the voxels and not for another.
+    return render(scene, Quality.preset("fine", rays=0.2)).rgba
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +88,5 @@ def test_a_series_gives_the_picture(tmp_path: Path, plain, name: str):
     found = picture(volume)
     # Only the sampling differs with the order of the voxels; between tilted slices other voxels are interpolated.
     largest, mean = (0.2, 0.01) if name == "tilted" else (0.05, 0.002)
-    # A pixel at an edge may be a single ray in one picture and not in the other: 999 of 1000 count.
-    assert np.quantile(np.abs(found - plain).max(axis=-1), 0.999) < largest
+    assert np.abs(found - plain).max() < largest
     assert np.sqrt(np.mean((found - plain) ** 2)) < mean < 0.02 < np.sqrt(np.mean((found[:, ::-1] - plain) ** 2))

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(
     LEVEL not in reached_levels(), reason=f"this processor does not reach {LEVEL}, which kernels are shipped for"
 )
 
-# A call of a kernel by the name of the package: the runs that it writes, whether it was compiled, and what is remarked.
+# Calls a kernel, by the name of the package; prints the runs that it writes, whether it was compiled, and any problem.
 CALL = """
 import importlib, sys
 import numpy as np
