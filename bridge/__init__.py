@@ -4,18 +4,11 @@
 from . import paths
 
 # isort: split
-from . import (
-    handlers,
-    letters,
-    live,
-    own_presets,
-    preferences,
-    previews,
-    properties,
-    source_paths,
-    thumbnails,
-    translations,
-)
+from . import handlers, live, translations
+from .data import preferences, properties
+from .live import letters
+from .look import own_presets, previews, thumbnails
+from .volumes import source_paths
 
 __all__ = [
     "handlers", "letters", "live", "own_presets", "paths", "preferences", "previews",

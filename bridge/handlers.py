@@ -5,56 +5,46 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import (
-    follow_slices,
-    following,
-    freshness,
-    image_state,
-    live,
-    mesh_shadows,
-    migration,
-    over_render,
-    picture_files,
-    render_scene,
-    series,
-    thumbnails,
-    volumes,
-    watch,
-    world_nodes,
-    world_render,
-)
+from . import live
+from .data import migration
+from .live import slice_pictures
+from .look import thumbnails
 from .loop import store, work
+from .pictures import backdrop_work, outdated, picture_files, update
+from .render import mesh_shadows, over_render
+from .scene import image_changes, render_scene, world_nodes, world_render
+from .volumes import series, volumes
 
 
 @persistent
 def _on_load_pre(*_arguments):
     live.stop()
-    follow_slices.stop()
+    slice_pictures.stop()
     thumbnails.stop()
-    following.stop()
+    backdrop_work.stop()
     series.forget()
-    watch.stop()
+    update.stop()
     work.stop()
-    freshness.forget()
+    outdated.forget()
     render_scene.forget_stages()
     volumes.forget_all()
     _forget_worlds()
 
 
 def _forget_worlds() -> None:
-    image_state.forget()
+    image_changes.forget()
     world_nodes.forget()
     world_render.forget()
 
 
 HANDLERS = (
-    *image_state.HANDLERS,
+    *image_changes.HANDLERS,
     *world_render.HANDLERS,  # before over_render.HANDLERS, which read the world's light
     *over_render.HANDLERS,
     *mesh_shadows.HANDLERS,
-    *migration.HANDLERS,  # before watch.HANDLERS, which need the rows that it adds on load
-    *watch.HANDLERS,
-    *follow_slices.HANDLERS,
+    *migration.HANDLERS,  # before update.HANDLERS, which need the rows that it adds on load
+    *update.HANDLERS,
+    *slice_pictures.HANDLERS,
     *picture_files.HANDLERS,
     *live.HANDLERS,
     *store.HANDLERS,
@@ -70,12 +60,12 @@ def register():
 def unregister():
     for name, handler in reversed(HANDLERS):
         getattr(bpy.app.handlers, name).remove(handler)
-    follow_slices.stop()
-    following.stop()
+    slice_pictures.stop()
+    backdrop_work.stop()
     series.forget()
-    watch.stop()
+    update.stop()
     work.stop()
-    freshness.forget()
+    outdated.forget()
     render_scene.forget_stages()
     volumes.forget_all()
     _forget_worlds()

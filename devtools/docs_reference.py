@@ -141,7 +141,7 @@ def _value(node, constants: dict):
     if isinstance(node, ast.Name):
         node = constants.get(node.id, node)
     if isinstance(node, ast.Call) and len(node.args) == 1 and isinstance(node.args[0], ast.Constant):
-        return KNOB_TEXTS.get(node.args[0].value)  # _knob("...") of bridge/properties.py
+        return KNOB_TEXTS.get(node.args[0].value)  # _knob("...") of bridge/data/properties.py
     try:
         return ast.literal_eval(node)
     except ValueError:
@@ -179,7 +179,7 @@ def blender_classes() -> dict[str, Declared]:
     """Every class of bridge/, operators/ and panels/, by name."""
     found = {}
     for folder in ("bridge", "operators", "panels"):
-        for path in sorted((ROOT / folder).glob("*.py")):
+        for path in sorted((ROOT / folder).rglob("*.py")):
             module = ast.parse(path.read_text(encoding="utf-8"))
             constants = {
                 node.targets[0].id: node.value

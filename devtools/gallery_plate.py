@@ -16,7 +16,7 @@ PLATE_SCREWS = 6
 
 def bend_plate(volume_object, middle, toward, coat, screw_coat) -> None:
     """A strip with screws, bent to the outermost bone that lies ``toward`` from the middle."""
-    read_scene = import_module(f"{MODULE}.bridge.render_scene").read_scene
+    read_scene = import_module(f"{MODULE}.bridge.scene.render_scene").read_scene
     plain, _ = read_scene(volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     scale = float(np.linalg.norm(plain.index_to_world[:3, 0]) / plain.volume.spacing[0])  # world units in a millimeter
     ahead = Vector(toward).normalized()

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from .places import ROOT, Failure
 
-BUNDLED = ROOT / "bridge" / "bundled.json"
+BUNDLED = ROOT / "bridge" / "data" / "bundled.json"
 TEXT = re.compile(r"[^/]+\.dist-info/(?:licenses/)?(?P<name>(?:LICEN[CS]E|COPYING|NOTICE)[^/]*)")
 FOLDER = "licenses"  # in the zip
 
 
 def bundled() -> list[dict]:
-    """Name, license and home page of each package, as in bridge/bundled.json."""
+    """Name, license and home page of each package, as in bridge/data/bundled.json."""
     return json.loads(BUNDLED.read_text(encoding="utf-8"))
 
 

@@ -3,10 +3,12 @@
 import bpy
 from bpy.props import IntProperty
 
-from ..bridge import accuracy, render_scene, volumes
+from ..bridge.data import accuracy
+from ..bridge.data.settings import quality_of
 from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
-from ..bridge.settings import quality_of
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.scene import render_scene
+from ..bridge.volumes import volumes
 from ..rle_splat.accuracy.planner.error_map import error_map_steps
 from ..rle_splat.accuracy.planner.measure_plans import sweep_steps
 from ..rle_splat.accuracy.planner.plans import sensible_plans

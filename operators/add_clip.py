@@ -4,9 +4,11 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..bridge import clip_objects, encoded, transfer, volumes
-from ..bridge.attached import volume_frame
-from ..bridge.settings import scene_scale_of
+from ..bridge.data.settings import scene_scale_of
+from ..bridge.look import transfer
+from ..bridge.scene import clip_objects
+from ..bridge.volumes import encoded, volumes
+from ..bridge.volumes.attached import volume_frame
 from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active

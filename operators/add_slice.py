@@ -3,7 +3,9 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..bridge import follow_slices, slices, viewports, volumes
+from ..bridge.live import slice_pictures, slices
+from ..bridge.scene import viewports
+from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
@@ -48,7 +50,7 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
         make_active(self, context, one, "was added")
         context.scene.render.use_lock_interface = True  # renders write pixels that viewports draw
         viewports.show_textures(context.window)
-        follow_slices.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
+        slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         return {"FINISHED"}
 
 

@@ -4,7 +4,7 @@ import bpy
 from bpy.app.translations import pgettext_iface, pgettext_tip
 from bpy.props import EnumProperty
 
-from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer
 from .applying import AppliesTransfer
 
 

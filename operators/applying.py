@@ -1,6 +1,7 @@
 """What the operators that replace a volume's transfer function have in common."""
 
-from ..bridge import transfer, volumes
+from ..bridge.look import transfer
+from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import has_editable_values, refuse

@@ -7,9 +7,11 @@ import numpy as np
 from bpy.props import EnumProperty, IntProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..bridge import linked, medium_volumes, volumes
-from ..bridge.medium_volumes import LOOKS
-from ..bridge.source_paths import check_is_no_scan, kept_path
+from ..bridge import linked
+from ..bridge.render import medium_volumes
+from ..bridge.render.medium_volumes import LOOKS
+from ..bridge.volumes import volumes
+from ..bridge.volumes.source_paths import check_is_no_scan, kept_path
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.volume.reduced import factors_of
 from .placing import make_active

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty
 
-from ..bridge import channels, loading, volumes
+from ..bridge.volumes import channels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import has_editable_values, has_editable_volume, refuse

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
-from ..bridge import series
+from ..bridge.volumes import series
 from .refusal import refuse
 
 WIDTH = 520  # pixels at interface scale 1

@@ -4,8 +4,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..bridge import own_presets
-from ..bridge.canvas import redraw_sidebars
+from ..bridge.look import own_presets
+from ..bridge.pictures.canvas import redraw_sidebars
 from ..rle_splat.classify.transfer_files import SUFFIXES, read_transfer_functions
 from ..rle_splat.scene import RleSplatError
 from .refusal import refuse

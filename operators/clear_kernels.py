@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..bridge import kernel_cache
-from ..bridge.facts import memory_text
+from ..bridge.data import kernel_cache
+from ..bridge.volumes.facts import memory_text
 
 
 class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):

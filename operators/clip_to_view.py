@@ -4,7 +4,8 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..bridge import box, clip_objects, viewports, volumes
+from ..bridge.scene import clip_objects, viewports
+from ..bridge.volumes import box, volumes
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .refusal import has_volume, refuse

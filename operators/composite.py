@@ -2,10 +2,15 @@
 
 import bpy
 
-from ..bridge import compositor, images, mesh_shadows, pictures, preferences, versions, volumes, world_render
-from ..bridge.camera import read_camera
-from ..bridge.transfer import read_transfer
+from ..bridge import versions
+from ..bridge.data import preferences
+from ..bridge.look.transfer import read_transfer
+from ..bridge.pictures import images, pictures
+from ..bridge.render import compositor, mesh_shadows
+from ..bridge.scene import world_render
+from ..bridge.scene.camera import read_camera
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import refuse

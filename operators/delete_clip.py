@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
-from ..bridge import clip_objects
+from ..bridge.scene import clip_objects
 from .refusal import refuse
 
 

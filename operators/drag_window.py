@@ -3,11 +3,12 @@
 import bpy
 from bpy.props import FloatProperty
 
-from ..bridge import transfer, volumes
 from ..bridge.held import Held
-from ..bridge.probe import value_text
+from ..bridge.look import transfer
+from ..bridge.look.probe import value_text
+from ..bridge.look.window_drag import WindowDrag
 from ..bridge.translations import OURS
-from ..bridge.window_drag import WindowDrag
+from ..bridge.volumes import volumes
 from .refusal import refuse, why_no_editable_transfer
 
 KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Release: Keep   |   Esc, Right Click: Cancel"

@@ -4,12 +4,13 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, FloatProperty
 
-from ..bridge import surface_mesh, transfer, volumes
-from ..bridge.clip_objects import read_clips
+from ..bridge.data.settings import scene_scale_of
 from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
-from ..bridge.labels import read_labels
-from ..bridge.settings import scene_scale_of
+from ..bridge.look import transfer
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.scene.clip_objects import read_clips
+from ..bridge.volumes import surface_mesh, volumes
+from ..bridge.volumes.labels import read_labels
 from ..rle_splat.classify.surface import Solid, largest_opacity
 from ..rle_splat.classify.transfer_function import TransferFunction
 from ..rle_splat.effects.clips import half_spaces

@@ -5,7 +5,8 @@ import numpy as np
 from bpy.app.translations import pgettext_tip
 from bpy.props import EnumProperty
 
-from ..bridge import box, viewports, volumes
+from ..bridge.scene import viewports
+from ..bridge.volumes import box, volumes
 from ..rle_splat.volume.volume import PATIENT
 from .refusal import has_volume, refuse
 

@@ -7,12 +7,14 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
-from ..bridge import box, encoded, facts, first_light, new_volume, preferences, source_options, viewports, volumes
-from ..bridge.automatic import draw_number
+from ..bridge.data import preferences, source_options
+from ..bridge.data.automatic import draw_number
 from ..bridge.live import shown
-from ..bridge.preset_items import IMPORT_ITEMS, chosen_transfer_steps
-from ..bridge.reading import found_steps
+from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
+from ..bridge.scene import first_light, viewports
 from ..bridge.translations import filled, told
+from ..bridge.volumes import box, encoded, facts, new_volume, volumes
+from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of

@@ -2,8 +2,12 @@
 
 import bpy
 
-from ..bridge import effects, freshness, mesh_shadows, render_scene, volumes
-from ..bridge.settings import tolerance_of
+from ..bridge.data import effects
+from ..bridge.data.settings import tolerance_of
+from ..bridge.pictures import outdated
+from ..bridge.render import mesh_shadows
+from ..bridge.scene import render_scene
+from ..bridge.volumes import volumes
 from ..rle_splat.accuracy.planner.tolerance import without_shadows_of
 from ..rle_splat.effects.analyze import analyze
 from ..rle_splat.scene import RleSplatError
@@ -37,7 +41,7 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         listed = [{"name": effect.name, "on": effect.on, "reason": effect.reason} for effect in found]
         listed.append(mesh_shadows.row(*mesh_shadows.why(owner, depsgraph, plain), ms=None))
         effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
-        freshness.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
+        outdated.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
         names = [entry["name"] for entry in listed if entry["on"]]
         self.report({"INFO"}, f"On: {', '.join(names) or 'none'}.")
         return {"FINISHED"}

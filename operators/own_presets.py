@@ -3,8 +3,9 @@
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..bridge import own_presets, transfer, volumes
-from ..bridge.canvas import redraw_sidebars
+from ..bridge.look import own_presets, transfer
+from ..bridge.pictures.canvas import redraw_sidebars
+from ..bridge.volumes import volumes
 from ..rle_splat.runtime.steps import drain
 from ..rle_splat.scene import RleSplatError
 from .applying import AppliesTransfer

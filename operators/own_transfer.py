@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import transfer, volumes
+from ..bridge.look import transfer
+from ..bridge.volumes import volumes
 from .refusal import has_editable_transfer
 
 

@@ -5,8 +5,8 @@ import math
 import bpy
 from bpy.props import FloatVectorProperty
 
-from ..bridge import probe
 from ..bridge.live import shown
+from ..bridge.look import probe
 from ..rle_splat.scene import RleSplatError
 from .refusal import NO_VOLUME, refuse
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import labels, loading, volumes
+from ..bridge.volumes import labels, loading, volumes
 from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
 from .refusal import has_editable_values, refuse

@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..bridge import series
-from ..bridge.jobs import READ_BUDGET, StepwiseOperator
-from ..bridge.reading import thumbnail_steps
+from ..bridge.loop.jobs import READ_BUDGET, StepwiseOperator
+from ..bridge.volumes import series
+from ..bridge.volumes.import_source import thumbnail_steps
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.scene import RleSplatError
 

@@ -1,7 +1,9 @@
 """What operators share: reporting an error, and ``poll`` checks that say why a button is disabled."""
 
-from ..bridge import encoded, linked, transfer, volumes
+from ..bridge import linked
+from ..bridge.look import transfer
 from ..bridge.translations import told
+from ..bridge.volumes import encoded, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
 WHICH_VOLUME = "Select one of the volumes in the scene"

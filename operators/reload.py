@@ -3,11 +3,12 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ..bridge import new_volume, source_options, volumes
-from ..bridge.automatic import draw_number
+from ..bridge.data import source_options
+from ..bridge.data.automatic import draw_number
 from ..bridge.held import Held
-from ..bridge.reading import found_steps
-from ..bridge.source_paths import resolved_path
+from ..bridge.volumes import new_volume, volumes
+from ..bridge.volumes.import_source import found_steps
+from ..bridge.volumes.source_paths import resolved_path
 from .reading import ReadsFiles
 from .refusal import has_editable_volume
 

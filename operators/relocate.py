@@ -6,9 +6,10 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..bridge import encoded, new_volume, source_options, volumes
+from ..bridge.data import source_options
 from ..bridge.held import Held
-from ..bridge.reading import found_steps
+from ..bridge.volumes import encoded, new_volume, volumes
+from ..bridge.volumes.import_source import found_steps
 from .import_volume import LAST_SUFFIXES
 from .reading import ReadsFiles
 from .refusal import has_editable_volume

@@ -2,10 +2,11 @@
 
 import bpy
 
-from ..bridge import freshness, pictures, render_scene, show_image
-from ..bridge.canvas import ProgressImage
+from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
-from ..bridge.settings import tolerance_of
+from ..bridge.pictures import outdated, pictures, show_image
+from ..bridge.pictures.canvas import ProgressImage
+from ..bridge.scene import render_scene
 from .through_camera import ThroughCamera, report_picture
 
 
@@ -20,7 +21,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         plain, quality = self.read_scene(context)
         self._canvas = ProgressImage(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
-        self._made_from = freshness.made_of(plain, quality, tolerance, self.with_meshes)
+        self._made_from = outdated.made_of(plain, quality, tolerance, self.with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
     def show_draft(self, context, rendering):
@@ -40,7 +41,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         image, depth_image = pictures.keep(scene, volume_object, rendering.rgba, rendering.depth)
         settings = scene.rle_splat
         settings.image, settings.depth_image = image, depth_image
-        freshness.note(image, self._made_from)
+        outdated.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
         if self.was_in_window and not bpy.app.background:

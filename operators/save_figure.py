@@ -5,11 +5,13 @@ import os
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
-from ..bridge import figure, render_scene, volumes
-from ..bridge.decimals import typed
-from ..bridge.jobs import StepwiseOperator
-from ..bridge.output_settings import free_path
-from ..bridge.settings import quality_of, tolerance_of
+from ..bridge.data.decimals import typed
+from ..bridge.data.settings import quality_of, tolerance_of
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.pictures import figure
+from ..bridge.render.output_settings import free_path
+from ..bridge.scene import render_scene
+from ..bridge.volumes import volumes
 from ..rle_splat.figure.make import figure_steps
 from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
 from ..rle_splat.scene import RleSplatError

@@ -3,18 +3,14 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ..bridge import backdrop, following, freshness, pictures, render_scene, volumes
-from ..bridge.canvas import ProgressImage, redraw
+from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
-from ..bridge.settings import tolerance_of
-from .through_camera import (
-    evaluated,
-    has_volume_and_camera,
-    is_looked_through,
-    look_through_camera,
-    report_picture,
-)
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.pictures import backdrop, backdrop_work, outdated, pictures
+from ..bridge.pictures.canvas import ProgressImage, redraw
+from ..bridge.scene import render_scene
+from ..bridge.volumes import volumes
+from .through_camera import evaluated, has_volume_and_camera, is_looked_through, look_through_camera, report_picture
 
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
@@ -41,7 +37,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def prepare(self, context):
-        following.stop()
+        backdrop_work.stop()
         scene = context.scene
         settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
@@ -54,7 +50,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         self._canvas = ProgressImage(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)
         tolerance = tolerance_of(scene)
-        self._made_from = freshness.made_of(plain, quality, tolerance, with_meshes)
+        self._made_from = outdated.made_of(plain, quality, tolerance, with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
     def show_draft(self, context, rendering):
@@ -76,7 +72,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         settings.backdrop_object, settings.backdrop_depth = volume_object, self._place
         settings.backdrop_follows = self._follow
         settings.message = ""
-        freshness.note(image, self._made_from)
+        outdated.note(image, self._made_from)
         pictures.note_report(settings, rendering.report)
         backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
@@ -99,7 +95,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        following.stop()
+        backdrop_work.stop()
         backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
         redraw(context)

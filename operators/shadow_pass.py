@@ -2,8 +2,9 @@
 
 import bpy
 
-from ..bridge import pictures, render_scene
-from ..bridge.settings import tolerance_of
+from ..bridge.data.settings import tolerance_of
+from ..bridge.pictures import pictures
+from ..bridge.scene import render_scene
 from ..rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from ..rle_splat.scene import RleSplatError
 from .through_camera import ThroughCamera, has_values_and_camera

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import IntProperty
 
-from ..bridge import volumes
+from ..bridge.volumes import volumes
 from .refusal import has_editable_volume, refuse
 
 

@@ -2,10 +2,12 @@
 
 from bpy.props import BoolProperty
 
-from ..bridge import render_scene, transfer, volumes, world_render
 from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
+from ..bridge.look import transfer
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.scene import render_scene, world_render
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from .refusal import has_values, has_volume
 
 

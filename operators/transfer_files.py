@@ -4,7 +4,8 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..bridge import transfer, volumes
+from ..bridge.look import transfer
+from ..bridge.volumes import volumes
 from ..rle_splat.classify.presets import RELATIVE
 from ..rle_splat.classify.transfer_files import choose_function, fit_function, read_transfer_functions
 from ..rle_splat.scene import RleSplatError

@@ -10,11 +10,11 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..bridge import camera_path, volumes
 from ..bridge.held import Held
-from ..bridge.jobs import StepwiseOperator
+from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.messages import sentence_of
-from ..bridge.output_settings import (
+from ..bridge.render import camera_path
+from ..bridge.render.output_settings import (
     EXR,
     EXTENSIONS,
     MOVIE,
@@ -27,6 +27,7 @@ from ..bridge.output_settings import (
     write_to,
 )
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 

@@ -4,8 +4,9 @@ import bpy
 from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..bridge import transfer, volumes
+from ..bridge.look import transfer
 from ..bridge.translations import OURS
+from ..bridge.volumes import volumes
 from .refusal import has_editable_transfer
 
 # Common CT windows: name, level and window in HU.

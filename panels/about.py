@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import about
+from ..bridge.data import about
 from .places import Sidebar, paragraph
 
 PACKAGES = about.bundled()  # read once, for drawing opens no file

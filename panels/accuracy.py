@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import accuracy
+from ..bridge.data import accuracy
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.485  # of a row's width that the plan's name takes

@@ -2,10 +2,11 @@
 
 import bpy
 
-from ..bridge import facts, transfer, volumes
-from ..bridge.automatic import draw_number
-from ..bridge.camera import image_size
-from ..bridge.settings import OF_PRE, is_pre_classified, quality_of
+from ..bridge.data.automatic import draw_number
+from ..bridge.data.settings import OF_PRE, is_pre_classified, quality_of
+from ..bridge.look import transfer
+from ..bridge.scene.camera import image_size
+from ..bridge.volumes import facts, volumes
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 

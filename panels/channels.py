@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..bridge import volumes
 from ..bridge.presence import is_deleted
+from ..bridge.volumes import volumes
 from .places import OfVolume, paragraph
 
 

@@ -8,7 +8,7 @@ from functools import partial
 import bpy
 from mathutils import Matrix
 
-from ..bridge import clip_handles
+from ..bridge.scene import clip_handles
 
 AXIS_COLORS = ((1.0, 0.2, 0.32), (0.55, 0.86, 0.0), (0.16, 0.56, 1.0))  # of Blender's x, y and z
 PLANE_COLOR = (1.0, 0.75, 0.2)

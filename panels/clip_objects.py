@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import clip_objects, volumes
+from ..bridge.scene import clip_objects
+from ..bridge.volumes import volumes
 from .places import Sidebar
 
 

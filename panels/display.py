@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import encoded, transfer_nodes, volumes
+from ..bridge.look import transfer_nodes
+from ..bridge.volumes import encoded, volumes
 from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge.effects import TEXTS, property_of
+from ..bridge.data.effects import TEXTS, property_of
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the effect's name takes

@@ -1,9 +1,10 @@
 """The histogram above the opacity curve: one picture as wide as the curve, its value axis, and the selected point."""
 
-from ..bridge import facts, histogram_picture, previews, transfer_nodes
-from ..bridge.probe import value_text
-from ..bridge.transfer import window_of
+from ..bridge.look import histogram_picture, previews, transfer_nodes
+from ..bridge.look.probe import value_text
+from ..bridge.look.transfer import window_of
 from ..bridge.translations import filled
+from ..bridge.volumes import facts
 from .places import BORDERS, BUTTON, paragraph
 
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import encoded, volumes
+from ..bridge.volumes import encoded, volumes
 from .places import OfVolume, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the segment's name takes

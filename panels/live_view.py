@@ -2,9 +2,11 @@
 
 import bpy
 
-from ..bridge import live, preferences, volumes
+from ..bridge import live
+from ..bridge.data import preferences
 from ..bridge.live import shown
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from .outdated import draw_outdated
 from .places import paragraph
 

@@ -1,6 +1,6 @@
 """Pictures that no longer show the scene, with the buttons that make them again."""
 
-from ..bridge import freshness
+from ..bridge.pictures import outdated
 from ..bridge.translations import filled
 from .places import paragraph
 
@@ -21,8 +21,8 @@ def draw_outdated(context, layout) -> bool:
         Whether there is any.
     """
     pinned = {row.image for row in context.scene.rle_splat.pictures if row.kind == "backdrop"}
-    outdated = freshness.out_of_date(context.scene)
-    for image in outdated:
+    images = outdated.out_of_date(context.scene)
+    for image in images:
         sentence = filled("Out of date: {image}. The scene has changed since", image=image.name)
         paragraph(context, layout, sentence, icon="ERROR")
         again = "rle_splat.set_backdrop" if image in pinned else "rle_splat.render_image"

@@ -3,8 +3,8 @@
 import bpy
 from bpy.app.translations import pgettext_iface
 
-from ..bridge import volumes
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from ..rle_splat.scene import PRESET_AIMS
 from .outdated import draw_outdated
 from .places import RenderTab, Sidebar, paragraph

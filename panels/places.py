@@ -2,8 +2,8 @@
 
 import textwrap
 
-from ..bridge import volumes
 from ..bridge.translations import told
+from ..bridge.volumes import volumes
 
 # Pixels at interface scale 1.
 PIXELS_A_LETTER = 6.0  # the average is 5.2; lines of mostly wide letters must fit too

@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..bridge import volumes
-from ..bridge.playback import FIXED, shown_frame
+from ..bridge.data.playback import FIXED, shown_frame
 from ..bridge.translations import filled
+from ..bridge.volumes import volumes
 from .places import Sidebar
 
 

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..bridge import own_presets
-from ..bridge.preset_items import BY_MODALITY, IMPORT_ITEMS, SUGGESTED
+from ..bridge.look import own_presets
+from ..bridge.look.preset_items import BY_MODALITY, IMPORT_ITEMS, SUGGESTED
 
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):

@@ -2,7 +2,9 @@
 
 import bpy
 
-from ..bridge import encoded, linked, preset_entries, thumbnails, volumes
+from ..bridge import linked
+from ..bridge.look import preset_entries, thumbnails
+from ..bridge.volumes import encoded, volumes
 from .places import BORDERS, BUTTON, OfVolume
 
 # Pixels at interface scale 1: width of a picture, and of one with a second button or a name of more letters than fit.

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import encoded, volumes
+from ..bridge.volumes import encoded, volumes
 from .places import DataTab, OfVolume, paragraph
 
 BUTTON = 3.5  # width of the button beside the path, in buttons

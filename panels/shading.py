@@ -2,10 +2,12 @@
 
 import bpy
 
-from ..bridge import effects, encoded, first_light, volumes
-from ..bridge.automatic import draw_number
-from ..bridge.settings import is_pre_classified
-from ..bridge.world import state as world_state
+from ..bridge.data import effects
+from ..bridge.data.automatic import draw_number
+from ..bridge.data.settings import is_pre_classified
+from ..bridge.scene import first_light
+from ..bridge.scene.world import state as world_state
+from ..bridge.volumes import encoded, volumes
 from .places import OfVolume, paragraph
 
 

@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge import follow_slices, slices, volumes
+from ..bridge.live import slice_pictures, slices
+from ..bridge.volumes import volumes
 from .places import Sidebar, paragraph
 
 
@@ -25,7 +26,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             row.prop(one, "location", index=2, text="")
             row.prop(one, "hide_viewport", text="")
             row.prop(one, "hide_render", text="")
-            problem = follow_slices.problem_of(one)
+            problem = slice_pictures.problem_of(one)
             if problem:
                 paragraph(context, layout, problem, icon="ERROR")
         row = layout.row(align=True)

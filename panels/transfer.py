@@ -2,8 +2,10 @@
 
 import bpy
 
-from ..bridge import encoded, linked, transfer, transfer_nodes, volumes
+from ..bridge import linked
+from ..bridge.look import transfer, transfer_nodes
 from ..bridge.translations import filled, with_unit
+from ..bridge.volumes import encoded, volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .histogram import draw_histogram, draw_selected
 from .places import DataTab, OfVolume, paragraph

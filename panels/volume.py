@@ -2,10 +2,10 @@
 
 import bpy
 
-from ..bridge import volumes
-from ..bridge.jobs import StepwiseOperator
 from ..bridge.loop import work
+from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.translations import OURS, told
+from ..bridge.volumes import volumes
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
 from ..rle_splat.volume.volume import PATIENT

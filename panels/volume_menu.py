@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge import volumes
+from ..bridge.volumes import volumes
 
 
 class RLE_SPLAT_MT_volumes(bpy.types.Menu):

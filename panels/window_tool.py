@@ -2,8 +2,9 @@
 
 import bpy
 
-from ..bridge import probe, volumes
+from ..bridge.look import probe
 from ..bridge.translations import with_unit
+from ..bridge.volumes import volumes
 from ..operators.use_window_tool import TOOL
 
 

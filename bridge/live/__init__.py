@@ -10,8 +10,10 @@ from collections import Counter
 import bpy
 from bpy.app.handlers import persistent
 
-from .. import jobs, preferences, render_scene
+from ..data import preferences
+from ..loop import jobs
 from ..messages import tell
+from ..scene import render_scene
 from ..translations import filled
 from . import drawing, shown, surface
 from .viewport import Viewport

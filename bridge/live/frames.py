@@ -13,7 +13,7 @@ from ...rle_splat.pipeline.several import MOST_SPANS, several_steps
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
-from ..drafts import draft_of
+from ..pictures.drafts import draft_of
 from .view import Matrices, ViewportView, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap

@@ -12,7 +12,8 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from .. import placements, volumes
+from ..scene import placements
+from ..volumes import volumes
 
 SWITCH = "show_object_viewport_volume"  # of a SpaceView3D
 

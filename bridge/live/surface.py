@@ -11,10 +11,13 @@ import numpy as np
 
 from ...rle_splat.scene import Camera
 from ...rle_splat.view.box_order import box_of
-from .. import encoded, freshness, preferences, render_scene, settings
-from ..decimals import typed
-from ..glass import has_glass
+from ..data import preferences, settings
+from ..data.decimals import typed
 from ..loop import work
+from ..pictures import outdated
+from ..scene import render_scene
+from ..scene.glass import has_glass
+from ..volumes import encoded
 from . import shown
 from .floor import without_floor
 from .frames import Contents
@@ -142,7 +145,7 @@ class BlenderSurface:
         if overrides != plain.effects:
             plain = replace(plain, effects=overrides)
         quality = encoded.suited(settings.quality_of(self._depsgraph.scene_eval), plain.volume)
-        digest = freshness.made_of(plain, quality, None, plain.triangles is not None).digest
+        digest = outdated.made_of(plain, quality, None, plain.triangles is not None).digest
         return Contents(plain, quality, digest, box_of(plain.index_to_world, plain.volume.shape_xyz, BEYOND))
 
     def ends(self, view: ViewportView, part) -> np.ndarray | None:

@@ -15,10 +15,10 @@ import bpy
 
 from ...rle_splat.runtime.steps import Progress
 from ...rle_splat.scene import RleSplatError
-from .. import jobs, loading, volumes
-from ..canvas import redraw_sidebars
 from ..held import Held
-from . import store
+from ..pictures.canvas import redraw_sidebars
+from ..volumes import loading, volumes
+from . import jobs, store
 
 PURPOSE = "picture"  # of a wish, see ``store.Wish``
 PAUSE, BUSY = 0.01, 0.2  # seconds between slices, and between checks whether other work is done

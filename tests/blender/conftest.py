@@ -145,7 +145,7 @@ def classified_first(addon):
 
 @pytest.fixture
 def bridge(addon):
-    """``bridge("volumes")`` is the installed add-on's module bridge.volumes."""
+    """``bridge("volumes.volumes")`` is the installed add-on's module bridge.volumes.volumes."""
     return lambda name: import_module(f"{MODULE}.bridge.{name}")
 
 

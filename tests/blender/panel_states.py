@@ -153,7 +153,7 @@ def encoded(folder):
     """A volume whose voxels are encoded: nothing of its look can be edited."""
     add_volume(folder)
     core = {name: import_module(f"{MODULE}.rle_splat.{name}") for name in ("encode.store", "pipeline.encode_scene")}
-    plain, quality = import_module(f"{MODULE}.bridge.render_scene").read_scene(
+    plain, quality = import_module(f"{MODULE}.bridge.scene.render_scene").read_scene(
         bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     stored = core["pipeline.encode_scene"].encode_scene(plain, quality.classified("pre"))
     core["encode.store"].save(folder / "scan.rle", stored)

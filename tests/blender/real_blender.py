@@ -39,7 +39,7 @@ def import_cube(folder: Path):
     assert done == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.transfer").write_transfer(volume, functions.TransferFunction(
+    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="test", unit=None, opacity=((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)),
         color=((0.0, *COLOR), (255.0, *COLOR)), opacity_unit_distance=1.0, shade=None))
     return volume

@@ -21,7 +21,7 @@ def volume(bridge, core, tmp_path):
     voxels = np.clip(255.0 - 62.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))
     scenes.add_camera((3.5, -5.5, 15.0), (0.6, 0.0, 0.0))
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = SIZE
@@ -38,16 +38,16 @@ def measured(volume):
 def listed(volume, bridge, core):
     """A list of a few plans, measured without the operator: quicker."""
     plans, sweeps, scene = core("accuracy.planner.plans"), core("accuracy.planner.measure_plans"), bpy.context.scene
-    plain, quality = bridge("render_scene").read_scene(
+    plain, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     few = [plan for plan in plans.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
     sweep = core("runtime.steps").drain(sweeps.sweep_steps(plain, few, quality, probes=60, repeats=1))
-    bridge("accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
+    bridge("data.accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
     return scene.rle_splat
 
 
 def test_the_list_is_the_front_and_the_current_plan(measured, bridge):
-    accuracy, scene = bridge("accuracy"), bpy.context.scene
+    accuracy, scene = bridge("data.accuracy"), bpy.context.scene
     rows = list(measured.accuracy_rows)
     current = [row.name for row in rows if accuracy.is_current(scene, row)]
     assert current == [measured.quality] and len(rows) >= 2
@@ -60,13 +60,13 @@ def test_the_list_is_the_front_and_the_current_plan(measured, bridge):
 
 
 def test_choosing_a_row_sets_its_plan(listed, bridge):
-    accuracy, scene = bridge("accuracy"), bpy.context.scene
+    accuracy, scene = bridge("data.accuracy"), bpy.context.scene
     listed.max_error = 2.0  # chooses plans by itself
     for index, row in enumerate(listed.accuracy_rows):
         assert not accuracy.is_current(scene, row) or index
         assert bpy.ops.rle_splat.choose_plan(index=index) == {"FINISHED"}
         assert [accuracy.is_current(scene, other) for other in listed.accuracy_rows].index(True) == index
-        plan = bridge("settings").quality_of(scene)
+        plan = bridge("data.settings").quality_of(scene)
         for name, value in json.loads(row.knobs).items():
             assert getattr(plan, name) == (pytest.approx(value) if isinstance(value, float) else value), name
     with pytest.raises(RuntimeError, match="no measured plan"):
@@ -75,7 +75,7 @@ def test_choosing_a_row_sets_its_plan(listed, bridge):
 
 def test_every_sensible_plan_can_be_chosen(listed, bridge, core):
     """By name where a quality is the same, else knob by knob: none is lost on the way through Blender's properties."""
-    accuracy, plans, scene = bridge("accuracy"), core("accuracy.planner.plans"), bpy.context.scene
+    accuracy, plans, scene = bridge("data.accuracy"), core("accuracy.planner.plans"), bpy.context.scene
     row, quality = listed.accuracy_rows[0], core("scene").Quality
     for base in (quality(), quality(classification="pre", record=8)):
         for plan in plans.sensible_plans(base):
@@ -89,7 +89,7 @@ def test_a_plan_of_a_classification_that_was_removed(listed, bridge, core):
     knobs = plans.knobs_of(core("scene").Quality.preset("draft", classification="pre", record=8))
     row.knobs = json.dumps({**knobs, "classification": "refined", "refinement": 3})
     assert bpy.ops.rle_splat.choose_plan(index=0) == {"FINISHED"}
-    assert bridge("accuracy").is_current(scene, row) and (listed.classification, listed.record) == ("post", "16")
+    assert bridge("data.accuracy").is_current(scene, row) and (listed.classification, listed.record) == ("post", "16")
     assert listed.message == "The classification 'refined' was removed; 'post' with the record 16 is used instead."
 
 
@@ -98,9 +98,9 @@ def test_another_plan_is_measured_beside_and_marked(volume, bridge):
     settings.quality, settings.sheet_density, settings.depth_rule = "custom", 1.3, "midpoint-2"
     bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1)
     row = next(row for row in settings.accuracy_rows if row.name == "custom")
-    assert bridge("accuracy").is_current(bpy.context.scene, row)
+    assert bridge("data.accuracy").is_current(bpy.context.scene, row)
     settings.quality = "draft"
-    assert not bridge("accuracy").is_current(bpy.context.scene, row)
+    assert not bridge("data.accuracy").is_current(bpy.context.scene, row)
 
 
 @pytest.mark.parametrize("step", (1, 3))
@@ -108,7 +108,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     settings = bpy.context.scene.rle_splat
     settings.quality = "draft"
     assert bpy.ops.rle_splat.error_map(step=step) == {"FINISHED"}
-    plain, quality = bridge("render_scene").read_scene(
+    plain, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     rendering = core("pipeline.render").render(plain, quality)
     name = rendering.report["error"]["truth"]

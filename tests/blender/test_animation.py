@@ -18,7 +18,7 @@ ALPHA = 0.1
 def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
     scene = scenes.use_cycles((32, 32))
     scene.frame_start, scene.frame_end = 1, 3
@@ -134,7 +134,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     scenes.add_mesh([(60, 0, 0), (61, 0, 0), (60, 1, 0)], [(0, 1, 2)], (1.0, 1.0, 1.0))
     key_linear(scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     bpy.ops.rle_splat.composite()
-    scenes_read, calls = bridge("render_scene"), []
+    scenes_read, calls = bridge("scene.render_scene"), []
     read = scenes_read.read_scenes
     monkeypatch.setattr(scenes_read, "read_scenes",
                         lambda o, d, **k: (calls.append(d.scene.frame_current), read(o, d, **k))[1])
@@ -148,7 +148,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
 def test_what_did_not_change_is_not_made_again(volume, bridge, tmp_path):
     bpy.ops.rle_splat.composite()
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
-    kept = bridge("render_scene").KEPT
+    kept = bridge("scene.render_scene").KEPT
     kept.clear()
     kept.made.clear()
     animated(tmp_path)

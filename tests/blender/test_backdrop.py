@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=20.0, shift_x=0.1)
     render = bpy.context.scene.render

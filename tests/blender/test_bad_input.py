@@ -15,7 +15,7 @@ PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
 def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     return owner
@@ -88,7 +88,7 @@ def test_a_camera_scaled_to_nothing(volume, operator):
 @pytest.mark.parametrize("operator", PICTURE_OPERATORS)
 def test_a_file_that_is_gone(volume, bridge, operator, tmp_path):
     scenes.add_camera((4.0, 4.0, 30.0))
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     (tmp_path / "cube.raw").unlink()
     assert "Relocate" in refusal(operator)
 

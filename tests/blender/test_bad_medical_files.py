@@ -68,7 +68,7 @@ def test_the_comparison_sees_a_change(scan):
 
 
 def test_each_is_refused_in_a_sentence(scan, bad, bridge, refused, tmp_path):
-    voxels = bridge("volumes").load_volume(scan)
+    voxels = bridge("volumes.volumes").load_volume(scan)
     before = scene_as_it_is()
     assert len(bad) == 29
     for number, (name, (write, words)) in enumerate(bad.items()):
@@ -77,4 +77,4 @@ def test_each_is_refused_in_a_sentence(scan, bad, bridge, refused, tmp_path):
         for operator in (bpy.ops.rle_splat.import_volume, bpy.ops.rle_splat.relocate):
             refused(operator, words, filepath=str(path))
             assert scene_as_it_is() == before, name
-    assert bridge("volumes").load_volume(scan) is voxels, "the voxels are those in memory, too"
+    assert bridge("volumes.volumes").load_volume(scan) is voxels, "the voxels are those in memory, too"

@@ -40,7 +40,7 @@ def test_projection_is_blenders(bridge, core, kind, fit, scale):
         render.pixel_aspect_x, render.pixel_aspect_y = aspect
         camera.data.shift_x, camera.data.shift_y = shift
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        plain, width, height = bridge("camera").read_camera(depsgraph)
+        plain, width, height = bridge("scene.camera").read_camera(depsgraph)
         assert (width, height) == (size[0] * percentage // 100, size[1] * percentage // 100)
 
         homogeneous = np.c_[points, np.ones(len(points))]
@@ -102,7 +102,7 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
     owner = scenes.import_raw(tmp_path, voxels, (spacing,) * 3)
     owner.location = place - 2.0 * spacing
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))
     scene.rle_splat.quality = "fine"
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
@@ -145,7 +145,7 @@ def test_lights_are_read_as_evaluated(bridge):
     warm = add("SUN", energy=1.0)
     warm.data.use_temperature, warm.data.temperature = True, 3000.0
 
-    lights = bridge("lights").read_lights(bpy.context.evaluated_depsgraph_get())
+    lights = bridge("scene.lights").read_lights(bpy.context.evaluated_depsgraph_get())
     by_kind = {}
     for light in lights:
         by_kind.setdefault(light.type, []).append(light)
@@ -179,5 +179,5 @@ def test_a_light_that_is_not_normalized_is_as_bright_as_cycles_makes_it(bridge, 
     for normalized in (True, False):
         data.normalize = normalized
         brightness.append(float(scenes.rendered(tmp_path / "lit.exr")[..., 1].mean()))
-        energy.append(bridge("lights").read_lights(bpy.context.evaluated_depsgraph_get())[0].energy)
+        energy.append(bridge("scene.lights").read_lights(bpy.context.evaluated_depsgraph_get())[0].energy)
     assert math.isclose(energy[1] / energy[0], brightness[1] / brightness[0], rel_tol=0.03)

@@ -21,7 +21,7 @@ def pair(bridge, core, tmp_path):
     for name, color in (("second", BLUE), ("first", RED)):
         made.append(scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name))
         scenes.give_transfer(
-            bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, made[-1],
+            bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, made[-1],
             ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
@@ -76,7 +76,7 @@ def test_the_channels_own_transfer_function_counts(pair, bridge, core):
     second = pair[1]
     bpy.ops.rle_splat.add_channels()
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
         ((0.0, 0.0), (255.0, 0.0)), BLUE)
     np.testing.assert_allclose(middle()[:3] / middle()[3], RED, atol=5e-3)
     assert "fully transparent" in reported("channels")["reason"]
@@ -124,7 +124,7 @@ def test_channels_are_matched_by_their_places_in_the_patient(bridge, tmp_path, c
         nibabel.save(nibabel.Nifti1Image(stored[name], affine), tmp_path / f"{name}.nii")
         bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / f"{name}.nii"))
         made[name] = bpy.context.view_layer.objects.active
-    first, loading, channels = made["first"], bridge("loading"), bridge("channels")
+    first, loading, channels = made["first"], bridge("volumes.loading"), bridge("volumes.channels")
     select(first, made["away"])
     refused(bpy.ops.rle_splat.add_channels, "lies elsewhere")
     select(first, made["flipped"], made["coarse"])
@@ -135,10 +135,10 @@ def test_channels_are_matched_by_their_places_in_the_patient(bridge, tmp_path, c
     told = capfd.readouterr().out
     assert "in another order; they were reordered" in told and "another grid (5 x 4 x 4 voxels)" in told
     assert loading.missing_steps(first) is None and loading.is_at_hand(first)
-    volume, depsgraph = bridge("volumes").load_volume(first), bpy.context.evaluated_depsgraph_get()
+    volume, depsgraph = bridge("volumes.volumes").load_volume(first), bpy.context.evaluated_depsgraph_get()
     found = {row.volume.name: row.volume for row in channels.read_channels(first, depsgraph, volume)}
     np.testing.assert_array_equal(found["flipped"].voxels, volume.voxels)
     assert found["coarse"].shape_xyz == volume.shape_xyz
     np.testing.assert_array_equal(found["coarse"].voxels[::2, ::2, ::2], volume.voxels[::2, ::2, ::2])
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     assert loading.missing_steps(first) is not None and not loading.is_at_hand(first)

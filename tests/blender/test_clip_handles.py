@@ -35,7 +35,7 @@ def test_a_box_fits_a_sheared_and_mirrored_volume_exactly(owner, bridge):
     owner.matrix_world = Matrix.Translation((3.0, -2.0, 1.0)) @ Matrix.Rotation(0.7, 4, (1.0, 2.0, 3.0))
     scenes.update()
     box = add(owner)
-    bridge("attached").attach(box, owner, np.array(owner.matrix_world @ shear))
+    bridge("volumes.attached").attach(box, owner, np.array(owner.matrix_world @ shear))
     scenes.update()
     np.testing.assert_allclose(np.array(box.matrix_world), np.array(owner.matrix_world @ shear), atol=1e-5)
 
@@ -78,7 +78,7 @@ def test_it_cuts_its_own_volume_alone(owner, bridge, tmp_path):
 
     def cut(volume_object):
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        return [clip.kind for clip in bridge("clip_objects").read_clips(depsgraph, volume_object)]
+        return [clip.kind for clip in bridge("scene.clip_objects").read_clips(depsgraph, volume_object)]
 
     assert (cut(owner), cut(other)) == (["box"], [])
     box.rle_splat.clip_only_parent = False
@@ -93,18 +93,18 @@ def test_it_cuts_its_own_volume_alone(owner, bridge, tmp_path):
 def test_its_volume_is_the_active_one_while_it_is_selected(owner, bridge, tmp_path):
     scenes.import_raw(tmp_path, np.full((N, N, N), 50, np.uint8), name="other")
     add(owner)
-    assert bridge("volumes").volume_object(bpy.context) == owner
-    assert bridge("clip_handles").active_box(bpy.context).name == "Clip Box"
+    assert bridge("volumes.volumes").volume_object(bpy.context) == owner
+    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Clip Box"
     scenes.activate(bpy.data.objects["other"])
-    assert bridge("clip_handles").active_box(bpy.context) is None
+    assert bridge("scene.clip_handles").active_box(bpy.context) is None
     scenes.activate(owner)
-    assert bridge("clip_handles").active_box(bpy.context).name == "Clip Box"
+    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Clip Box"
 
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_handle_moves_one_face(owner, bridge, axis, side):
-    handles, box = bridge("clip_handles"), add(owner)
+    handles, box = bridge("scene.clip_handles"), add(owner)
     owner.rotation_euler, owner.scale = (0.3, -0.6, 1.1), (1.5, 1.5, 1.5)
     box.delta_location = (0.1, 0.2, 0.3)
     scenes.update()
@@ -131,16 +131,16 @@ def test_a_handle_moves_one_face(owner, bridge, axis, side):
 
 def test_auto_keying_inserts_keyframes(owner, bridge):
     box = add(owner)
-    bridge("clip_handles").move_face(box, 0, 1, 5.0)
+    bridge("scene.clip_handles").move_face(box, 0, 1, 5.0)
     assert box.animation_data is None
     bpy.context.scene.tool_settings.use_keyframe_insert_auto = True
-    bridge("clip_handles").move_face(box, 0, 1, 4.0)
-    paths = {curve.data_path for curve in bridge("animation").curves_of(box)}
+    bridge("scene.clip_handles").move_face(box, 0, 1, 4.0)
+    paths = {curve.data_path for curve in bridge("data.animation").curves_of(box)}
     assert paths == {"location", "scale"}
 
 
 def test_a_handle_moves_a_plane_along_its_normal(owner, bridge):
-    handles, plane = bridge("clip_handles"), add(owner, "PLANE")
+    handles, plane = bridge("scene.clip_handles"), add(owner, "PLANE")
     owner.rotation_euler = (0.3, -0.6, 1.1)
     plane.rotation_euler = (0.2, 0.4, 0.0)
     scenes.update()
@@ -156,7 +156,7 @@ def test_a_handle_moves_a_plane_along_its_normal(owner, bridge):
 @pytest.mark.parametrize("mode", ["XYZ", "ZXY", "QUATERNION", "AXIS_ANGLE"])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_ring_tilts_a_plane_about_its_own_axis(owner, bridge, mode, mirrored):
-    handles, plane = bridge("clip_handles"), add(owner, "PLANE")
+    handles, plane = bridge("scene.clip_handles"), add(owner, "PLANE")
     owner.rotation_euler, owner.scale = (0.3, -0.6, 1.1), (-1.0 if mirrored else 1.0, 1.0, 1.0)
     plane.rotation_mode = mode
     scenes.update()

@@ -29,7 +29,7 @@ TOLERANCE = 1.0 / 255.0
 def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.use_cycles()
     middle = (N - 1) / 2
@@ -226,7 +226,7 @@ def test_all_outputs_that_show_the_render_show_the_volume(volume, bridge, tmp_pa
         wire()
     if wired != "after, by a script":
         bpy.context.view_layer.update()
-        shown = bridge("compositor_paths").feeding([viewer.inputs[0]])
+        shown = bridge("render.compositor_paths").feeding([viewer.inputs[0]])
         assert [node for node, _output, _holders in shown if node.bl_idname == "CompositorNodeImage"]
     for _ in range(2):
         scenes.rendered(tmp_path / "out.exr")
@@ -389,7 +389,7 @@ def test_a_hidden_volume_is_not_composited(volume, tmp_path):
 
 def test_removing_a_composite_leaves_no_picture_behind(volume, bridge):
     def pictures():
-        return [image for image in bpy.data.images if bridge("images").MARK in image]
+        return [image for image in bpy.data.images if bridge("pictures.images").MARK in image]
 
     for _ in range(3):
         bpy.ops.rle_splat.composite()
@@ -426,4 +426,4 @@ def test_a_compositor_saved_by_version_0_1_0_goes_on(bridge, tmp_path):
     assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     assert len(tree.nodes) == nodes and scene.rle_splat.composite_image == image
     np.testing.assert_array_equal(scenes.rendered(tmp_path / "out.exr"), before)
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"} and not bridge("compositor").is_inserted(scene)
+    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"} and not bridge("render.compositor").is_inserted(scene)

@@ -32,8 +32,8 @@ def active():
 
 
 def loaded(bridge):
-    bridge("volumes").forget_all()
-    return bridge("volumes").load_volume(active(), warn=pytest.fail)
+    bridge("volumes.volumes").forget_all()
+    return bridge("volumes.volumes").load_volume(active(), warn=pytest.fail)
 
 
 @pytest.mark.parametrize("name", ["ExplicitVRLittleEndian", "RLELossless", "JPEG2000Lossless", "JPEGLosslessSV1"])

@@ -28,7 +28,7 @@ def volume(bridge, core, tmp_path):
     voxels[10:30, 5:20, 50:72] = 200
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))
     scenes.add_camera((40.0, 32.0, 200.0), type="ORTHO", ortho_scale=100.0)
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
@@ -38,7 +38,7 @@ def volume(bridge, core, tmp_path):
 @pytest.fixture
 def slow(bridge, monkeypatch):
     """Every picture counts as one that takes long."""
-    monkeypatch.setattr(bridge("drafts"), "QUICK", -1.0)
+    monkeypatch.setattr(bridge("pictures.drafts"), "QUICK", -1.0)
 
 
 class Window:
@@ -65,7 +65,7 @@ class Window:
 @pytest.fixture
 def start(bridge, addon):
     """``start(name, **properties)``: an operator as ``invoke`` in a window starts it, and its window."""
-    jobs = bridge("jobs")
+    jobs = bridge("loop.jobs")
 
     def begin(name, **properties):
         module = sys.modules[f"{addon.__name__}.operators.{name}"]
@@ -108,7 +108,7 @@ def pixels():
 
 def test_a_draft_comes_first_and_the_picture_is_the_same(volume, slow, start, bridge):
     """What is classified, lit and encoded is made once for both, and the report holds all of the time."""
-    settings, cache = bpy.context.scene.rle_splat, bridge("render_scene").KEPT
+    settings, cache = bpy.context.scene.rle_splat, bridge("scene.render_scene").KEPT
     bpy.ops.rle_splat.render_image()
     plain, depth = pixels(), scenes.image_pixels(settings.depth_image)
     bpy.data.images.remove(color_image())
@@ -207,7 +207,7 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
 
 
 def test_a_quick_picture_has_none(volume, start, bridge, monkeypatch):
-    monkeypatch.setattr(bridge("drafts"), "QUICK", 1e6)  # milliseconds: what counts as quick on any machine
+    monkeypatch.setattr(bridge("pictures.drafts"), "QUICK", 1e6)  # milliseconds: what counts as quick on any machine
     done, shown = run(*start("render_image", use_meshes=False), lambda: None)
     assert done == {"FINISHED"} and shown == []
 
@@ -216,12 +216,12 @@ def test_one_of_the_draft_quality_or_larger_than_the_stage_cache_has_none(volume
     bpy.context.scene.rle_splat.quality = "draft"
     assert run(*start("render_image", use_meshes=False), lambda: None) == ({"FINISHED"}, [])
     bpy.context.scene.rle_splat.quality = "standard"
-    monkeypatch.setattr(bridge("drafts"), "TABLE_BYTES", 1e9)
+    monkeypatch.setattr(bridge("pictures.drafts"), "TABLE_BYTES", 1e9)
     assert run(*start("render_image", use_meshes=False), lambda: None) == ({"FINISHED"}, [])
 
 
 def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch):
-    monkeypatch.setattr(bridge("render_scene"), "drafted_steps", lambda *_, **__: pytest.fail("a draft is made"))
+    monkeypatch.setattr(bridge("scene.render_scene"), "drafted_steps", lambda *_, **__: pytest.fail("a draft is made"))
     for how in ("EXEC_DEFAULT", "INVOKE_DEFAULT"):
         assert bpy.ops.rle_splat.render_image(how) == {"FINISHED"}
         assert bpy.ops.rle_splat.set_backdrop(how) == {"FINISHED"}
@@ -229,8 +229,8 @@ def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch
 
 @pytest.fixture
 def timeline(volume, slow, bridge, monkeypatch):
-    """A following backdrop whose camera moves from frame 1 to 2, with the user scrubbing; bridge.following."""
-    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("following")
+    """A following backdrop whose camera moves from frame 1 to 2, with the user scrubbing."""
+    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("pictures.backdrop_work")
     for frame, x in ((1, 40.0), (2, 50.0), (3, 30.0)):
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)

@@ -50,7 +50,7 @@ def add_sun():
 def test_the_list_is_made_out_without_a_picture(scene, bridge):
     assert not scene.rle_splat.effect_rows
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
-    assert list(rows(scene)) == list(bridge("effects").TEXTS)
+    assert list(rows(scene)) == list(bridge("data.effects").TEXTS)
     assert rows(scene)["headlight"].on and not rows(scene)["lights"].on and not rows(scene)["mesh occlusion"].on
     assert not any(row.is_timed for row in scene.rle_splat.effect_rows)
     assert scene.rle_splat.image is None and scene.rle_splat.last_report == ""
@@ -109,7 +109,7 @@ def test_what_is_forced_is_kept_in_the_file_and_copied_with_the_scene(scene, tmp
 def test_the_panel_shows_a_row_with_an_override_for_each_effect(scene, bridge, monkeypatch):
     from tests.blender.test_panels import draw_all, texts
 
-    effects = bridge("effects").TEXTS
+    effects = bridge("data.effects").TEXTS
     log = draw_all(monkeypatch)
     for name in effects:
         assert ("prop", name.replace(" ", "_")) in log and name in texts(log).lower()

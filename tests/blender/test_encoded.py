@@ -30,7 +30,7 @@ def scan(bridge, core, tmp_path):
     """The scan that is encoded, unshaded, in a scene with a camera; kernels are not compiled."""
     owner = scenes.import_raw(tmp_path, ball(), (1.0, 2.0, 1.0), "ball")
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (60.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))
     scenes.add_camera((5.5, 11.0, 60.0), type="ORTHO", ortho_scale=30.0)
     scene = bpy.context.scene
@@ -46,7 +46,7 @@ def encode(scan, bridge, core, tmp_path):
     """``encode(kind)``: the scan as a `.rle` file or folder; its path."""
 
     def made(kind):
-        plain, quality = bridge("render_scene").read_scene(
+        plain, quality = bridge("scene.render_scene").read_scene(
             scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
         quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
@@ -152,17 +152,17 @@ def test_a_viewport_refines_it_to_the_picture(encode, kind, bridge, core):
     """Of the stand-in for a viewport that test_live_viewport.py has, the contents are Blender's own."""
     owner = imported(encode(kind))
     frames, depsgraph = bridge("live.frames"), bpy.context.evaluated_depsgraph_get()
-    plain, quality = bridge("render_scene").read_scene(owner, depsgraph, with_meshes=False)
+    plain, quality = bridge("scene.render_scene").read_scene(owner, depsgraph, with_meshes=False)
     pictures = {}
     for coarseness in (0, 3, None):
-        knobs = quality if coarseness is None else bridge("drafts").draft_of(quality)
+        knobs = quality if coarseness is None else bridge("pictures.drafts").draft_of(quality)
         steps = frames.fitting_steps(plain, knobs, core("pipeline.stage_cache").StageCache(), coarseness or 0)
         pictures[coarseness], _ = core("runtime.steps").drain(steps)
     np.testing.assert_allclose(pictures[None].rgba, picture_of(owner), atol=1e-6)
     for draft in (0, 3):
         assert np.abs(pictures[draft].rgba - pictures[None].rgba).max() < 0.3
-    digest = bridge("freshness").digest
-    again = bridge("render_scene").read_scene(owner, depsgraph, with_meshes=False)[0]
+    digest = bridge("pictures.outdated").digest
+    again = bridge("scene.render_scene").read_scene(owner, depsgraph, with_meshes=False)[0]
     assert digest(again) == digest(plain)
     assert digest(replace(plain, width=31)) != digest(plain)
 
@@ -171,7 +171,7 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
     monkeypatch.setattr(core("pipeline.encode_folder"), "COARSE_VOXELS", SIDE**3 // 4)
     owner = imported(encode("post"))
     frames = bridge("live.frames")
-    plain, _ = bridge("render_scene").read_scene(
+    plain, _ = bridge("scene.render_scene").read_scene(
         owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     draft, times = frames.in_larger_voxels(plain)
     assert times == 1 and draft.volume.shape_xyz == (SIDE // 2,) * 3
@@ -251,7 +251,7 @@ def test_a_folder_that_breaks_while_it_is_shown(encode, refused, bridge, how):
     picture_of(imported(path))
     damage, words = BROKEN[how]
     damage(path)
-    bridge("file_state").forget()  # otherwise a change is noticed within a second
+    bridge("volumes.file_changes").forget()  # otherwise a change is noticed within a second
     refused(bpy.ops.rle_splat.render_image, words)
 
 

@@ -68,7 +68,7 @@ def test_pictures_and_linear_files(ball, core, tmp_path):
 
 def test_a_dialog_writes_over_no_sidecar_of_another_figure(ball, bridge, core, tmp_path):
     """The file browser marks the name of a figure that is there, and knows nothing of sidecars."""
-    figure = bridge("figure")
+    figure = bridge("pictures.figure")
     save(tmp_path / "fig.svg")
     figure.check_files(str(tmp_path / "fig.svg"), was_typed=True)
     figure.check_files(str(tmp_path / "fig.png"), was_typed=False)
@@ -139,16 +139,16 @@ def test_the_view_is_that_of_the_viewport(ball, bridge, core, parallel):
         type="VIEW_3D", spaces=SimpleNamespace(active=space), regions=[region], width=width, height=height)
     screen = SimpleNamespace(areas=[area])
     context = SimpleNamespace(window=SimpleNamespace(screen=screen), area=None, scene=bpy.context.scene)
-    camera, *size = bridge("figure").viewport_camera(context, ball)
+    camera, *size = bridge("pictures.figure").viewport_camera(context, ball)
     assert size == [width, height] and camera.type == ("ORTHO" if parallel else "PERSP")
-    corners = np.column_stack((bridge("box").world_corners(ball), np.ones(8)))
+    corners = np.column_stack((bridge("volumes.box").world_corners(ball), np.ones(8)))
     clip = corners @ np.array(window @ turned).T
     expected = (0.5 + 0.5 * clip[:, :2] / clip[:, 3:] * (1.0, -1.0)) * (width, height)
     seen = corners @ core("view.projection").world_to_pixel(camera, width, height).T
     assert np.allclose(seen[:, :2] / seen[:, 2:], expected, atol=1e-3)
     context.window.screen.areas.clear()
     with pytest.raises(core("scene").RleSplatError, match="There is no 3D viewport"):
-        bridge("figure").viewport_camera(context, ball)
+        bridge("pictures.figure").viewport_camera(context, ball)
 
 
 def test_bad_input_is_refused(ball, refused, tmp_path):

@@ -72,7 +72,7 @@ def test_what_a_user_chose_and_a_later_volume_change_nothing(tmp_path):
 
 
 def test_the_panel_says_that_the_scenes_lights_are_not_used(tmp_path, bridge):
-    unused = bridge("first_light").unused_lights
+    unused = bridge("scene.first_light").unused_lights
     add_light(1000.0)
     assert unused(bpy.context.scene) == ""
     bpy.context.scene.rle_splat.lighting = "HEADLIGHT"

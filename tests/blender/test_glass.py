@@ -69,7 +69,7 @@ def pixels():
     ],
 )  # fmt: skip
 def test_the_share_of_a_material(addon, bridge, kind, values, share):
-    found = bridge("glass").share_of(material(f"ShaderNodeBsdf{kind}", **values))
+    found = bridge("scene.glass").share_of(material(f"ShaderNodeBsdf{kind}", **values))
     if share is None:
         assert found is None
     else:
@@ -77,7 +77,7 @@ def test_the_share_of_a_material(addon, bridge, kind, values, share):
 
 
 def test_mixed_shaders_and_what_a_texture_decides(addon, bridge):
-    share_of = bridge("glass").share_of
+    share_of = bridge("scene.glass").share_of
     made = glass((1.0, 1.0, 1.0))
     tree = made.node_tree
     mix, diffuse = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfDiffuse")
@@ -105,14 +105,14 @@ def test_glass_and_opaque_faces_of_one_mesh_are_told_apart(volume, bridge):
         faces.data.materials.append(surface)
     faces.data.polygons.foreach_set("material_index", (0, 1, 7))  # Blender draws the last by the last slot
     scenes.update()
-    found = bridge("meshes").read_surfaces(bpy.context.evaluated_depsgraph_get())
+    found = bridge("scene.meshes").read_surfaces(bpy.context.evaluated_depsgraph_get())
     assert found.triangles[..., 0].max() == 1.0 and found.panes.shape == (2, 3, 3)
     assert found.panes[0, :, 0].min() == 5.0 and found.panes[1, :, 0].min() == 8.0
     np.testing.assert_allclose(found.pane_shares, np.tile((*GREEN, 1.0), (2, 1)), atol=1e-6)
     faces.material_slots[1].link = "OBJECT"
     faces.material_slots[1].material = material("ShaderNodeBsdfDiffuse")
     scenes.update()
-    assert bridge("meshes").read_surfaces(bpy.context.evaluated_depsgraph_get()).panes is None
+    assert bridge("scene.meshes").read_surfaces(bpy.context.evaluated_depsgraph_get()).panes is None
 
 
 def test_a_lid_of_glass_tints_every_picture(volume, tmp_path):

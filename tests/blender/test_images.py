@@ -21,7 +21,7 @@ def volume(bridge, core, tmp_path):
     voxels[:, 5:, :] = 200
     owner = scenes.import_raw(tmp_path, voxels, name="slab")
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 0.5)), COLOR)
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 40
@@ -37,7 +37,7 @@ def random_picture(height=5, width=7):
 
 
 def test_values_survive_packing_saving_and_loading(bridge, tmp_path):
-    images = bridge("images")
+    images = bridge("pictures.images")
     rgba = random_picture()
     depth = np.full((5, 7), 1e10, np.float32)
     depth[1, 2] = 3.14159
@@ -61,7 +61,7 @@ def test_values_survive_packing_saving_and_loading(bridge, tmp_path):
 
 
 def test_an_image_is_reused_and_resized(bridge):
-    images = bridge("images")
+    images = bridge("pictures.images")
     image = images.ensure_image(None, "picture", 7, 5)
     images.write_color(image, random_picture())
     image.pack()
@@ -84,7 +84,7 @@ def kept(addon, request):
 
 @pytest.mark.parametrize("depth", [False, True])
 def test_pixels_are_kept_bit_for_bit_when_the_file_is_saved(bridge, tmp_path, kept, depth):
-    images, rgba = bridge("images"), random_picture()
+    images, rgba = bridge("pictures.images"), random_picture()
     if depth:
         rgba[:] = rgba[..., :1]
         rgba[..., 3] = 1.0
@@ -114,7 +114,8 @@ def test_pixels_are_kept_bit_for_bit_when_the_file_is_saved(bridge, tmp_path, ke
 
 def test_pictures_get_file_names_that_every_system_can_have(bridge):
     taken: set = set()
-    made = [bridge("picture_files")._file_name(name, "", taken) for name in ("A/B", "a/b", "..", "con", "NUL.front")]
+    file_name = bridge("pictures.picture_files")._file_name
+    made = [file_name(name, "", taken) for name in ("A/B", "a/b", "..", "con", "NUL.front")]
     assert made == ["A_B.exr", "a_b 2.exr", "picture.exr", "picture con.exr", "picture NUL.front.exr"]
 
 
@@ -187,7 +188,7 @@ def test_moving_the_volume_moves_the_picture(volume):
 def test_the_picture_is_the_renderers_own(volume, bridge, core):
     """Nothing happens to the picture between the renderer and the image."""
     bpy.ops.rle_splat.render_image()
-    plain, quality = bridge("render_scene").read_scene(
+    plain, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     rendering = core("pipeline.render").render(plain, quality)
     settings = bpy.context.scene.rle_splat

@@ -46,7 +46,7 @@ def test_raw_with_everything_given(tmp_path, bridge, order, header):
         spacing=(0.7, 0.7, 2.5), use_calibration=True, slope=2.0, intercept=-24.0, modality="CT", value_unit="HU")
     owner = active()
     assert owner.type == "EMPTY" and owner.empty_display_type == "CUBE" and owner.rle_splat.is_volume
-    volume = bridge("volumes").load_volume(owner)
+    volume = bridge("volumes.volumes").load_volume(owner)
     np.testing.assert_array_equal(volume.voxels, voxels)
     # 0.7 as typed, not the float32 nearest to it: the command line gets the same affine
     np.testing.assert_array_equal(volume.affine, np.diag((0.7, 0.7, 2.5, 1.0)))
@@ -83,7 +83,7 @@ def test_guesses_fill_what_is_left_out(tmp_path, bridge):
     properties = active().rle_splat
     assert tuple(properties.shape) == (8, 6, 5)
     assert (properties.dtype, properties.byte_order, properties.header_bytes) == ("uint16", "big", 0)
-    np.testing.assert_array_equal(bridge("volumes").load_volume(active()).voxels, voxels)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(active()).voxels, voxels)
 
 
 def test_several_files_at_once(tmp_path):
@@ -125,7 +125,7 @@ def test_vdb_stands_where_blender_puts_it(tmp_path, bridge):
     path = tmp_path / "fog.vdb"
     write_vdb(path, ("density", "FloatGrid", array), ("speed", "Vec3SGrid", np.ones((4, 5, 6, 3), np.float32)))
     import_volume(filepath=str(path), grid="density")
-    volume = bridge("volumes").load_volume(active())
+    volume = bridge("volumes.volumes").load_volume(active())
     # the active box is [1, 2] x [1, 3] x [1, 4], dilated by one voxel; world units are meters
     np.testing.assert_allclose(volume.affine[:3, 3], (10.0, 20.0, 30.0))
     low, high = extremes(box_corners(active()))
@@ -186,7 +186,7 @@ def test_the_command_line_refuses_a_vdb_without_numbers_too(tmp_path, core, caps
 
 
 def test_moved_file_gives_one_sentence_and_relocate_heals_it(volume_object, phantom, tmp_path, bridge, core):
-    volumes = bridge("volumes")
+    volumes = bridge("volumes.volumes")
     elsewhere = tmp_path / "elsewhere.raw"
     phantom[0].rename(elsewhere)
     volumes.forget_all()
@@ -205,10 +205,10 @@ def test_relocate_to_a_file_that_does_not_fit_changes_nothing(volume_object, tmp
 
 def test_changed_voxels_are_noticed(volume_object, phantom, bridge):
     warnings = []
-    bridge("volumes").load_volume(volume_object, warnings.append)
+    bridge("volumes.volumes").load_volume(volume_object, warnings.append)
     assert not warnings
     phantom[0].write_bytes(bytes(phantom[1].size))
-    bridge("volumes").load_volume(volume_object, warnings.append)
+    bridge("volumes.volumes").load_volume(volume_object, warnings.append)
     assert len(warnings) == 1 and "changed" in warnings[0]
 
 
@@ -227,7 +227,7 @@ def test_dialog_fills_in_a_guess_for_each_file_picked(tmp_path, addon):
     operators = import_module(f"{addon.__name__}.operators.import_volume")
     dialog = SimpleNamespace(directory="", files=(), filepath="", guessed_for="", guess_text="")
     dialog.chosen_paths = lambda: operators.RLE_SPLAT_OT_import_volume.chosen_paths(dialog)
-    import_module(f"{addon.__name__}.bridge.source_options").clear(dialog)
+    import_module(f"{addon.__name__}.bridge.data.source_options").clear(dialog)
     (tmp_path / "one_4x4x4_uint8.raw").write_bytes(bytes(range(64)))
     (tmp_path / "two_5x4x3_int16_be_0.5x0.5x2.0.raw").write_bytes(np.arange(60, dtype=">i2").tobytes())
     check = operators.RLE_SPLAT_OT_import_volume.check
@@ -248,7 +248,7 @@ def test_the_dialog_and_the_import_open_each_file_once(tmp_path, addon, monkeypa
     operator = operators.RLE_SPLAT_OT_import_volume
     dialog = SimpleNamespace(guessed_for="", use_sequence=False, files=[SimpleNamespace(name=name) for name in names])
     dialog.directory, dialog.chosen_paths = str(tmp_path), lambda: operator.chosen_paths(dialog)
-    import_module(f"{addon.__name__}.bridge.source_options").clear(dialog)
+    import_module(f"{addon.__name__}.bridge.data.source_options").clear(dialog)
     monkeypatch.setattr(operators, "format_of", lambda path: opened.append(path) or operators.TIFF)
     monkeypatch.setattr(operators, "is_page", lambda _path: True)
     assert operator.check(dialog, None) and len(opened) == 3

@@ -19,7 +19,7 @@ def owner(bridge, core, tmp_path):
     """A homogeneous cube whose left third is labeled 3, the rest 0; seen from above."""
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
@@ -104,7 +104,7 @@ def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, ref
     bpy.ops.rle_splat.read_labels()
     owner.rle_splat.labels[1].show = False
     (tmp_path / "labels.raw").unlink()
-    assert bridge("loading").is_at_hand(owner)
+    assert bridge("volumes.loading").is_at_hand(owner)
     refused(bpy.ops.rle_splat.render_image, "choose the file, or clear the field")
 
 

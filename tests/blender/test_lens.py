@@ -17,7 +17,7 @@ def blot(tmp_path, core, bridge):
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
-        bridge("transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
+        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
     found.location = (-0.12, -0.12, -0.12)
     scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
     render = bpy.context.scene.render
@@ -28,7 +28,7 @@ def blot(tmp_path, core, bridge):
 
 def plain_scene(bridge, volume_object, **options):
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    return bridge("render_scene").read_scene(volume_object, depsgraph, with_meshes=False, **options)[0]
+    return bridge("scene.render_scene").read_scene(volume_object, depsgraph, with_meshes=False, **options)[0]
 
 
 def picture(volume_object):
@@ -82,7 +82,7 @@ def test_cycles_blurs_a_bright_speck_as_far(addon, bridge, core, tmp_path, kind,
     data.dof.use_dof, data.dof.aperture_fstop = True, 1.0 if kind == "ORTHO" else 0.05
     data.dof.focus_distance = 10.0
     blurred = widths(scenes.rendered(tmp_path / "blurred.exr")[..., 0])
-    camera, width, height = bridge("camera").read_camera(bpy.context.evaluated_depsgraph_get())
+    camera, width, height = bridge("scene.camera").read_camera(bpy.context.evaluated_depsgraph_get())
     expected = core("effects.lens").blur_pixels(camera, width, height, depth)
     assert expected > 10.0
     assert 4.0 * np.sqrt(np.subtract(blurred, sharp)) == pytest.approx(np.full(2, expected), rel=0.05)

@@ -120,12 +120,12 @@ def bring(library, how):
 
 def shape_of(owner, bridge):
     """Everything of a volume that decides a picture, as plain data."""
-    properties, volumes, labels = owner.rle_splat, bridge("volumes"), bridge("labels")
+    properties, volumes, labels = owner.rle_splat, bridge("volumes.volumes"), bridge("volumes.labels")
     volume = volumes.load_volume(owner)
     wish = bridge("loop.store").wish_of(owner, None, labels.PURPOSE)
     return {
         "voxels": volume.voxels.tobytes(), "spacing": tuple(volume.spacing),
-        "transfer function": bridge("transfer").read_transfer(owner),
+        "transfer function": bridge("look.transfer").read_transfer(owner),
         "files": [volumes.resolved_path(owner, name) for name in ("filepath", "label_file")],
         "labels": labels.drain(labels.load_steps(wish, labels.file_of(owner), volume)).volume.voxels.tobytes(),
         "styles": [row.plain() for row in properties.labels],
@@ -171,7 +171,7 @@ def test_B38_every_edit_survives_save_and_reload(library, bridge, tmp_path, how)
     properties.filepath, properties.label_file = "//other.raw", "//other_labels.raw"
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert 7 in [row.label for row in properties.labels]
-    curve = bridge("transfer_nodes").opacity_mapping(properties.transfer).curves[0]
+    curve = bridge("look.transfer_nodes").opacity_mapping(properties.transfer).curves[0]
     curve.points[0].location[1] = 0.125
     before = shape_of(owner, bridge)
     assert before["files"] == [str(tmp_path / "work" / name) for name in ("other.raw", "other_labels.raw")]
@@ -236,13 +236,13 @@ def test_paths_of_copies_of_linked_volumes_lead_to_the_librarys_files(library, b
     found = next(o for o in bpy.data.objects if o.name.startswith("scan") and bridge("linked").is_own(o))
     found.name = "copy"
     expected = [str(library.parent / "scan.raw"), str(library.parent / "labels.raw")]
-    files = [bridge("volumes").resolved_path(found, name) for name in ("filepath", "label_file")]
+    files = [bridge("volumes.volumes").resolved_path(found, name) for name in ("filepath", "label_file")]
     assert files == expected
-    assert bridge("volumes").load_volume(found).voxels.tobytes() == (library.parent / "scan.raw").read_bytes()
+    assert bridge("volumes.volumes").load_volume(found).voxels.tobytes() == (library.parent / "scan.raw").read_bytes()
     save(tmp_path / "work" / "work.blend")
     bpy.ops.wm.open_mainfile(filepath=bpy.data.filepath)
     found = bpy.data.objects["copy", None]
-    files = [bridge("volumes").resolved_path(found, name) for name in ("filepath", "label_file")]
+    files = [bridge("volumes.volumes").resolved_path(found, name) for name in ("filepath", "label_file")]
     assert files == expected
 
 
@@ -256,7 +256,7 @@ def test_undo_of_a_save_and_of_make_local(library, bridge):
     bpy.ops.ed.undo_push(message="saved")
     for step in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.redo):
         assert step() == {"FINISHED"}
-        assert bridge("volumes").resolved_path(scan()) == expected
+        assert bridge("volumes.volumes").resolved_path(scan()) == expected
     assert scan().library is None
 
 
@@ -271,8 +271,8 @@ def test_a_volume_of_this_file_keeps_its_path_beside_a_linked_one_of_the_same_vo
     bpy.data.libraries.remove(here.library)
     for _again in range(2):
         here, there = bpy.data.objects["here"], scan()
-        assert bridge("volumes").resolved_path(here) == str(tmp_path / "work" / "scan.raw")
-        assert bridge("volumes").resolved_path(there) == str(library.parent / "scan.raw")
+        assert bridge("volumes.volumes").resolved_path(here) == str(tmp_path / "work" / "scan.raw")
+        assert bridge("volumes.volumes").resolved_path(there) == str(library.parent / "scan.raw")
         reopened()
 
 
@@ -315,7 +315,7 @@ def test_an_override_keeps_its_edits_when_the_library_changes(library, bridge, t
     properties = scan().rle_splat
     assert properties.window_center == 11.0 and properties.opacity_scale == 0.375
     assert {row.label: row.show for row in properties.labels} == {0: True, 2: False, 7: True}
-    assert bridge("volumes").resolved_path(scan(), "label_file") == str(library.parent / "other_labels.raw")
+    assert bridge("volumes.volumes").resolved_path(scan(), "label_file") == str(library.parent / "other_labels.raw")
 
 
 def test_an_override_outlives_a_library_that_is_missing_for_a_while(library, bridge, tmp_path):
@@ -357,7 +357,7 @@ def test_append_from_a_file_that_links_the_volume(library, bridge, tmp_path):
     bpy.ops.wm.read_homefile(use_empty=True)
     save(tmp_path / "work" / "work.blend")
     bpy.ops.wm.append(directory=f"{tmp_path / 'middle' / 'middle.blend'}/Collection/", filename="holder")
-    assert bridge("volumes").resolved_path(scan()) == str(library.parent / "scan.raw")
+    assert bridge("volumes.volumes").resolved_path(scan()) == str(library.parent / "scan.raw")
 
 
 def test_B41_an_appended_scene_is_drawn_at_once(library, bridge):
@@ -377,7 +377,7 @@ def test_B41_an_appended_scene_is_drawn_at_once(library, bridge):
 
 def test_the_transfer_function_of_an_override(library, bridge):
     """A preset goes to a node group of this file; Make Single User and keyframes copy the library's."""
-    transfer, linked = bridge("transfer"), bridge("linked")
+    transfer, linked = bridge("look.transfer"), bridge("linked")
     owner = bring(library, "override")
     before = transfer.read_transfer(owner)
     assert not linked.is_own(owner.rle_splat.transfer)
@@ -397,7 +397,7 @@ def test_an_overridden_node_group_is_exchanged_for_one_that_keeps_edits(library,
     tree = owner.rle_splat.transfer.override_create(remap_local_usages=False)
     owner.rle_splat.transfer = tree
     assert bpy.ops.rle_splat.own_transfer() == {"FINISHED"}
-    nodes = bridge("transfer_nodes")
+    nodes = bridge("look.transfer_nodes")
     nodes.color_ramp(owner.rle_splat.transfer).elements[0].color = (0.25, 0.5, 0.75, 1.0)
     ramp = nodes.color_ramp(reopened().rle_splat.transfer)
     assert tuple(ramp.elements[0].color) == (0.25, 0.5, 0.75, 1.0)
@@ -412,10 +412,10 @@ def test_keyframes_on_an_override(library, bridge, animated):
         save(library)
         bpy.ops.wm.open_mainfile(filepath=str(library.parent.parent / "work" / "work.blend"))
     owner = bring(library, "override")
-    bridge("transfer").own_tree(owner)
+    bridge("look.transfer").own_tree(owner)
     bpy.context.scene.frame_set(5)  # first: it plays what is animated
     owner.rle_splat.window_center = 33.0
-    ramp = bridge("transfer_nodes").color_ramp(owner.rle_splat.transfer)
+    ramp = bridge("look.transfer_nodes").color_ramp(owner.rle_splat.transfer)
     ramp.elements[0].color = (0.25, 0.5, 0.75, 1.0)
     assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}
     owner = reopened()
@@ -426,7 +426,7 @@ def test_keyframes_on_an_override(library, bridge, animated):
     bpy.context.scene.frame_set(1)
     bpy.context.scene.frame_set(5)
     assert owner.rle_splat.window_center == 33.0
-    assert tuple(bridge("transfer_nodes").color_ramp(tree).elements[0].color) == (0.25, 0.5, 0.75, 1.0)
+    assert tuple(bridge("look.transfer_nodes").color_ramp(tree).elements[0].color) == (0.25, 0.5, 0.75, 1.0)
 
 
 def test_what_an_override_cannot_drop_is_said(library, bridge, refused, tmp_path):
@@ -446,11 +446,11 @@ def test_what_an_override_cannot_drop_is_said(library, bridge, refused, tmp_path
     assert [row.source.name for row in owner.rle_splat.channels][1:] == [kept]
 
     owner.rle_splat.label_file = str(tmp_path / "work" / "other_labels.raw")  # 0, 2 and 7; the library has 1
-    volume = bridge("volumes").load_volume(owner)
-    assert bridge("labels").list_labels(owner, volume)[:2] == (3, 1)
+    volume = bridge("volumes.volumes").load_volume(owner)
+    assert bridge("volumes.labels").list_labels(owner, volume)[:2] == (3, 1)
     owner = reopened()
     assert sorted(row.label for row in owner.rle_splat.labels) == [0, 1, 2, 7]
-    assert bridge("labels").list_labels(owner, volume)[:2] == (3, 1)
+    assert bridge("volumes.labels").list_labels(owner, volume)[:2] == (3, 1)
 
 
 def test_a_linked_collection_of_clip_objects_takes_more(library, bridge):
@@ -460,9 +460,9 @@ def test_a_linked_collection_of_clip_objects_takes_more(library, bridge):
     scene.rle_splat.clip_objects = bpy.data.collections["study"]
     activate(next(o for o in bpy.data.objects if o.name == "scan" and o.library is None))
     assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
-    names = [one.name for one in bridge("clip_objects").clip_objects(scene)]
+    names = [one.name for one in bridge("scene.clip_objects").clip_objects(scene)]
     reopened()
-    assert [one.name for one in bridge("clip_objects").clip_objects(bpy.context.scene)] == names
+    assert [one.name for one in bridge("scene.clip_objects").clip_objects(bpy.context.scene)] == names
     assert "cut" in names and "Clip Box" in names
 
 
@@ -482,5 +482,5 @@ def test_the_quality_of_a_linked_scene_is_not_chosen_in_vain(library, bridge, co
     row.name, row.knobs = "fine", "{}"
     before = linked.rle_splat.quality
     with pytest.raises(core("scene").RleSplatError, match=r"'Scene' is linked from library\.blend"):
-        bridge("accuracy").choose(linked, row)
+        bridge("data.accuracy").choose(linked, row)
     assert linked.rle_splat.quality == before

@@ -98,10 +98,10 @@ def test_a_driver_without_float_textures_is_one_sentence(live, monkeypatch):
 
 
 def test_a_file_that_is_gone_is_one_sentence_and_found_again(volume_object, phantom, bridge, request_of, tmp_path):
-    surface, viewport = bridge("live.surface"), bridge("live.viewport").Viewport(bridge("render_scene").KEPT)
+    surface, viewport = bridge("live.surface"), bridge("live.viewport").Viewport(bridge("scene.render_scene").KEPT)
     key = volume_object.name, None
     away = phantom[0].rename(tmp_path / "elsewhere.raw")
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     request = request_of((key,))
     for stamp in range(3):
         viewport.redraw(request, stamp, surface.BlenderSurface(bpy.context, request, None, []))
@@ -109,7 +109,7 @@ def test_a_file_that_is_gone_is_one_sentence_and_found_again(volume_object, phan
     assert viewport.counts["reads"] == 1 and not viewport.is_busy
     away.rename(phantom[0])
     viewport.try_again()
-    bridge("volumes").load_volume(volume_object)  # as a timer does in a window
+    bridge("volumes.volumes").load_volume(volume_object)  # as a timer does in a window
     contents = surface.BlenderSurface(bpy.context, request, None, []).contents(request, False)
     assert viewport.problem == "" and len(contents) == 1
 

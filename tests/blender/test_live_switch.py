@@ -160,7 +160,7 @@ def test_nothing_runs_in_background_mode(volume_object, live):
 
 
 def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):
-    monkeypatch.setattr(bridge("preferences"), "shows_live", lambda: False)
+    monkeypatch.setattr(bridge("data.preferences"), "shows_live", lambda: False)
     held = live._lives[1] = live.Live()
     held.viewport._due = 0.0
     live._missed.add(1)
@@ -187,7 +187,7 @@ def test_the_panel_has_the_switch_and_says_why_nothing_is_shown(volume_object, l
 
 def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
     """Everything but the view is read as Save Picture reads it."""
-    surface, render_scene = bridge("live.surface"), bridge("render_scene")
+    surface, render_scene = bridge("live.surface"), bridge("scene.render_scene")
     camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera

@@ -57,7 +57,7 @@ def test_a_view_through_a_camera_is_that_camera(settings, aspect, bridge, view, 
     render.pixel_aspect_x, render.pixel_aspect_y = aspect
     camera = add_camera((3.0, -7.0, 4.0), (1.1, 0.1, 0.4), **settings)
     bpy.context.view_layer.update()
-    plain, width, height = bridge("camera").read_camera(bpy.context.evaluated_depsgraph_get())
+    plain, width, height = bridge("scene.camera").read_camera(bpy.context.evaluated_depsgraph_get())
     clip = camera.data.clip_start, camera.data.clip_end
     found = view.view_of(matrices_of(view, camera, clip=clip))
     assert (found.width, found.height) == (width, height) == SIZE

@@ -36,7 +36,7 @@ def nifti(tmp_path, values, nibabel):
 def test_a_nifti_lies_in_the_world_as_the_patient_does(nifti, values, bridge):
     assert bpy.ops.rle_splat.import_volume(filepath=str(nifti)) == {"FINISHED"}
     owner = active()
-    volume = bridge("volumes").load_volume(owner)
+    volume = bridge("volumes.volumes").load_volume(owner)
     np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values)
     np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
     assert owner.name == "scan" and owner.rle_splat.space == "patient"
@@ -52,7 +52,7 @@ def test_letters_stand_at_the_faces(nifti, bridge):
     owner = active()
     owner.location = (1.0, 2.0, 3.0)
     bpy.context.view_layer.update()
-    places = dict(bridge("letters").placed_letters(owner))
+    places = dict(bridge("live.letters").placed_letters(owner))
     assert set(places) == set("RLAPIS")
     middle = sum(places.values()) / 6
     np.testing.assert_allclose(middle, (1, 2, 3) + 0.001 * (AFFINE @ (2.5, 3.0, 3.5, 1))[:3], atol=1e-6)
@@ -62,7 +62,7 @@ def test_letters_stand_at_the_faces(nifti, bridge):
 
 
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
-    assert bridge("letters").placed_letters(volume_object) == []
+    assert bridge("live.letters").placed_letters(volume_object) == []
 
 
 def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridge, tmp_path):
@@ -70,11 +70,11 @@ def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridg
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a.blend"))
     owner = active()
-    np.testing.assert_array_equal(bridge("volumes").load_volume(owner).voxels.transpose(2, 1, 0), values)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(owner).voxels.transpose(2, 1, 0), values)
     moved = nifti.rename(tmp_path / "elsewhere.nii.gz")
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     assert bpy.ops.rle_splat.relocate(filepath=str(moved)) == {"FINISHED"}
-    volume = bridge("volumes").load_volume(owner, warn=pytest.fail)
+    volume = bridge("volumes.volumes").load_volume(owner, warn=pytest.fail)
     np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
 
 
@@ -83,8 +83,9 @@ def test_a_frame_is_chosen_and_kept(tmp_path, bridge, nibabel):
     nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "a.nii")
     bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "a.nii"), frame=4)
     owner = active()
-    bridge("volumes").forget_all()
-    np.testing.assert_array_equal(bridge("volumes").load_volume(owner).voxels.transpose(2, 1, 0), values[..., 3])
+    bridge("volumes.volumes").forget_all()
+    voxels = bridge("volumes.volumes").load_volume(owner).voxels
+    np.testing.assert_array_equal(voxels.transpose(2, 1, 0), values[..., 3])
     assert "Frames: 6" in owner.rle_splat.facts
 
 
@@ -137,11 +138,11 @@ def test_lzw_pages_are_decoded_by_blenders_own_module(tmp_path, bridge):
     with tiff.TiffFile(tmp_path / "page0.tif") as file:
         assert file.pages[0].compression.name == "LZW"
     bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "page0.tif"))
-    np.testing.assert_array_equal(bridge("volumes").load_volume(active()).voxels, values)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(active()).voxels, values)
 
 
 def test_one_file_of_each_family(tmp_path, bridge, nibabel):
     for name in formats.write_families(tmp_path):
         assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / name)) == {"FINISHED"}
-        volume = bridge("volumes").load_volume(active())
+        volume = bridge("volumes.volumes").load_volume(active())
         np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), formats.values(), err_msg=name)

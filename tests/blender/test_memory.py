@@ -19,7 +19,7 @@ def volume(bridge, core, tmp_path):
     at = np.indices((48, 48, 48)) - 23.5
     owner = scenes.import_raw(tmp_path, np.where((at**2).sum(axis=0) < 17.5**2, 180, 20).astype(np.uint8))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     scenes.add_camera((23.5, 23.5, 150.0))
@@ -52,12 +52,12 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     bpy.context.scene.camera.location.z = 105.0  # it fills the frame, as the panel reckons
     settings = bpy.context.scene.rle_splat
     settings.classification, settings.quality = classification, name
-    bridge("volumes").forget_all()  # no voxels in memory: the panel must not read them
+    bridge("volumes.volumes").forget_all()  # no voxels in memory: the panel must not read them
     needed, share = told(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    plain, quality = bridge("render_scene").read_scene(
+    plain, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
-    rendering = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality))
+    rendering = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     if quality.rays == 0.0 < rendering.report["plan"]["rays"]:
         needed = told_beside(monkeypatch, "with single rays")
@@ -78,9 +78,9 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
     drafted = told(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
     for with_meshes, needed in zip((False, True), drafted):
-        plain, quality = bridge("render_scene").read_scene(
+        plain, quality = bridge("scene.render_scene").read_scene(
             volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
-        report = core("runtime.steps").drain(bridge("render_scene").steps(plain, quality)).report
+        report = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality)).report
         assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
     assert among > 1.3 * alone
     bpy.context.scene.rle_splat.meshes_occlude = False

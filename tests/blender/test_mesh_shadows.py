@@ -75,7 +75,7 @@ def grid(bridge):
     """``grid()`` is the only grid of the scene, None if there is none."""
 
     def only():
-        found = bridge("mesh_shadows").grids(bpy.context.scene)
+        found = bridge("render.mesh_shadows").grids(bpy.context.scene)
         assert len(found) <= 1
         return found[0] if found else None
 
@@ -234,12 +234,12 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
 def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid, bridge):
     shadow, depsgraph = grid(), bpy.context.evaluated_depsgraph_get()
     assert not shadow.visible_get() and shadow.hide_select and not shadow.visible_camera and shadow.parent == cube
-    triangles = bridge("render_scene").read_occluders(depsgraph)["triangles"]
+    triangles = bridge("scene.render_scene").read_occluders(depsgraph)["triangles"]
     assert len(triangles) == 2, "the floor's"
     force("OFF")
     update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    assert grid() is None and len(bridge("render_scene").read_occluders(depsgraph)["triangles"]) == 2
+    assert grid() is None and len(bridge("scene.render_scene").read_occluders(depsgraph)["triangles"]) == 2
     left = *bpy.data.volumes, *bpy.data.materials, *bpy.data.meshes, *bpy.data.objects
     assert not [one for one in left if "Shadow" in one.name]
     force("AUTO")
@@ -251,7 +251,7 @@ def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid,
 def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, alpha):
     """Its vertices in the evaluated scene of a render; Cycles gets none beside the grid."""
     load_color(tmp_path, RED, alpha=alpha)
-    surface, corners = bridge("mesh_shadows").surface_of(grid()), []
+    surface, corners = bridge("render.mesh_shadows").surface_of(grid()), []
     assert not surface.visible_get() and not surface.visible_camera and surface.parent == grid()
     nodes = grid().data.materials[0].node_tree.nodes
     assert [node.target for node in nodes if node.type == "OUTPUT_MATERIAL"] == ["CYCLES"], "EEVEE 5.2 would draw it"
@@ -265,7 +265,7 @@ def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, a
     bpy.context.scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
     depsgraph = bpy.context.evaluated_depsgraph_get()
     half = math.log(2.0)
-    bridge("mesh_shadows").show(bpy.context.scene, {cube: (path, half)})
+    bridge("render.mesh_shadows").show(bpy.context.scene, {cube: (path, half)})
     assert surface.modifiers[0].show_render and surface.modifiers[0].threshold == pytest.approx(half)
     grid().hide_viewport = surface.hide_viewport = False  # the evaluated scene of no render has what viewports show
     surface.modifiers[0].show_viewport = True
@@ -322,7 +322,7 @@ def test_old_files_are_deleted(cube, grid, bridge, tmp_path, monkeypatch):
     cube.rle_splat.opacity_scale = 0.1
     render()
     left = list(folder.iterdir())
-    assert len(left) == bridge("mesh_shadows").KEPT + 2, "and what was shown and is shown"
+    assert len(left) == bridge("render.mesh_shadows").KEPT + 2, "and what was shown and is shown"
     assert Path(bpy.path.abspath(grid().data.filepath)) in left
 
 
@@ -339,13 +339,13 @@ def test_a_grid_removed_by_hand_takes_its_surface_along(cube, grid, bridge):
     bpy.data.objects.remove(grid())
     update()
     held = [one for one in bpy.data.objects if one.rle_splat.is_shadow_grid]
-    assert len(held) == 2 and bridge("mesh_shadows").surface_of(grid()) in held
+    assert len(held) == 2 and bridge("render.mesh_shadows").surface_of(grid()) in held
     assert [mesh.name for mesh in bpy.data.meshes if "Shadow" in mesh.name] == ["cube Shadow Surface"]
 
 
 def test_copies_of_the_volume_and_of_the_scene(cube, grid, bridge):
     """A copied volume gets a grid of its own, whether that was copied, too, or not."""
-    grids = bridge("mesh_shadows").grids
+    grids = bridge("render.mesh_shadows").grids
     copies = [cube.copy(), cube.copy(), grid().copy()]
     for one in copies:
         bpy.context.scene.collection.objects.link(one)
@@ -353,7 +353,8 @@ def test_copies_of_the_volume_and_of_the_scene(cube, grid, bridge):
     update()
     found = grids(bpy.context.scene)
     assert {one.parent for one in found} == {cube, *copies[:2]} and len(found) == 3
-    assert len({one.data for one in found}) == len({bridge("mesh_shadows").surface_of(one) for one in found}) == 3
+    assert len({one.data for one in found}) == 3
+    assert len({bridge("render.mesh_shadows").surface_of(one) for one in found}) == 3
     copies[0].location.x += 9.0
     render()
     assert row_of().on and len({one.data.filepath for one in found}) == 2, "unlit, so that two have one content"
@@ -399,7 +400,7 @@ def test_a_linked_volume_casts_its_shadow_and_a_linked_scene_says_why_not(cube, 
 def test_what_cannot_be_written_is_said_and_the_volume_drawn_all_the_same(cube, grid, tmp_path, bridge, monkeypatch):
     blocked = tmp_path / "blocked"
     blocked.write_text("a file where a folder is wanted")
-    monkeypatch.setattr(bridge("mesh_shadows"), "_folder", lambda: blocked / "inside")
+    monkeypatch.setattr(bridge("render.mesh_shadows"), "_folder", lambda: blocked / "inside")
     pixels = rendered(tmp_path / "drawn.exr")
     assert pixels[..., 0].max() > 0.3 and grid().data.filepath == ""
     problem = bpy.context.scene.rle_splat.render_problem

@@ -27,10 +27,10 @@ def opened(addon, tmp_path):
 def test_volumes_and_transfer_functions_are_there(opened, bridge):
     first, second = (bpy.data.objects[name] for name in ("first", "second"))
     expected = np.add.outer(np.add.outer(np.arange(5), np.arange(6)), np.arange(7)) * 12
-    np.testing.assert_array_equal(bridge("volumes").load_volume(first).voxels, expected)
-    np.testing.assert_array_equal(bridge("volumes").load_volume(second).voxels, 255 - expected)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(first).voxels, expected)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(second).voxels, 255 - expected)
     assert first.rle_splat.window_center == 77.0 and second.rle_splat.opacity_scale == 0.5
-    names = [bridge("transfer").read_transfer(one).name for one in (first, second)]
+    names = [bridge("look.transfer").read_transfer(one).name for one in (first, second)]
     assert len(set(names)) == 2 and all(names)
 
 
@@ -77,7 +77,7 @@ def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
 @pytest.mark.parametrize("way", ("open", "append", "link"))
 def test_a_classification_that_was_removed_is_replaced_with_a_message(addon, bridge, tmp_path, way):
     """The numbers of the others are those of earlier versions: 0 and 2."""
-    scene, saved, read = bpy.context.scene, str(tmp_path / "saved.blend"), bridge("settings").quality_of
+    scene, saved, read = bpy.context.scene, str(tmp_path / "saved.blend"), bridge("data.settings").quality_of
     scene.name = "Saved"
     group = type(scene.rle_splat)
     items = group.bl_rna.properties["classification"].enum_items

@@ -34,7 +34,7 @@ def picture():
 
 
 def rendered(bridge, core, volume, **more):
-    scene, quality = bridge("render_scene").read_scene(
+    scene, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=True
     )
     return scene, core("pipeline.render").render(scene, quality).rgba
@@ -63,7 +63,7 @@ def test_a_gradient_opacity_is_read_and_a_transfer_function_writes_it(volume, br
     assert (steep.low, steep.high) == (20.0, 80.0) and effects["gradient opacity"]["on"]
     np.testing.assert_array_equal(found, true)
     assert np.abs(found - plain).max() > 0.01
-    transfer = bridge("transfer")
+    transfer = bridge("look.transfer")
     transfer.move_window(volume, properties.window_center, 2.0 * properties.window_width, keep_values=True)
     assert transfer.read_transfer(volume).gradient_opacity == steep
     assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}

@@ -22,7 +22,7 @@ def blot(tmp_path, bridge, core):
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
-        bridge("transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
+        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
     found.location = (-0.12, -0.12, -0.12)
     scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
     scene = scenes.use_cycles((48, 48))
@@ -53,7 +53,7 @@ def empty(name="Empty", **settings):
 
 def read(bridge, volume_object):
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    return bridge("motion").read_motion(depsgraph, volume_object)
+    return bridge("scene.motion").read_motion(depsgraph, volume_object)
 
 
 def blenders_own(volume_object, opens, closes, stretch=1.0):
@@ -204,7 +204,7 @@ def test_B57_reading_poses_fires_no_handler_and_moves_nothing(blot, bridge):
         moved.location.x, blot.scale.y = 17.0, 1.25  # unkeyed
         depsgraph = bpy.context.evaluated_depsgraph_get()
         handlers.calls.clear()
-        plain, _quality = bridge("render_scene").read_scene(blot, depsgraph, with_meshes=False)
+        plain, _quality = bridge("scene.render_scene").read_scene(blot, depsgraph, with_meshes=False)
         assert len(plain.motion) == 5 and handlers.calls == []
         assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}

@@ -32,8 +32,8 @@ def test_the_level_is_kept(pyramid, bridge, core):
         core("runtime.memory").limit_to(None)
     owner = bpy.context.view_layer.objects.active
     assert owner.rle_splat.level == 1
-    bridge("volumes").forget_all()
-    assert bridge("volumes").load_volume(owner).shape_xyz == (5, 5, 4)
+    bridge("volumes.volumes").forget_all()
+    assert bridge("volumes.volumes").load_volume(owner).shape_xyz == (5, 5, 4)
     bpy.ops.rle_splat.reload(level=0)
-    assert bridge("volumes").load_volume(owner).shape_xyz == (10, 9, 8) and owner.rle_splat.level == 0
-    assert bridge("volumes").load_volume(owner).unit == "um"
+    assert bridge("volumes.volumes").load_volume(owner).shape_xyz == (10, 9, 8) and owner.rle_splat.level == 0
+    assert bridge("volumes.volumes").load_volume(owner).unit == "um"

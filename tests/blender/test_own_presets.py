@@ -26,7 +26,7 @@ def own(bridge, tmp_path, monkeypatch):
         return str(place / path)
 
     monkeypatch.setattr(bpy.utils, "user_resource", user_resource)
-    module = bridge("own_presets")
+    module = bridge("look.own_presets")
     module.look_again()
     yield module
     monkeypatch.undo()
@@ -45,13 +45,13 @@ def names(own):
 
 
 def test_the_folder_is_that_of_blenders_presets(bridge, addon):
-    place = bridge("own_presets").folder()
+    place = bridge("look.own_presets").folder()
     assert place.parts[-2:] == ("presets", "rle_splat") and "scripts" in place.parts
     assert Path(addon.__file__).parent not in place.parents
 
 
 def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
-    transfer = bridge("transfer")
+    transfer = bridge("look.transfer")
     bpy.ops.rle_splat.apply_preset(preset="mr-head")
     saved = transfer.read_transfer(volume_object)
     assert not own.folder().exists()
@@ -112,7 +112,7 @@ def test_a_preset_for_another_unit_is_moved_to_the_values(volume_object, own, br
     preset = core("classify.presets").preset("ct-bone")
     own.save("bone", preset)
     assert bpy.ops.rle_splat.apply_own_preset(name="bone") == {"FINISHED"}
-    low, high = bridge("transfer").read_transfer(volume_object).span
+    low, high = bridge("look.transfer").read_transfer(volume_object).span
     owner = volume_object.rle_splat
     assert owner.value_low <= low < high <= owner.value_high, "Hounsfield units on values without a unit"
 
@@ -136,7 +136,7 @@ def test_all_presets_of_a_file_become_own_presets(volume_object, own, mrml, refu
 def test_one_transfer_function_of_a_file_is_applied_by_name(volume_object, own, mrml, refused, bridge):
     refused(bpy.ops.rle_splat.load_transfer, "name one of them with Name: Red, Blue/Green", filepath=str(mrml))
     assert bpy.ops.rle_splat.load_transfer(filepath=str(mrml), name="Red") == {"FINISHED"}
-    function = bridge("transfer").read_transfer(volume_object)
+    function = bridge("look.transfer").read_transfer(volume_object)
     assert function.name == "Red" and function.opacity == ((10.0, 0.0), (200.0, 0.5))
     assert function.opacity_unit_distance == 1.0 and function.shade.highlight == "phong"
     assert names(own) == []
@@ -146,7 +146,7 @@ def test_a_color_map_is_spread_over_the_values(volume_object, own, bridge, tmp_p
     path = tmp_path / "warm.json"
     path.write_text(json.dumps({"R": [0, 255], "G": [0, 128], "B": [0, 0], "A": [0, 128], "I": [0, 255]}))
     assert bpy.ops.rle_splat.load_transfer(filepath=str(path)) == {"FINISHED"}
-    function = bridge("transfer").read_transfer(volume_object)
+    function = bridge("look.transfer").read_transfer(volume_object)
     owner = volume_object.rle_splat
     assert function.name == "warm" and owner.value_low <= function.span[0] < function.span[1] <= owner.value_high
     np.testing.assert_allclose(function.alpha_at(function.span[1]), 128 / 255, atol=1e-6)
@@ -154,7 +154,7 @@ def test_a_color_map_is_spread_over_the_values(volume_object, own, bridge, tmp_p
 
 def test_the_menu_and_the_groups_list_own_presets(volume_object, own, bridge):
     bpy.ops.rle_splat.save_own_preset(name="Mine")
-    groups = bridge("preset_entries").groups(volume_object.rle_splat)
+    groups = bridge("look.preset_entries").groups(volume_object.rle_splat)
     assert [group.label for group in groups] == ["For Any Scan", "Own", "Others"], "no modality is known"
     assert [group.is_open for group in groups] == [True, True, False] and len(groups[0].entries) < 12
     assert [entry.name for entry in groups[1].entries] == ["Mine"]
@@ -166,7 +166,7 @@ def test_the_menu_and_the_groups_list_own_presets(volume_object, own, bridge):
 def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, modality, unit, heading, first, other):
     properties = volume_object.rle_splat
     properties.facts, properties.value_unit = f"File: a\nModality: {modality}", unit
-    suits, others = bridge("preset_entries").groups(properties)
+    suits, others = bridge("look.preset_entries").groups(properties)
     assert suits.label == heading and suits.is_open and not others.is_open
     assert first in [entry.name for entry in suits.entries] and other in [entry.name for entry in others.entries]
     assert {"AUTO", "x-ray"} <= {entry.name for entry in suits.entries}, "those for any modality suit"
@@ -174,6 +174,6 @@ def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, m
 
 def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volume_object, bridge):
     volume_object.rle_splat.value_unit = "HU"
-    first = bridge("preset_entries").groups(volume_object.rle_splat)[0]
+    first = bridge("look.preset_entries").groups(volume_object.rle_splat)[0]
     assert first.label == "For CT" and len(first.entries) > 10
     assert all(len(entry.label) <= 11 for entry in first.entries), [entry.label for entry in first.entries]

@@ -36,9 +36,9 @@ def picture():
 
 def test_a_chosen_volume_is_the_one_that_buttons_work_on(owner, bridge, tmp_path):
     other = scenes.import_raw(tmp_path, np.zeros((2, 2, 2), np.uint8), name="other")
-    assert bridge("volumes").volume_object(bpy.context) == other
+    assert bridge("volumes.volumes").volume_object(bpy.context) == other
     assert bpy.ops.rle_splat.choose_object(name=owner.name) == {"FINISHED"}
-    assert bridge("volumes").volume_object(bpy.context) == owner
+    assert bridge("volumes.volumes").volume_object(bpy.context) == owner
     assert owner.select_get() and not other.select_get()
 
 
@@ -65,7 +65,7 @@ def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, 
     path = Path(owner.rle_splat.filepath)
     path.write_bytes(bytes(path.stat().st_size))
     os.utime(path, ns=(0, 0))
-    bridge("volumes").load_volume(owner)
+    bridge("volumes.volumes").load_volume(owner)
     shown = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
     assert "are not those" in shown and "Up to date" in shown
 
@@ -95,9 +95,9 @@ def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
     row = picture()[16]
     np.testing.assert_allclose(row[:, 0], row[:, 3], atol=1e-5)  # white, as opaque as the value is high
     np.testing.assert_allclose(row[4:28, 0], (np.arange(4, 28) + 0.5) / 32, atol=0.03)
-    assert not bridge("freshness").out_of_date(bpy.context.scene)
+    assert not bridge("pictures.outdated").out_of_date(bpy.context.scene)
     properties.window_center = 50.0
-    assert bridge("freshness").out_of_date(bpy.context.scene)
+    assert bridge("pictures.outdated").out_of_date(bpy.context.scene)
     settings.display = "composite"
     assert (settings.mode, settings.use_grays) == ("composite", False)
     settings.mode = "mip"  # as scripts do: the look stays
@@ -112,7 +112,7 @@ def test_xray_in_gray_is_brighter_where_values_are_higher(owner):
 
 
 def test_a_shift_moves_the_whole_transfer_function_from_where_the_preset_put_it(owner, bridge):
-    properties, read = owner.rle_splat, bridge("transfer").read_transfer
+    properties, read = owner.rle_splat, bridge("look.transfer").read_transfer
     before = read(owner)
     assert properties.shift == pytest.approx(0.0, abs=1e-4)
     properties.shift = 10.0  # percent of 0 to 200
@@ -148,7 +148,7 @@ def test_automatic_is_a_checkbox_over_the_number(owner):
 def segments(owner, bridge, core, tmp_path):
     """The rows of a label file whose left third is 3; the volume's own transfer function shows nothing."""
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
         ((0.0, 0.0), (255.0, 0.0)), (1.0, 1.0, 1.0))
     labels = np.zeros((N, N, N), np.uint8)
     labels[:, :, :3] = 3
@@ -198,14 +198,14 @@ def test_a_scan_is_edited_after_the_import(owner, bridge, core):
     done = bpy.ops.rle_splat.reload(
         spacing=(1.0, 2.0, 0.5), orientation="RAS", flip=(False, False, True), length_unit_given="cm")
     assert done == {"FINISHED"}
-    volume = bridge("volumes").load_volume(owner)
+    volume = bridge("volumes.volumes").load_volume(owner)
     np.testing.assert_allclose(volume.spacing, (1.0, 2.0, 0.5))
     assert core("volume.orientation").axis_letters(volume.affine) == ("R", "A", "I") and volume.unit == "cm"
     assert "Spacing: 1 × 2 × 0.5 cm" in properties.facts and properties.space == "patient"
     assert properties.data_key == key and properties.window_center == 77.0
     assert properties.length_unit == "cm" and tuple(properties.found_spacing) == (1.0, 2.0, 0.5)
     assert bpy.ops.rle_splat.reload() == {"FINISHED"}  # with the options that it has
-    np.testing.assert_allclose(bridge("volumes").load_volume(owner).spacing, (1.0, 2.0, 0.5))
+    np.testing.assert_allclose(bridge("volumes.volumes").load_volume(owner).spacing, (1.0, 2.0, 0.5))
     properties.use_file_spacing = True
     assert tuple(properties.spacing) == (0.0, 0.0, 0.0)
     properties.use_file_spacing = False
@@ -218,7 +218,7 @@ def test_a_wrong_orientation_is_refused(owner, refused):
 
 @pytest.fixture
 def preferences(bridge):
-    found = bridge("preferences").current()
+    found = bridge("data.preferences").current()
     yield found
     for name in ("threads", "memory_limit", "failed_frame", "show_live", "show_imported", "refine_live", "live_pixels"):
         found.property_unset(name)
@@ -226,7 +226,7 @@ def preferences(bridge):
 
 
 def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, preferences):
-    quality_of, settings = bridge("settings").quality_of, bpy.context.scene.rle_splat
+    quality_of, settings = bridge("data.settings").quality_of, bpy.context.scene.rle_splat
     preferences.threads = 3
     assert quality_of(bpy.context.scene).threads == 3
     settings.threads = 2
@@ -242,9 +242,9 @@ def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, prefe
     assert available() > 1 << 28
     preferences.show_live = False
     assert not bridge("live").is_allowed()
-    assert bridge("preferences").live_habits() == (True, 0)
+    assert bridge("data.preferences").live_habits() == (True, 0)
     preferences.refine_live, preferences.live_pixels = False, "HALF"
-    assert bridge("preferences").live_habits() == (False, 1)
+    assert bridge("data.preferences").live_habits() == (False, 1)
 
 
 @pytest.mark.parametrize("is_wanted", (True, False))
@@ -265,7 +265,7 @@ def test_an_import_opens_or_closes_the_eyes_of_the_windows_viewports(volume_obje
 
 
 def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_path):
-    cache = bridge("kernel_cache")
+    cache = bridge("data.kernel_cache")
     used, other = tmp_path / "kernels-1", tmp_path / "kernels-2"
     for folder in (used, other):
         folder.mkdir()
@@ -294,7 +294,7 @@ def test_every_choice_has_a_tooltip(addon):
 
 
 def test_progress_never_runs_backwards(bridge, core, monkeypatch):
-    jobs, progress = bridge("jobs"), core("runtime.steps").Progress
+    jobs, progress = bridge("loop.jobs"), core("runtime.steps").Progress
     monkeypatch.setattr(jobs, "redraw_sidebars", lambda context: None)
     monkeypatch.setattr(jobs.StepwiseOperator, "_progress", None)
     said = []

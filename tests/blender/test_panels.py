@@ -175,7 +175,7 @@ def test_empty_scene_offers_the_import(monkeypatch):
 
 
 def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, bridge):
-    bridge("volumes").forget_all()  # as after a reload: nothing in memory
+    bridge("volumes.volumes").forget_all()  # as after a reload: nothing in memory
     log = draw_all(monkeypatch)
     assert "7 × 6 × 5, uint8" in texts(log)
     for wanted in (
@@ -200,8 +200,8 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
 
 def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
     """Post is the default; knobs that it has one value of are grayed out, and choosing another value chooses pre."""
-    scene, of_pre = bpy.context.scene, bridge("settings").OF_PRE
-    settings, quality_of = scene.rle_splat, bridge("settings").quality_of
+    scene, of_pre = bpy.context.scene, bridge("data.settings").OF_PRE
+    settings, quality_of = scene.rle_splat, bridge("data.settings").quality_of
     assert quality_of(scene) == quality_of(scene).preset("standard") and quality_of(scene).classification == "post"
     others = {"record": "8", "kernel": "bspline3", "minification": "widen", "model": "opacity"}
     assert set(others) == set(of_pre)
@@ -242,7 +242,7 @@ def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
 
 
 def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, monkeypatch):
-    previews = bridge("previews")
+    previews = bridge("look.previews")
     calls = []
     draw = previews.histogram_picture.draw
     monkeypatch.setattr(previews.histogram_picture, "draw", lambda *args: calls.append(1) or draw(*args))
@@ -255,8 +255,8 @@ def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, 
 
 
 def test_histogram_picture_shows_where_the_values_are(bridge, core):
-    picture = bridge("histogram_picture")
-    stored = bridge("facts").StoredHistogram(np.array([0, 0, 1000, 0]), 0.0, 4.0)
+    picture = bridge("look.histogram_picture")
+    stored = bridge("volumes.facts").StoredHistogram(np.array([0, 0, 1000, 0]), 0.0, 4.0)
     function = core("classify.transfer_function").TransferFunction(
         opacity=((0.0, 0.0), (4.0, 0.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0)))
     drawn = picture.draw(stored, function, 0.0, 4.0)
@@ -274,7 +274,7 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
 
 def test_the_histogram_is_the_top_of_a_transparent_square(bridge):
     """Blender's icons are squares; what is below the picture covers nothing of the panel."""
-    picture = bridge("histogram_picture")
+    picture = bridge("look.histogram_picture")
     drawn = np.random.default_rng(2).uniform(0.1, 1.0, (picture.HEIGHT, picture.WIDTH, 4)).astype(np.float32)
     icon = picture.as_icon(drawn)
     assert icon.shape == (picture.WIDTH, picture.WIDTH, 4)
@@ -320,7 +320,7 @@ def test_a_damaged_histogram_is_said_and_a_damaged_record_is_as_none(volume_obje
         volume_object.rle_splat.histogram = damaged
         assert problem in " ".join(texts(draw_all(monkeypatch)).split())
     image = bpy.data.images.new("picture", 2, 2)
-    freshness = bridge("freshness")
+    freshness = bridge("pictures.outdated")
     for damaged in ("{", "[1, 2, 3, 4]", "7"):
         image[freshness.MADE_FROM] = damaged
         assert freshness.made_from(image) is None

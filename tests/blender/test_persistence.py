@@ -25,7 +25,7 @@ def written_in(blend):
 
 
 def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
-    transfer, volumes = bridge("transfer"), bridge("volumes")
+    transfer, volumes = bridge("look.transfer"), bridge("volumes.volumes")
     bpy.ops.rle_splat.apply_preset(preset="mr-head")
     volume_object.location = (1.0, 2.0, 3.0)
     before = transfer.read_transfer(volume_object)
@@ -42,7 +42,7 @@ def test_save_and_reload(volume_object, phantom, bridge, tmp_path):
 
 
 def test_paths_follow_the_blend(volume_object, phantom, bridge, tmp_path):
-    volumes = bridge("volumes")
+    volumes = bridge("volumes.volumes")
     (tmp_path / "a" / "b").mkdir(parents=True)
     for name, options, written in (
         ("first.blend", {}, "//phantom.raw"), ("a/b/copy.blend", {"copy": True}, "//../../phantom.raw"),
@@ -82,14 +82,14 @@ def test_undo_across_save_as_leads_to_the_same_files(phantom, bridge, tmp_path):
     save(folders[1] / "scene.blend")
     for step, labels in ((bpy.ops.ed.undo, "labels"), (bpy.ops.ed.redo, "typed")):
         assert step() == {"FINISHED"}
-        owner, volumes = bpy.data.objects[name], bridge("volumes")
+        owner, volumes = bpy.data.objects[name], bridge("volumes.volumes")
         files = [volumes.resolved_path(owner, one) for one in ("filepath", "label_file")]
         assert files == [str(folders[0] / "ct.raw"), str(folders[0] / f"{labels}.raw")]
         np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1] // 100)
 
 
 def test_undo_and_redo(volume_object, bridge):
-    transfer = bridge("transfer")
+    transfer = bridge("look.transfer")
     start = transfer.read_transfer(volume_object)
     name = volume_object.name
     bpy.ops.ed.undo_push(message="start")
@@ -117,7 +117,7 @@ def test_undo_of_an_import_takes_everything_away(phantom):
 
 @pytest.mark.parametrize("link", [False, True])
 def test_append_and_link(volume_object, phantom, bridge, tmp_path, link):
-    transfer, volumes = bridge("transfer"), bridge("volumes")
+    transfer, volumes = bridge("look.transfer"), bridge("volumes.volumes")
     before = transfer.read_transfer(volume_object)
     (tmp_path / "library").mkdir()
     save(tmp_path / "library" / "scene.blend")

@@ -33,7 +33,7 @@ def owner(sequence, bridge, core):
     owner = bpy.context.view_layer.objects.active
     points = ((0.0, 0.0), *((50.0 * i, alpha) for i, alpha in enumerate(ALPHAS, 1)), (255.0, ALPHAS[-1]))
     scenes.give_transfer(
-        bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner, points,
+        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner, points,
         (1.0, 1.0, 1.0))
     scenes.add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=16.0)
     return owner
@@ -41,7 +41,7 @@ def owner(sequence, bridge, core):
 
 def value_now(bridge, owner) -> int:
     """The value of the frame that is shown, over 50."""
-    return int(bridge("volumes").load_volume(owner).voxels[0, 0, 0]) // 50
+    return int(bridge("volumes.volumes").load_volume(owner).voxels[0, 0, 0]) // 50
 
 
 def shown_at(bridge, owner, frames) -> list:
@@ -113,7 +113,7 @@ def run_timer(work) -> int:
 
 
 def test_the_timer_reads_the_next_frame_once_for_each_frame(owner, bridge):
-    volumes, work = bridge("volumes"), bridge("loop.work")
+    volumes, work = bridge("volumes.volumes"), bridge("loop.work")
     shown_at(bridge, owner, (1, 2))
     assert entries(bridge) == 1 and not volumes.is_at_hand(owner, ahead=1)
     work._is_due[0] = True
@@ -123,7 +123,7 @@ def test_the_timer_reads_the_next_frame_once_for_each_frame(owner, bridge):
 
 
 def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, sequence):
-    volumes, work = bridge("volumes"), bridge("loop.work")
+    volumes, work = bridge("volumes.volumes"), bridge("loop.work")
     assert not work.want(owner)  # it is in memory
     volumes.forget_all()
     assert work.want(owner) and work.want(owner) and len(work._queue) == 1
@@ -138,7 +138,7 @@ def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, s
 
 
 def test_the_next_frame_is_read_ahead(owner, bridge, core):
-    volumes = bridge("volumes")
+    volumes = bridge("volumes.volumes")
     shown_at(bridge, owner, (2,))
     assert not volumes.is_at_hand(owner, ahead=1)
     core("runtime.steps").drain(volumes.load_ahead_steps(owner))
@@ -153,7 +153,7 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
     ("HOLD", "frame_step", ((1, 1), (2, 3))),
 ])  # fmt: skip
 def test_the_next_keyframed_frame_is_read_ahead(owner, bridge, playback, name, keys):
-    work, volumes = bridge("loop.work"), bridge("volumes")
+    work, volumes = bridge("loop.work"), bridge("volumes.volumes")
     owner.rle_splat.playback = playback
     for time, value in keys:
         setattr(owner.rle_splat, name, value)
@@ -172,7 +172,7 @@ def test_the_one_frame_that_is_shown_is_not_read_again(owner, bridge):
 
 
 def test_another_frame_that_was_written_again_is_told(owner, bridge, sequence):
-    volumes, warnings = bridge("volumes"), []
+    volumes, warnings = bridge("volumes.volumes"), []
     bpy.context.scene.frame_set(3)
     volumes.load_volume(owner, warnings.append)
     assert not warnings
@@ -182,7 +182,7 @@ def test_another_frame_that_was_written_again_is_told(owner, bridge, sequence):
 
 
 def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
-    freshness, scene = bridge("freshness"), bpy.context.scene
+    freshness, scene = bridge("pictures.outdated"), bpy.context.scene
     scene.frame_set(1)
     bpy.ops.rle_splat.render_image()
     assert not freshness.out_of_date(scene)
@@ -212,7 +212,7 @@ def test_a_chosen_file_of_the_middle_keeps_its_place(sequence, bridge):
     assert owner.rle_splat.data_frame == 3
     assert shown_at(bridge, owner, (1, 3)) == [1, 3]
     warnings = []
-    bridge("volumes").load_volume(owner, warnings.append)
+    bridge("volumes.volumes").load_volume(owner, warnings.append)
     assert not warnings
 
 
@@ -265,7 +265,7 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     owner = bpy.context.view_layer.objects.active
     assert shown_at(bridge, owner, (1, 2, 3, 4)) == [1, 2, 3, 3]
     (tmp_path / "bold.nii.gz").rename(tmp_path / "moved.nii.gz")
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "moved.nii.gz")) == {"FINISHED"}
     assert shown_at(bridge, owner, (2,)) == [2]
 
@@ -288,5 +288,5 @@ def test_a_sequence_of_openvdb_files(tmp_path, bridge, addon):
     owner = bpy.context.view_layer.objects.active
     for frame in (1, 2, 3):
         bpy.context.scene.frame_set(frame)
-        volume = bridge("volumes").load_volume(owner)
+        volume = bridge("volumes.volumes").load_volume(owner)
         assert volume.shape_xyz == (N + 2, N + 2, N + frame + 2) and volume.voxels.max() == 50.0 * frame

@@ -17,7 +17,7 @@ def owner(addon, tmp_path):
 
 @pytest.fixture
 def look(bridge):
-    probe = bridge("probe")
+    probe = bridge("look.probe")
 
     def along(origin=(*CENTER, 30.0), direction=(0.0, 0.0, -1.0), **more):
         """What a ray from above finds, and its line."""
@@ -117,7 +117,7 @@ def test_without_a_volume_it_says_so(addon, refused):
 
 
 def test_values_have_the_decimals_that_their_range_needs(bridge):
-    text = bridge("probe").value_text
+    text = bridge("look.probe").value_text
     assert text(311.7, -1024.0, 3071.0, "HU") == "312 HU" and text(-0.2, -1024.0, 3071.0) == "0"
     assert text(0.12345, 0.0, 1.0) == "0.123" and text(17.26, 0.0, 255.0) == "17.3"
     assert text(4e-6, 0.0, 1e-5) == "0.00000400" and text(3.0, 3.0, 3.0) == "3"
@@ -125,7 +125,7 @@ def test_values_have_the_decimals_that_their_range_needs(bridge):
 
 def test_positions_in_a_patient_have_letters(bridge, core):
     volume = core("volume.volume").Volume(np.zeros((2, 2, 2), np.uint8), np.eye(4), space="patient")
-    assert bridge("probe").position_text(np.array((12.34, -45.0, 88.06)), volume) == "L 12.3 A 45.0 S 88.1 mm"
-    assert bridge("probe").position_text((-12.34, 45.0, -88.0), volume) == "R 12.3 P 45.0 I 88.0 mm"
+    assert bridge("look.probe").position_text(np.array((12.34, -45.0, 88.06)), volume) == "L 12.3 A 45.0 S 88.1 mm"
+    assert bridge("look.probe").position_text((-12.34, 45.0, -88.0), volume) == "R 12.3 P 45.0 I 88.0 mm"
     plain = core("volume.volume").Volume(np.zeros((2, 2, 2), np.uint8), np.eye(4), unit="um")
-    assert bridge("probe").position_text((-0.01, 45.0, -88.0), plain) == "x 0.0 y 45.0 z -88.0 um"
+    assert bridge("look.probe").position_text((-0.01, 45.0, -88.0), plain) == "x 0.0 y 45.0 z -88.0 um"

@@ -16,17 +16,17 @@ HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 # Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
 LISTENERS = {
     "blend_import_post": ["source_paths", "migration"],
-    "depsgraph_update_post": ["image_state", "world_render", "watch", "follow_slices", "shown", "live", "store"],
-    "frame_change_post": ["over_render", "watch", "follow_slices", "shown"],
-    "load_post": ["source_paths", "migration", "watch", "follow_slices", "picture_files", "shown"],
-    "load_pre": ["handlers"], "redo_post": ["watch", "follow_slices", "shown", "store"],
+    "depsgraph_update_post": ["image_changes", "world_render", "update", "slice_pictures", "shown", "live", "store"],
+    "frame_change_post": ["over_render", "update", "slice_pictures", "shown"],
+    "load_post": ["source_paths", "migration", "update", "slice_pictures", "picture_files", "shown"],
+    "load_pre": ["handlers"], "redo_post": ["update", "slice_pictures", "shown", "store"],
     "render_cancel": ["over_render"], "render_complete": ["over_render"],
     "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"],
     "save_post": ["source_paths", "mesh_shadows", "picture_files"],
     "save_post_fail": ["source_paths", "mesh_shadows", "picture_files"],
-    "save_pre": ["source_paths", "over_render", "mesh_shadows", "watch", "picture_files"],
-    "undo_post": ["watch", "follow_slices", "shown", "store"],
+    "save_pre": ["source_paths", "over_render", "mesh_shadows", "update", "picture_files"],
+    "undo_post": ["update", "slice_pictures", "shown", "store"],
 }  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def test_disabling_with_a_volume_in_the_file_and_enabling_again_keeps_it(volume_
     addon.register()
     again = bpy.data.objects[volume_object.name]
     assert again.rle_splat.is_volume and again.rle_splat.data_key == key
-    assert bridge("volumes").load_volume(again).shape_xyz == (7, 6, 5)
+    assert bridge("volumes.volumes").load_volume(again).shape_xyz == (7, 6, 5)
 
 
 def test_operators_and_properties_are_described(addon):

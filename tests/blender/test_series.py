@@ -31,7 +31,7 @@ def study(tmp_path, phantoms):
 def test_a_folder_is_imported_and_its_object_has_no_name_of_a_patient(study, phantoms, bridge):
     assert bpy.ops.rle_splat.import_folder(directory=str(study / "first")) == {"FINISHED"}
     owner = active()
-    volume = bridge("volumes").load_volume(owner)
+    volume = bridge("volumes.volumes").load_volume(owner)
     assert volume.shape_xyz[2] == 5 and owner.rle_splat.space == "patient"
     kept = " ".join(str(getattr(owner.rle_splat, name)) for name in ("facts", "remarks", "filepath")) + owner.name
     assert "DOE" not in kept.upper() and phantoms.NUMBER not in kept
@@ -40,7 +40,7 @@ def test_a_folder_is_imported_and_its_object_has_no_name_of_a_patient(study, pha
 def test_any_file_of_a_series_stands_for_it(study, bridge):
     path = sorted((study / "second").iterdir())[3]
     assert bpy.ops.rle_splat.import_volume(filepath=str(path)) == {"FINISHED"}
-    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 7
+    assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 7
 
 
 def test_several_series_are_listed_in_one_sentence_and_one_is_chosen(study, refused, bridge):
@@ -52,17 +52,17 @@ def test_several_series_are_listed_in_one_sentence_and_one_is_chosen(study, refu
     for number in (1, 2):
         assert bpy.ops.rle_splat.import_folder(directory=str(study), series=number) == {"FINISHED"}
         assert active().rle_splat.series == number
-        counts[number] = bridge("volumes").load_volume(active()).shape_xyz[2]
+        counts[number] = bridge("volumes.volumes").load_volume(active()).shape_xyz[2]
     assert sorted(counts.values()) == [5, 7]
 
 
 def test_the_chosen_series_is_read_again_after_a_reload(study, tmp_path, bridge):
     bpy.ops.rle_splat.import_folder(directory=str(study), series=2)
-    expected = np.array(bridge("volumes").load_volume(active()).voxels)
+    expected = np.array(bridge("volumes.volumes").load_volume(active()).voxels)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     warnings = []
-    np.testing.assert_array_equal(bridge("volumes").load_volume(active(), warnings.append).voxels, expected)
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(active(), warnings.append).voxels, expected)
     assert not warnings
     content = (tmp_path / "saved.blend").read_bytes()
     assert b"DOE^" not in content
@@ -71,9 +71,9 @@ def test_the_chosen_series_is_read_again_after_a_reload(study, tmp_path, bridge)
 def test_relocate_takes_a_folder(study, bridge):
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
     (study / "first").rename(study / "moved")
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     assert bpy.ops.rle_splat.relocate(filepath=str(study / "moved")) == {"FINISHED"}
-    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 5
+    assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 5
 
 
 def test_relocate_finds_the_series_among_others(study, bridge, tmp_path, capfd):
@@ -83,7 +83,7 @@ def test_relocate_finds_the_series_among_others(study, bridge, tmp_path, capfd):
         assert bpy.ops.rle_splat.relocate(filepath=str(study)) == {"FINISHED"}
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-        assert bridge("volumes").load_volume(active()).shape_xyz[2] == count
+        assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == count
     assert "does not hold the series" not in "".join(capfd.readouterr())
 
 
@@ -107,22 +107,22 @@ def test_changes_beside_a_file_and_deep_in_a_folder_are_noticed(study, bridge, p
     for path in (study, sorted((study / "first").iterdir())[0]):
         bpy.ops.rle_splat.import_volume(filepath=str(path))
         (study / "first" / "scene.blend").write_bytes(b"")
-        bridge("file_state").forget()  # as a second later
-        assert bridge("volumes").is_at_hand(active()), "a scene beside a scan is none of its files"
+        bridge("volumes.file_changes").forget()  # as a second later
+        assert bridge("volumes.volumes").is_at_hand(active()), "a scene beside a scan is none of its files"
         content = phantoms.read(changed)
         content.PixelData = bytes(reversed(content.PixelData))
         with open(changed, "r+b") as stream:  # in place: the folder's own time stays
             content.save_as(stream)
-        bridge("file_state").forget()
+        bridge("volumes.file_changes").forget()
         warnings = []
-        bridge("volumes").load_volume(active(), warnings.append)
+        bridge("volumes.volumes").load_volume(active(), warnings.append)
         assert len(warnings) == 1 and "changed" in warnings[0]
 
 
 def test_what_the_chooser_shows(study, bridge, core):
-    series, reading = bridge("series"), bridge("reading")
+    series, reading = bridge("volumes.series"), bridge("volumes.import_source")
     with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
-        bridge("volumes").read_file(str(study), {})
+        bridge("volumes.volumes").read_file(str(study), {})
     several = caught.value
     thumbnails = core("runtime.steps").drain(reading.thumbnail_steps(several))
     assert [picture.dtype for picture in thumbnails] == [np.uint8, np.uint8]
@@ -149,8 +149,8 @@ def test_an_import_is_undone(study, bridge, core, name, options):
     bpy.ops.ed.undo_push(message="start")
     if name == "choose_series":
         with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
-            bridge("volumes").read_file(str(study), {})
-        bridge("series").offer(caught.value, [None, None], "import_volume", {"filepath": str(study)})
+            bridge("volumes.volumes").read_file(str(study), {})
+        bridge("volumes.series").offer(caught.value, [None, None], "import_volume", {"filepath": str(study)})
     else:
         options = {"directory": str(study / "first")}
     assert getattr(bpy.ops.rle_splat, name)("EXEC_DEFAULT", True, **options) == {"FINISHED"}
@@ -160,14 +160,14 @@ def test_an_import_is_undone(study, bridge, core, name, options):
 
 
 def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
-    volumes = bridge("volumes")
+    volumes = bridge("volumes.volumes")
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
     path = sorted((study / "first").iterdir())[2]
     content = phantoms.read(path)
     content.PixelData = bytes(len(content.PixelData))
     with open(path, "r+b") as stream:  # in place: the folder's own time stays
         content.save_as(stream)
-    bridge("file_state").forget()  # as a second later
+    bridge("volumes.file_changes").forget()  # as a second later
     warnings = []
     volumes.load_volume(active(), warnings.append)
     assert len(warnings) == 1 and "changed" in warnings[0]
@@ -187,8 +187,8 @@ def test_all_files_of_a_series_are_one_volume(study, refused):
 def test_a_second_series_that_came_later_is_told_in_a_sentence(study, bridge, core):
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
     (study / "second").rename(study / "first" / "more")
-    bridge("volumes").forget_all()
-    assert bridge("volumes").load_volume(active()).shape_xyz[2] == 5, "it is found by its hash"
+    bridge("volumes.volumes").forget_all()
+    assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 5, "it is found by its hash"
     active().rle_splat.series_key = ""  # as in a scene of an earlier version
     with pytest.raises(core("scene").RleSplatError, match=r"There are 2 series at .*first; press Relocate"):
-        bridge("volumes").load_volume(active())
+        bridge("volumes.volumes").load_volume(active())

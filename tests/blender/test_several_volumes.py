@@ -29,7 +29,7 @@ def cubes(bridge, core, tmp_path):
         owner.location = (0.0, 0.0, 0.0)
         alpha = ALPHA[name]
         scenes.give_transfer(
-            bridge("transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
+            bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
             ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)
     scenes.use_cycles((SIZE, SIZE))
     middle = (N - 1) / 2
@@ -125,7 +125,7 @@ def test_an_instance_is_the_volume_moved_there(cubes, tmp_path):
 def test_two_instances_and_their_clip_objects(cubes, bridge):
     cubes["blue"].hide_render = True
     red = cubes["red"]
-    plane = bridge("clip_objects").add_clip(bpy.context.scene, red, "PLANE", "INSIDE", np.eye(4))
+    plane = bridge("scene.clip_objects").add_clip(bpy.context.scene, red, "PLANE", "INSIDE", np.eye(4))
     instancer = move_to_collection(red, "asset")
     instancer.location.z = 20.0
     other = instancer.copy()
@@ -133,9 +133,9 @@ def test_two_instances_and_their_clip_objects(cubes, bridge):
     other.location.z = 40.0
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    placed = bridge("placements").shown(depsgraph)
+    placed = bridge("scene.placements").shown(depsgraph)
     assert [one.stands_for.name for one in placed] == sorted((instancer.name, other.name)) and plane.parent == red
-    plain, _ = bridge("render_scene").read_scenes(placed, depsgraph, with_meshes=True)
+    plain, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
     heights = sorted((scene.volume_matrix[2, 3], scene.clips[0].matrix_world[2, 3]) for scene in plain)
     np.testing.assert_allclose(heights, ((20.0, 20.0), (40.0, 40.0)), atol=1e-6)
 
@@ -201,7 +201,7 @@ def test_files_of_several_volumes_are_read_once(case, bridge, tmp_path, reads):
             scenes.activate(owner, channel)
             assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
         expected = {"file_steps": 3, "on_grid_steps": 2}
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     reads.clear()
     assert redraws(bridge, pair) == 1 and reads == expected
     assert redraws(bridge, pair) == 0 and reads == expected
@@ -220,7 +220,8 @@ def test_a_volume_in_two_scenes_at_two_times_keeps_both_frames(bridge, tmp_path,
         for scene in (first, second):
             with scenes.in_scene(scene):
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                assert bridge("volumes").load_volume(owner, depsgraph=depsgraph).voxels.max() == scene.frame_current
+                volume = bridge("volumes.volumes").load_volume(owner, depsgraph=depsgraph)
+                assert volume.voxels.max() == scene.frame_current
     assert reads["file_steps"] == 2
     bpy.data.scenes.remove(second)
     bpy.context.view_layer.update()
@@ -270,4 +271,4 @@ def test_beyond_the_limit_what_no_window_shows_leaves_first(shown, bridge, tmp_p
     first = scenes.import_raw(tmp_path, voxels, name="first")
     monkeypatch.setattr(store, "_shown_objects", lambda: {first.session_uid} if shown else set())
     owners = [first] + [scenes.import_raw(tmp_path, voxels, name=name) for name in ("second", "third")]
-    assert [bridge("volumes").is_at_hand(owner) for owner in owners] == [shown, not shown, True]
+    assert [bridge("volumes.volumes").is_at_hand(owner) for owner in owners] == [shown, not shown, True]

@@ -52,7 +52,7 @@ def picture():
 
 def read(bridge, volume, **how):
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    return bridge("render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
+    return bridge("scene.render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
 
 
 def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(ball, bridge, monkeypatch, tmp_path):
@@ -65,7 +65,8 @@ def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(b
     settings.indirect_light = 1.0
     assert read(bridge, ball).indirect_light == 1.0 and read(bridge, ball, with_shadows=False).indirect_light == 0.0
     any_view, depsgraph = bridge("live.surface")._ANY_VIEW, bpy.context.evaluated_depsgraph_get()
-    assert bridge("render_scene").seen_by(ball, depsgraph, any_view).indirect_light == 1.0  # what the live view draws
+    drawn_live = bridge("scene.render_scene").seen_by(ball, depsgraph, any_view)
+    assert drawn_live.indirect_light == 1.0
     assert np.abs(picture() - plain).max() > 0.02
     row = settings.effect_rows["indirect light"]
     assert row.on and row.reason == "amount 1"
@@ -157,7 +158,7 @@ def test_light_falls_off_as_cycles_has_it_on_a_mesh_in_the_same_place(addon, bri
     scenes.add_white_floor(2.5)
     add_light(kind, location, **settings)
     theirs = np.asarray(scenes.rendered(tmp_path / "lit.exr"))[..., 1]
-    lights = bridge("lights").read_lights(bpy.context.evaluated_depsgraph_get())
+    lights = bridge("scene.lights").read_lights(bpy.context.evaluated_depsgraph_get())
     function = core("classify.transfer_function")
     shade = function.Shade(ambient=0.0, diffuse=1.0, specular=0.0, shininess=1.0)
     tf = function.TransferFunction(opacity=((0, 0.5),), color=((0, 1, 1, 1),), shade=shade)

@@ -121,7 +121,7 @@ def test_undo_across_save_as_keeps_the_pictures(owner, bridge, tmp_path):
     other = tmp_path / "other"
     shutil.copytree(folder_of(tmp_path / "saved.blend"), folder_of(other / "saved.blend"))
     for path in folder_of(other / "saved.blend").iterdir():
-        bridge("images").save_exr(np.full((4, 4, 4), 0.5, np.float32), str(path))
+        bridge("pictures.images").save_exr(np.full((4, 4, 4), 0.5, np.float32), str(path))
     save(other / "new.blend")
     assert bpy.ops.ed.undo() == {"FINISHED"}
     assert_same(our_pictures(), before)
@@ -241,7 +241,7 @@ def test_pictures_of_a_file_that_was_opened_without_the_extension_are_replaced(o
     make_pictures()
     save(tmp_path / "saved.blend")
     before = set(folder_of(tmp_path / "saved.blend").iterdir())
-    bridge("picture_files")._of_this_file.clear()  # as in a session that begins without the extension
+    bridge("pictures.picture_files")._of_this_file.clear()  # as in a session that begins without the extension
     disable(addon)
     load(tmp_path / "saved.blend")
     enable(addon)

@@ -182,7 +182,7 @@ def test_the_volume_ends_at_a_slice_but_not_at_what_lies_outside_of_it(addon, tm
     one = add(owner)
     scenes.activate(owner)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (triangles,) = bridge("slices").outlines(depsgraph).values()
+    (triangles,) = bridge("live.slices").outlines(depsgraph).values()
     np.testing.assert_allclose(np.abs(triangles[..., :2]), 1.0, atol=1e-5)
     half = scenes.picture_of(use_meshes=True)[1][12, 12, 3]
     full = scenes.picture_of(use_meshes=False)[1][12, 12, 3]
@@ -234,14 +234,14 @@ def test_a_deleted_volume_leaves_a_sentence_and_no_stale_slice(owner, bridge):
     scenes.update()
     settings = bpy.context.scene.rle_splat
     assert "not the child of a volume" in settings.message and one.name in settings.message
-    assert bridge("follow_slices").problem_of(one) == settings.message
+    assert bridge("live.slice_pictures").problem_of(one) == settings.message
     assert scenes.image_pixels(one.rle_splat.slice_image).shape[:2] != before.shape
 
 
 def test_a_missing_file_leaves_a_sentence(owner, bridge, tmp_path):
     one = add(owner)
     (tmp_path / "cube.raw").unlink()
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     one.location.z = 1.0
     scenes.update()
     assert "press Relocate" in bpy.context.scene.rle_splat.message
@@ -306,7 +306,7 @@ def test_a_removed_image_is_made_again(owner, voxels):
 
 
 def test_a_dragged_slice_has_fewer_pixels_and_is_made_in_full_when_it_is_still(owner, voxels, bridge, monkeypatch):
-    follow = bridge("follow_slices")
+    follow = bridge("live.slice_pictures")
     one = add(owner)
     full = gray_of(one)
     monkeypatch.setattr(follow, "MOST_OF_DRAFT", 12)
@@ -328,7 +328,7 @@ def test_a_dragged_slice_has_fewer_pixels_and_is_made_in_full_when_it_is_still(o
 
 
 def test_a_render_makes_a_dragged_slice_in_full(owner, bridge, monkeypatch):
-    follow = bridge("follow_slices")
+    follow = bridge("live.slice_pictures")
     one = add(owner)
     monkeypatch.setattr(follow, "MOST_OF_DRAFT", 12)
     follow.forget()

@@ -106,7 +106,7 @@ def test_the_surface_belongs_to_its_volume(ball, bridge):
     bpy.context.scene.rle_splat.scene_scale = 0.2  # about the volume's origin
     origin = np.array(ball.matrix_world.translation)
     np.testing.assert_allclose(points(surface) - origin, 2.0 * (before - origin), atol=1e-4)
-    assert bridge("volumes").volume_object(bpy.context) == ball  # although the surface is active
+    assert bridge("volumes.volumes").volume_object(bpy.context) == ball  # although the surface is active
 
 
 def test_a_mirrored_volume_has_faces_that_look_outwards(tmp_path):

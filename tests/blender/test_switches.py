@@ -67,7 +67,7 @@ def test_B53_render_image_shows_what_a_render_and_the_list_of_effects_do(volume,
 
 def test_B54_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume, addon, monkeypatch):
     settings, shares = bpy.context.scene.rle_splat, []
-    pictures = sys.modules[f"{addon.__name__}.bridge.pictures"]
+    pictures = sys.modules[f"{addon.__name__}.bridge.pictures.pictures"]
     keep = pictures.keep_numbers
     monkeypatch.setattr(
         pictures, "keep_numbers",
@@ -87,9 +87,9 @@ def test_B54_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume,
 
 def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge, monkeypatch):
     add_lid()
-    read, how = bridge("render_scene").read_scene, []
+    read, how = bridge("scene.render_scene").read_scene, []
     monkeypatch.setattr(
-        bridge("render_scene"), "read_scene",
+        bridge("scene.render_scene"), "read_scene",
         lambda *given, **options: (how.append(read(*given, **options)[0]), read(*given, **options))[1])
     assert bpy.ops.rle_splat.error_map(step=8) == {"FINISHED"}
     assert how[0].triangles is None

@@ -25,7 +25,7 @@ def cache(tmp_path, monkeypatch, core):
 @pytest.fixture
 def thumbnails(bridge, monkeypatch, core):
     """The module, which counts the thumbnails that it makes; forgets everything."""
-    module, picture = bridge("thumbnails"), core("pipeline.thumbnail")
+    module, picture = bridge("look.thumbnails"), core("pipeline.thumbnail")
     made = []
 
     def counted(*arguments):
@@ -48,11 +48,12 @@ def ball(tmp_path):
 
 
 def entries(bridge, owner):
-    return {entry.name: entry for group in bridge("preset_entries").groups(owner.rle_splat) for entry in group.entries}
+    groups = bridge("look.preset_entries").groups(owner.rle_splat)
+    return {entry.name: entry for group in groups for entry in group.entries}
 
 
 def picture(thumbnails, bridge, owner, name):
-    steps = thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes").load_volume(owner))
+    steps = thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes.volumes").load_volume(owner))
     while True:
         try:
             next(steps)
@@ -92,11 +93,11 @@ def test_a_thumbnail_is_rendered_once(ball, thumbnails, bridge, cache):
 
 def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, core, tmp_path):
     key_of = core("pipeline.thumbnail").thumbnail_key
-    volume = bridge("volumes").load_volume(ball)
+    volume = bridge("volumes.volumes").load_volume(ball)
     preset = core("classify.presets").preset
     keys = {key_of(volume, preset(name)) for name in ("mr-head", "x-ray", "smoke")}
     other = scenes.import_raw(tmp_path, np.full((4, 5, 6), 9, np.uint8), name="other")
-    keys.add(key_of(bridge("volumes").load_volume(other), preset("mr-head")))
+    keys.add(key_of(bridge("volumes.volumes").load_volume(other), preset("mr-head")))
     assert len(keys) == 4 and all(len(key) == 32 and int(key, 16) for key in keys)
     picture(thumbnails, bridge, ball, "mr-head")
     (file,) = cache.iterdir()
@@ -104,7 +105,7 @@ def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, cor
 
 
 def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
-    files = bridge("thumbnail_files")
+    files = bridge("look.thumbnail_files")
     monkeypatch.setattr(files, "MOST", 3)
     pixels = np.zeros((128, 128, 3), np.uint8)
     for number in range(6):
@@ -150,7 +151,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
 def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, cache, monkeypatch):
     monkeypatch.setattr(thumbnails, "_tab_is_shown", lambda: True)
     monkeypatch.setattr(thumbnails, "_others_work", lambda: False)
-    entry = bridge("preset_entries").Entry("gone", "gone", "", (1, 2))
+    entry = bridge("look.preset_entries").Entry("gone", "gone", "", (1, 2))
     assert thumbnails.icon(ball, entry) == 0
     while thumbnails._tick() is not None:
         pass
@@ -163,7 +164,7 @@ def test_a_thumbnail_compiles_no_kernels_of_gradient_opacity(
 ):
     function = core("classify.transfer_function")
     preset = core("classify.presets").preset("mr-head")
-    own = bridge("own_presets")
+    own = bridge("look.own_presets")
     monkeypatch.setattr(thumbnails.jit, "compiled", lambda: not level)  # what is not refused is made by numpy
     monkeypatch.setattr(thumbnails.jit, "shipped_level", lambda: level)
     own.save("steep", replace(preset, gradient_opacity=function.GradientOpacity(2.0, 9.0)), overwrite=True)
@@ -182,7 +183,7 @@ def test_a_thumbnail_compiles_no_kernels_of_gradient_opacity(
 def test_voxels_that_are_not_in_memory_are_not_read(ball, thumbnails, bridge, cache, monkeypatch):
     monkeypatch.setattr(thumbnails, "_tab_is_shown", lambda: True)
     monkeypatch.setattr(thumbnails, "_others_work", lambda: False)
-    bridge("volumes").forget_all()
+    bridge("volumes.volumes").forget_all()
     thumbnails.icon(ball, entries(bridge, ball)["mr-head"])
     assert thumbnails._tick() is None
-    assert not bridge("volumes").is_at_hand(ball) and not thumbnails.rendered
+    assert not bridge("volumes.volumes").is_at_hand(ball) and not thumbnails.rendered

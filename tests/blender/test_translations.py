@@ -41,8 +41,8 @@ def test_translations_end_as_the_texts_do(german):
 def test_texts_of_all_kinds_are_found(addon):
     registered, written = ui_strings.registered(MODULE), ui_strings.written()
     for text, file in (
-        ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/properties.py"),
-        ("Post-Classified", "bridge/properties.py"), ("Cut", "panels/clip_objects.py"),
+        ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/data/properties.py"),
+        ("Post-Classified", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
         ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
     ):  # fmt: skip
         assert registered[text] == file

@@ -52,7 +52,7 @@ def corners_in_view(frame, bridge, owner):
     """(8, 3): the corners of the volume's box in the picture of a frame, 0 to 1 from its lower left."""
     scene = bpy.context.scene
     scenes.to_frame(frame)
-    from_box = bridge("box").world_corners(owner)
+    from_box = bridge("volumes.box").world_corners(owner)
     return np.array([world_to_camera_view(scene, scene.camera, Matrix.Translation(p).translation) for p in from_box])
 
 
@@ -89,7 +89,7 @@ def test_the_camera_turns_about_a_patients_own_axis(cube, bridge):
     scenes.update()
     turn(azimuth=0.0, angle=360.0, elevation=0.0)
     to_patient = np.array(placed.inverted())
-    middle = np.append(bridge("box").world_corners(cube).mean(axis=0), 1.0)
+    middle = np.append(bridge("volumes.box").world_corners(cube).mean(axis=0), 1.0)
     for frame, side in ((11, (0, -1, 0)), (12, (1, 0, 0))):
         scenes.to_frame(frame)
         matrix = np.array(bpy.context.scene.camera.matrix_world)
@@ -144,7 +144,7 @@ def test_the_file_browser_completes_the_name(cube, output, typed, final):
 
 
 def test_a_dialog_writes_over_no_pictures_and_nothing_over_a_scan(cube, bridge, core, tmp_path):
-    settings, scene = bridge("output_settings"), bpy.context.scene
+    settings, scene = bridge("render.output_settings"), bpy.context.scene
     settings.write_to(scene, "PNG", str(tmp_path / "turn"))
     for were_typed in (True, False):
         settings.check_frames(scene, range(11, 14), were_typed)
@@ -158,7 +158,7 @@ def test_a_dialog_writes_over_no_pictures_and_nothing_over_a_scan(cube, bridge, 
 
 
 def test_the_default_name_is_free(cube, bridge, tmp_path):
-    settings = bridge("output_settings")
+    settings = bridge("render.output_settings")
 
     def free():
         return settings.free_path("turn", ".mp4", lambda path: not Path(path).exists())

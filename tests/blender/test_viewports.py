@@ -14,7 +14,7 @@ CUBE = np.full((4, 4, 4), 100, np.uint8)
 @pytest.mark.parametrize("lens", [35.0, 50.0, 85.0])
 def test_a_sphere_touches_the_nearer_sides_of_the_view(bridge, width, height, lens):
     """By the projection of a viewport: a sensor of 72 mm along the longer side."""
-    fit = bridge("viewports").distance_to_fit
+    fit = bridge("scene.viewports").distance_to_fit
     nearer = min(width, height) / max(width, height)
     distance = fit(2.0, lens, nearer, False)
     assert 72.0 / lens * distance * nearer == pytest.approx(4.0)
@@ -31,10 +31,10 @@ def test_corners_are_those_of_the_box_in_the_world(addon, bridge, tmp_path):
     bpy.context.view_layer.update()
     scale = bpy.context.scene.rle_splat.scene_scale
     there = np.array(owner.matrix_world)
-    true = 3.0 * scale * bridge("box").CORNERS @ there[:3, :3].T + there[:3, 3]
-    np.testing.assert_allclose(bridge("box").world_corners(owner), true, atol=1e-6)
+    true = 3.0 * scale * bridge("volumes.box").CORNERS @ there[:3, :3].T + there[:3, 3]
+    np.testing.assert_allclose(bridge("volumes.box").world_corners(owner), true, atol=1e-6)
     owner.instance_collection.objects[0].data.clear_geometry()
-    assert bridge("box").world_corners(owner).shape == (0, 3)
+    assert bridge("volumes.box").world_corners(owner).shape == (0, 3)
 
 
 # LPS: +X is the patient's left, +Y the back, +Z the head.  What is right and up in the picture, as atlases show it.
@@ -49,7 +49,7 @@ def test_sides_of_a_patient_who_lies_anyhow(bridge, side):
     turn = np.array(Euler((0.4, -0.3, 1.1)).to_matrix())
     matrix = np.eye(4)
     matrix[:3, :3] = 0.001 * turn
-    view = np.array(bridge("viewports").rotation_from(side, matrix).to_matrix())
+    view = np.array(bridge("scene.viewports").rotation_from(side, matrix).to_matrix())
     right, up = SEEN[side]
     np.testing.assert_allclose(view[:, 0], turn @ right, atol=1e-6)
     np.testing.assert_allclose(view[:, 1], turn @ up, atol=1e-6)
@@ -70,7 +70,7 @@ def test_a_volume_is_framed(viewport, bridge, tmp_path):
     space.clip_start, space.clip_end = 1e3, 2e3
     view.view_perspective, before = "PERSP", view.view_rotation.copy()
     assert bpy.ops.rle_splat.frame_volume() == {"FINISHED"}
-    corners = bridge("box").world_corners(owner)
+    corners = bridge("volumes.box").world_corners(owner)
     np.testing.assert_allclose(view.view_location, corners.mean(axis=0), atol=1e-5)
     radius = np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()
     assert radius < view.view_distance < 10.0 * radius and view.view_rotation == before
@@ -109,9 +109,9 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     cube = bpy.context.object
     cube.name = "Around"
     owner = scenes.import_raw(tmp_path, CUBE)
-    viewports, layer = bridge("viewports"), bpy.context.view_layer
+    viewports, layer = bridge("scene.viewports"), bpy.context.view_layer
     assert "It lies inside Around, which hides it" in capfd.readouterr().out
-    corners = bridge("box").world_corners(owner)
+    corners = bridge("volumes.box").world_corners(owner)
     assert viewports.hiding_meshes(layer, corners) == ["Around"]
 
     def hides(**changes) -> bool:
@@ -132,5 +132,5 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
 
 
 def test_without_a_window_nothing_is_moved(addon, bridge):
-    bridge("viewports").frame(None, [np.zeros((8, 3)), np.ones((8, 3))])
-    bridge("viewports").open_tab(None)
+    bridge("scene.viewports").frame(None, [np.zeros((8, 3)), np.ones((8, 3))])
+    bridge("scene.viewports").open_tab(None)

@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture
 def drag_of(bridge):
-    return bridge("window_drag").WindowDrag
+    return bridge("look.window_drag").WindowDrag
 
 
 def test_right_widens_the_window_and_up_raises_the_level(drag_of):

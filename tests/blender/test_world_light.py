@@ -76,7 +76,7 @@ def sky_world():
 
 def read(bridge, volume, **how):
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    return bridge("render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
+    return bridge("scene.render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
 
 
 def picture():
@@ -95,9 +95,9 @@ def test_the_image_and_cycles_say_the_same_of_a_turned_world(addon, bridge, kind
     tree, _ = image_world((0.4, -0.3, 1.1), 1.5)
     next(node for node in tree.nodes if node.type == "MAPPING").vector_type = kind
     scene = bpy.context.scene
-    mean, environment = bridge("world_nodes").light_of(scene.world)
+    mean, environment = bridge("scene.world_nodes").light_of(scene.world)
     before = held()
-    rendered_mean, rendered = bridge("world_render").render_light(scene, "key")
+    rendered_mean, rendered = bridge("scene.world_render").render_light(scene, "key")
     assert before == held()
     np.testing.assert_allclose(rendered_mean, mean, rtol=0.02)
     np.testing.assert_allclose(rendered.first, environment.first, atol=0.02 * max(mean))
@@ -110,7 +110,7 @@ def test_a_ball_is_lit_as_cycles_lights_a_sphere(ball, bridge, core, tmp_path):
     image_world((0.0, 0.0, 0.7), gray=True)  # one channel of light
     functions = core("classify.transfer_function")
     shade = functions.Shade(0.0, 1.0, 0.0, 1.0)
-    bridge("transfer").write_transfer(
+    bridge("look.transfer").write_transfer(
         ball,
         functions.TransferFunction(
             name="white",
@@ -149,11 +149,11 @@ def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
     said = []
     plain = read(bridge, ball, warn=said.append)
     assert plain.world is None and plain.headlight and "not rendered yet" in said[0]
-    assert bridge("world").state(bpy.context.scene) == said[0]
+    assert bridge("scene.world").state(bpy.context.scene) == said[0]
     first = picture()
     plain = read(bridge, ball, warn=said.append)
     assert plain.environment is not None and not plain.headlight and len(said) == 1
-    assert bridge("world").state(bpy.context.scene) == "World: rendered, by direction"
+    assert bridge("scene.world").state(bpy.context.scene) == "World: rendered, by direction"
     # A gradient along +X: brighter from the right.
     assert first[12:20, 20:24, 0].mean() > 1.2 * first[12:20, 8:12, 0].mean()
     ramp.color_ramp.elements[1].color = (0.3, 0.3, 0.3, 1.0)
@@ -179,7 +179,7 @@ def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, bridge, t
     for name in names:
         getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
     sky_world()
-    assert bridge("world_render").render_light(scene, "key") is not None
+    assert bridge("scene.world_render").render_light(scene, "key") is not None
     for name in names:
         getattr(bpy.app.handlers, name).pop()
     assert called == []
@@ -211,15 +211,15 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     np.testing.assert_array_equal(again.second, kept.second)
     settings = bpy.context.scene.rle_splat
     for damaged in ("{", "7", settings.world_light.replace("[", "{", 1), '["a", [1], [2], [3]]'):
-        bridge("world_render").forget()
+        bridge("scene.world_render").forget()
         settings.world_light = damaged
-        assert bridge("world_render").light_of(bpy.context.scene)[0] is None
+        assert bridge("scene.world_render").light_of(bpy.context.scene)[0] is None
     picture()
     np.testing.assert_allclose(read(bridge, bpy.data.objects[name]).environment.first, kept.first, atol=1e-6)
 
 
 def test_what_the_panel_says_of_the_world(ball, bridge):
-    state, scene = bridge("world").state, bpy.context.scene
+    state, scene = bridge("scene.world").state, bpy.context.scene
     scene.world = None
     assert "has none" in state(scene)
     _, background = new_world()
@@ -236,7 +236,7 @@ def test_what_the_panel_says_of_the_world(ball, bridge):
 
 def test_what_changes_a_world_changes_its_light(ball, bridge, tmp_path):
     """Nodes whose value is at their output, settings inside a node, and pixels that a script writes."""
-    digest = bridge("world_render").digest_of
+    digest = bridge("scene.world_render").digest_of
     tree, _ = image_world()
     texture = next(node for node in tree.nodes if node.type == "TEX_ENVIRONMENT")
     color = tree.nodes.new("ShaderNodeRGB")

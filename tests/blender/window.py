@@ -33,7 +33,7 @@ completed: list[bool] = []
 
 
 def watch_renders() -> None:
-    handlers = import_module(f"{MODULE}.bridge.over_render")
+    handlers = import_module(f"{MODULE}.bridge.render.over_render")
     splat = handlers.splat_over_render
 
     def watched(*arguments):
@@ -118,7 +118,7 @@ def check_blurred_f12():
 def check_render_image():
     """The picture made little by little is the one made at once."""
     settings = bpy.context.scene.rle_splat
-    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
     with in_the_view():
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
         at_once = pixels_of(settings.image).copy()
@@ -134,7 +134,7 @@ def check_escape():
     before = pixels_of(scene.rle_splat.image).copy()
     scene.render.resolution_x = scene.render.resolution_y = LARGE
     scene.rle_splat.quality = "strict"
-    operators = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    operators = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
     with in_the_view():
         assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
     assert operators._running
@@ -152,7 +152,7 @@ def check_letters():
     nibabel.save(nibabel.Nifti1Image(np.arange(60, dtype=np.uint8).reshape(3, 4, 5), np.eye(4)), path)
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume("EXEC_DEFAULT", filepath=str(path)) == {"FINISHED"}
-    letters = import_module(f"{MODULE}.bridge.letters")
+    letters = import_module(f"{MODULE}.bridge.live.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, letter: drawn.append(letter)
     yield from until(lambda: set(drawn) == set("RLAPIS"))
@@ -164,8 +164,8 @@ def check_letters():
 def check_drafts():
     """A picture that takes long shows a draft first, in its own image, and then is the one made at once."""
     scene = bpy.context.scene
-    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
-    import_module(f"{MODULE}.bridge.drafts").QUICK = -1.0
+    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
+    import_module(f"{MODULE}.bridge.pictures.drafts").QUICK = -1.0
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.rle_splat.quality = "standard"
     with in_the_view():
@@ -189,7 +189,7 @@ def check_drafts():
 def check_following():
     """A backdrop that follows gets drafts while the animation plays, and the picture itself once it rests."""
     scene = bpy.context.scene
-    following = import_module(f"{MODULE}.bridge.following")
+    following = import_module(f"{MODULE}.bridge.pictures.backdrop_work")
     volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
     scene.frame_start, scene.frame_end = 1, 50
     for frame, x in ((1, 0.0), (50, 4.0)):
@@ -236,7 +236,7 @@ def check_B83_remove_backdrop_redraws():
 
 def check_B84_measure_accuracy_redraws():
     """The sidebar, when measuring little by little has ended."""
-    jobs = import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
     area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
     area.spaces.active.show_region_ui = True
     scene = bpy.context.scene

@@ -32,7 +32,7 @@ N = 24  # voxels a side
 
 
 def handles():
-    return import_module(f"{MODULE}.bridge.clip_handles")
+    return import_module(f"{MODULE}.bridge.scene.clip_handles")
 
 
 def view():
@@ -316,7 +316,7 @@ def check_deleted(name):
     slices = [one for one in bpy.data.objects if one.rle_splat.is_slice]
     yield from until(lambda: bpy.context.scene.rle_splat.message)
     yield from photograph("slices_of_a_deleted_volume")
-    problem = import_module(f"{MODULE}.bridge.follow_slices").problem_of
+    problem = import_module(f"{MODULE}.bridge.live.slice_pictures").problem_of
     assert len(slices) == 3 and all("not the child of a volume" in problem(one) for one in slices)
 
 

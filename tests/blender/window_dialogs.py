@@ -130,7 +130,7 @@ def choose(folder: Path, name: str):
 def write_encoded() -> None:
     """A ball in the two forms of encoded voxels."""
     owner = add_volume(FOLDER)
-    plain, _ = module("bridge.render_scene").read_scene(
+    plain, _ = module("bridge.scene.render_scene").read_scene(
         owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     quality = module("rle_splat.scene").Quality(classification="pre")
     file, header = ENCODED
@@ -218,7 +218,7 @@ def read(name: str):
     yield from until(lambda: browser() is None)
     yield from until(lambda: volumes() or "zarr" in name)
     yield
-    yield from until(lambda: not module("bridge.jobs").StepwiseOperator.is_running())
+    yield from until(lambda: not module("bridge.loop.jobs").StepwiseOperator.is_running())
     yield
     if "zarr" in name:
         assert NO_ZARR in reports() and not volumes()
@@ -283,7 +283,7 @@ def check_series():
     drawn.clear()
     with in_the_view():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(FOLDER / "study"), use_dialog=False)
-    yield from until(module("bridge.series").offered)
+    yield from until(module("bridge.volumes.series").offered)
     yield from photograph("choose_series")
     assert drawn["choose_series"]
     press("RET")

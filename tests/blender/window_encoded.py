@@ -31,7 +31,7 @@ def add_folder() -> Path:
     holes = 60.0 * np.cos(0.4 * x) * np.cos(0.4 * y) * np.cos(0.4 * z)
     voxels = np.clip(300.0 - 6.0 * np.sqrt(x**2 + y**2 + z**2) + holes, 0.0, 255.0).astype(np.uint8)
     scan = scenes.import_raw(FOLDER, voxels, name="scan")
-    plain, quality = module("bridge.render_scene").read_scene(
+    plain, quality = module("bridge.scene.render_scene").read_scene(
         scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     encode_folder = module("rle_splat.pipeline.encode_folder")
     encode_folder.COARSE_VOXELS = SIDE**3 // 4

@@ -35,7 +35,7 @@ slices: list[float] = []  # seconds of each slice of work
 
 
 def jobs():
-    return import_module(f"{MODULE}.bridge.jobs").StepwiseOperator
+    return import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
 
 
 def volumes():
@@ -173,7 +173,7 @@ def check_chooser():
     yield from new_file()
     for number, count in ((1, 8), (2, 12), (3, 20)):
         write_series(FOLDER / "study" / str(number), number, count)
-    series = import_module(f"{MODULE}.bridge.series")
+    series = import_module(f"{MODULE}.bridge.volumes.series")
     for key, found in (("ESC", 0), ("RET", 1)):
         start(FOLDER / "study")
         yield from until(series.offered)
@@ -196,7 +196,7 @@ def check_playback():
         bpy.ops.rle_splat.import_volume(
             filepath=str(FOLDER / "beat_01.raw"), shape=(64, 64, 64), dtype="uint8", spacing=(1, 1, 1),
             use_sequence=True)
-    ours, owner = import_module(f"{MODULE}.bridge.volumes"), volumes()[0]
+    ours, owner = import_module(f"{MODULE}.bridge.volumes.volumes"), volumes()[0]
     yield from photograph("time")
     for frame in (1, 2, 3):
         bpy.context.scene.frame_set(frame)
@@ -242,7 +242,7 @@ def check_framing():
     ball = np.clip(200.0 - 6.0 * np.sqrt((grid**2).sum(axis=0)), 0.0, 255.0).astype(np.uint8)
     path = FOLDER / "ball_64x64x64_uint8.raw"
     ball.tofile(path)
-    viewports = import_module(f"{MODULE}.bridge.viewports")
+    viewports = import_module(f"{MODULE}.bridge.scene.viewports")
     for perspective in ("PERSP", "ORTHO"):
         region_3d.view_perspective = perspective
         region_3d.view_location, region_3d.view_distance = (5.0, 5.0, 5.0), 20.0
@@ -251,7 +251,7 @@ def check_framing():
         owner = bpy.context.view_layer.objects.active
         yield from until(lambda: region_of(view, "UI").active_panel_category == viewports.tab())
         yield
-        corners = import_module(f"{MODULE}.bridge.box").world_corners(owner)
+        corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
         seen = np.column_stack((corners, np.ones(8))) @ np.array(region_3d.perspective_matrix).T
         seen = np.abs(seen[:, :3] / seen[:, 3:])
         assert seen.max() < 1.0 and seen[:, :2].max() > 0.3, seen

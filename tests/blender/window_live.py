@@ -98,7 +98,7 @@ def set_up():
     with in_the_view():
         volume = import_cube(FOLDER)
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.transfer").write_transfer(volume, functions.TransferFunction(
+    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)), color=((0.0, *COLOR), (255.0, *COLOR)),
         opacity_unit_distance=1.0, shade=None))
     scene.rle_splat.classification = "post"

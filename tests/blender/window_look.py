@@ -82,7 +82,7 @@ def set_up():
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), value_unit="HU") == {"FINISHED"}
         volume = bpy.context.view_layer.objects.active
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.transfer").write_transfer(volume, functions.TransferFunction(
+    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="ball", unit="HU", opacity=((0.0, 0.0), (395.0, 0.0), (405.0, 0.9), (1000.0, 0.9)),
         color=((0.0, 0.1, 0.0, 0.0), (500.0, 0.9, 0.4, 0.2), (1000.0, 1.0, 0.95, 0.8)), opacity_unit_distance=1.0))
     view = area_of("VIEW_3D").spaces.active.region_3d
@@ -206,7 +206,7 @@ def check_cancel(volume_name):
 
 def check_value_under_the_mouse():
     """Over the ball the tool tells its value at the surface; beside it that nothing is there."""
-    probe = import_module(f"{MODULE}.bridge.probe")
+    probe = import_module(f"{MODULE}.bridge.look.probe")
     area = area_of("VIEW_3D")
     yield from settled()
     drawn = pictures_drawn()

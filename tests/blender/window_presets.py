@@ -40,7 +40,7 @@ def module(name):
 
 def pictures() -> dict:
     """The icons that there are, by the name of their preset."""
-    (collection,) = module("thumbnails")._collections
+    (collection,) = module("look.thumbnails")._collections
     return {name.rsplit("'", 2)[1]: preview for name, preview in collection.items()}  # the last text of its key
 
 
@@ -73,7 +73,7 @@ def watch_calls(thumbnails) -> list:
 
 
 def suits(owner) -> list:
-    return [one for one in module("preset_entries").groups(owner.rle_splat) if one.is_open]
+    return [one for one in module("look.preset_entries").groups(owner.rle_splat) if one.is_open]
 
 
 def check_thumbnails(owner, took):
@@ -138,7 +138,7 @@ def check_dialogs(owner):
 
 def check_from_disk(owner):
     """Another session finds the pictures on disk and renders nothing."""
-    thumbnails = module("thumbnails")
+    thumbnails = module("look.thumbnails")
     thumbnails.stop()
     rendered = []
     original = thumbnails.thumbnail_steps
@@ -151,7 +151,7 @@ def check_from_disk(owner):
 
 def check_other_tab(owner):
     """Without the tab nothing is made."""
-    thumbnails = module("thumbnails")
+    thumbnails = module("look.thumbnails")
     yield from until(lambda: not thumbnails._wanted)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "View"
     yield
@@ -169,7 +169,7 @@ def check_other_tab(owner):
 def scenario():
     open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
     yield from new_file()
-    took = watch_calls(module("thumbnails"))
+    took = watch_calls(module("look.thumbnails"))
     owner = import_scan()
     yield
     yield from check_thumbnails(owner, took)

@@ -57,7 +57,7 @@ def add_cube(name, side, place):
         owner = bpy.context.view_layer.objects.active
         owner.location = place
         functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-        module("transfer").write_transfer(owner, functions.TransferFunction(
+        module("look.transfer").write_transfer(owner, functions.TransferFunction(
             name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)),
             color=((0.0, 0.5, 0.5, 0.5), (255.0, 0.5, 0.5, 0.5)), opacity_unit_distance=0.02, shade=None))
         owner.rle_splat.label_file = write_labels(name, side, 0.5)
@@ -139,14 +139,14 @@ def check_limit():
     store, most = module("loop.store"), module("loop.store").MOST_BYTES
     store.MOST_BYTES = 1
     reads.clear()
-    module("volumes").forget_all()
+    module("volumes.volumes").forget_all()
     yield from at_rest("limit", {"file_steps": 2, "read_label_steps": 2})
     bpy.data.objects["far"].hide_set(True)
     near = bpy.data.objects["near"]
     near.rle_splat.label_file = write_labels("near", NEAR, 0.75)
     near.update_tag()
     yield from at_rest("hidden", {"file_steps": 2, "read_label_steps": 3})
-    assert [module("volumes").is_at_hand(bpy.data.objects[name]) for name in ("near", "far")] == [True, False]
+    assert [module("volumes.volumes").is_at_hand(bpy.data.objects[name]) for name in ("near", "far")] == [True, False]
     bpy.data.objects["far"].hide_set(False)
     yield from at_rest("shown_again", {"file_steps": 3, "read_label_steps": 4})
     store.MOST_BYTES = most

@@ -76,7 +76,7 @@ def scenario():
     by_numpy()
     open_panels("RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_diagnostics", "RLE_SPLAT_PT_effects")
     yield from new_file()
-    shadows = import_module(f"{MODULE}.bridge.mesh_shadows")
+    shadows = import_module(f"{MODULE}.bridge.render.mesh_shadows")
     with in_the_view():
         add_scene()
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}

@@ -190,7 +190,7 @@ def undone_settings():
         bpy.ops.ed.undo_push(message="opacity again")
         bpy.ops.rle_splat.set_backdrop()
         bpy.ops.ed.undo()
-    freshness = import_module(f"{MODULE}.bridge.freshness")
+    freshness = import_module(f"{MODULE}.bridge.pictures.outdated")
     yield from until(lambda: freshness.out_of_date(bpy.context.scene))
     yield from photograph("09-undone-settings")
 

@@ -47,7 +47,7 @@ def add_scene(folder: Path):
     """A white ball under a weak sun, in renders."""
     owner = panel_states.add_volume(folder)
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.transfer").write_transfer(owner, functions.TransferFunction(
+    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(owner, functions.TransferFunction(
         name="white", unit=None, opacity=((0.0, 0.0), (100.0, 0.0), (120.0, 0.9)), color=((0.0, 1.0, 1.0, 1.0),),
         shade=functions.Shade(0.0, 1.0, 0.0, 1.0)))
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
@@ -98,7 +98,7 @@ def check_f12_after_an_edit(path: Path):
 
 def check_slots(path: Path):
     """Two slots keep their pixels after a Sky node is edited, and no handler of a render or a frame is called."""
-    sky, light = add_world("ShaderNodeTexSky"), import_module(f"{MODULE}.bridge.world_render")
+    sky, light = add_world("ShaderNodeTexSky"), import_module(f"{MODULE}.bridge.scene.world_render")
     scene, pixels = bpy.context.scene, []
     slots = bpy.data.images["Render Result"].render_slots
     for slot in (0, 1):

@@ -1,0 +1,126 @@
+"""The effects of a scene: the user's overrides, and the list of effects last determined.
+
+Both are properties of the scene, so undo, saving and copying a scene include them.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+
+from ...rle_splat.effects.analyze import EFFECTS
+
+# An effect on what Blender renders, not on our pictures.
+SHADOWS_ON_MESHES = "shadows on meshes"
+# Name of an effect -> what it does, for tooltips.
+TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
+    SHADOWS_ON_MESHES: "lets Blender's render show the volume's shadow on meshes and its reflection in them, where "
+    "renders include the volume",
+}
+AUTO = "AUTO"
+STATES = {AUTO: None, "ON": True, "OFF": False}
+STATE_ITEMS = [
+    (AUTO, "Auto", "Use the effect if the scene needs it"),
+    ("ON", "On", "Always use the effect. A picture is refused if the scene lacks what the effect needs"),
+    ("OFF", "Off", "Never use the effect. It then takes no time"),
+]
+
+
+def property_of(name: str) -> str:
+    """The name of the property of EffectOverrideProperties that overrides an effect.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect, such as "depth of field".
+
+    Returns
+    -------
+    str
+        Such as "depth_of_field".
+    """
+    return name.replace(" ", "_").replace("-", "_")
+
+
+def _evaluate_anew(overrides, _context):
+    overrides.id_data.update_tag()
+
+
+_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=_evaluate_anew)
+
+
+class EffectOverrideProperties(bpy.types.PropertyGroup):
+    """One enum property for each effect."""
+
+    __annotations__ = {
+        property_of(name): _Override(name=name.capitalize(), description=text[0].upper() + text[1:])
+        for name, text in TEXTS.items()
+    }
+
+
+class EffectRowProperties(bpy.types.PropertyGroup):
+    """The last known state of an effect; ``name`` is the effect's name."""
+
+    on: BoolProperty(name="On", description="The effect is on")
+    reason: StringProperty(name="Reason", description="Why the effect is on or off")
+    is_timed: BoolProperty(name="Timed", description="The effect's own time in the last picture is known")
+    ms: FloatProperty(name="Time", description="Milliseconds that the effect took in the last picture", min=0.0)
+
+
+def overrides_of(scene) -> dict[str, bool]:
+    """The effects of our pictures that a scene forces on or off.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    dict of str to bool
+        Name of an effect to its forced state; effects left at Auto are missing.
+    """
+    chosen = {name: forced(scene, name) for name in EFFECTS}
+    return {name: on for name, on in chosen.items() if on is not None}
+
+
+def forced(scene, name: str) -> bool | None:
+    """The state that a scene forces an effect to, one of TEXTS; None at Auto."""
+    return STATES[getattr(scene.rle_splat.effect_overrides, property_of(name))]
+
+
+def note_report(settings, report: dict) -> None:
+    """Save the effects of a finished picture and their times.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    report : dict
+        The report of the picture.
+    """
+    note_effects(settings, report.get("effects", ()), "For the last picture; the milliseconds are those of each "
+                 "effect's own work.")
+
+
+def note_effects(settings, listed, note: str) -> None:
+    """Replace the list of effects.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        ``scene.rle_splat``.
+    listed : list of dict
+        ``name``, ``on`` and ``reason`` of each effect, and ``ms`` if a picture was made.
+    note : str
+        One sentence on what the list describes.
+    """
+    settings.effect_rows.clear()
+    for entry in listed:
+        row = settings.effect_rows.add()
+        row.name, row.on, row.reason = entry["name"], entry["on"], entry["reason"]
+        row.is_timed = entry.get("ms") is not None
+        row.ms = entry.get("ms") or 0.0
+    settings.effects_note = note

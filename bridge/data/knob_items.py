@@ -1,0 +1,56 @@
+"""The choices of the knobs of quality as enum items, each with its tooltip."""
+
+from ...rle_splat import scene as tables
+
+_TEXTS = {
+    "slice": ("Slices", "One sheet at each slice of the volume"),
+    "slice-2": ("Every Second Slice", "One sheet at every second slice; fast and coarse"),
+    "simpson": ("Simpson", "Sheets at the slices and halfway between them, weighted by Simpson's rule"),
+    "gauss2": ("Gauss", "Two sheets between neighboring slices, at Gauss's points"),
+    "nearest": ("Nearest", "Show each voxel as a box"),
+    "tent": ("Linear", "Interpolate linearly between voxels"),
+    "bspline2": ("Quadratic B-Spline", "Smooth over three voxels"),
+    "bspline3": ("Cubic B-Spline", "Smooth over four voxels"),
+    "gaussian": ("Gaussian", "Smooth by a bell curve"),
+    "off": ("Off", "Show exactly what lies on the ray of each pixel"),
+    "widen": ("Widen", "Enlarge the footprints of voxels smaller than a pixel"),
+    "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
+    "keys": ("Keys", "Cubic interpolation of 4 x 4 pixels after Keys"),
+    "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
+    "extinction": ("Extinction", "Add the extinctions of overlapping footprints"),
+    "opacity": ("Opacity", "Add the opacities of overlapping footprints, as published"),
+}
+_COUNTED = {
+    "midpoint": ("{} Midpoints", "{} sheets between neighboring slices"),
+    "preintegrated": ("{} Slabs", "{} slabs between neighboring slices, each integrated exactly for linear values"),
+}
+RECORD_ITEMS = [
+    (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")
+    for size in tables.RECORDS
+]
+
+
+def items(names) -> list:
+    """Enum items of the values of a knob.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The values.
+
+    Returns
+    -------
+    list of (str, str, str)
+        Identifier, label and tooltip.
+    """
+    return [(name, *_texts(name)) for name in names]
+
+
+def _texts(name: str) -> tuple[str, str]:
+    if name in _TEXTS:
+        return _TEXTS[name]
+    kind, _, count = name.partition("-")
+    label, text = (part.format(count or 1) for part in _COUNTED[kind])
+    if count in ("", "1"):
+        return label.removesuffix("s"), text.replace("sheets", "sheet").replace("slabs", "slab").replace(", each", ",")
+    return label, text

@@ -1,0 +1,70 @@
+"""Migration of .blend files of earlier versions.
+
+Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
+removed are replaced, and settings that were removed are taken out.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...rle_splat.scene import without_removed
+from .. import messages
+from ..pictures import images, pictures
+from ..render import compositor
+from ..volumes import volumes
+from . import settings
+
+
+@persistent
+def _on_load_post(*_):
+    for scene in bpy.data.scenes:
+        if scene.library is None and not scene.rle_splat.scene_id:
+            _adopt(scene)
+    _replace_removed()
+
+
+@persistent
+def _replace_removed(*_):
+    """Replace removed values of the knobs by those that are used instead, and take out removed settings."""
+    for own in (scene.rle_splat for scene in bpy.data.scenes if scene.library is None):
+        sentences = []
+        for name in [name for name in settings.REMOVED_PROPERTIES if own.get(name) is not None]:
+            del own[name]
+            sentences.append(settings.removed_sentence(name))
+        if removed := [name for name in settings.REMOVED_NUMBERS if getattr(own, name) == ""]:
+            others = [name for name in settings.OF_PRE if settings.not_in_post(own, name)]
+            saved = {name: settings.saved_value(own, name) for name in (*removed, *others)}
+            knobs, of_values = without_removed(saved)
+            sentences += of_values
+            for name in removed:  # the classification first, which sets the others, too
+                setattr(own, name, str(knobs[name]))
+        if sentences:
+            messages.complain(own, " ".join(sentences))
+
+
+HANDLERS = (("load_post", _on_load_post), ("blend_import_post", _replace_removed))
+
+
+def _adopt(scene) -> None:
+    """Add rows and owners for the pictures of a scene and its cameras."""
+    own = scene.rle_splat
+    if own.backdrop_object is not None:
+        for camera in (one for one in scene.objects if one.type == "CAMERA"):
+            for entry in camera.data.background_images:
+                if entry.source == "IMAGE":
+                    _adopt_image(scene, entry.image, "backdrop", own.backdrop_object, camera)
+    for image in compositor.images_of(scene):
+        pictures.own(image, scene)
+    for owner in volumes.volume_objects(scene):
+        for kind in ("color", "depth", "error", "shadow"):
+            name = f"{owner.name[:pictures.LONGEST_NAME]} {pictures.SUFFIXES[kind]}"
+            _adopt_image(scene, bpy.data.images.get((name, None)), kind, owner)
+
+
+def _adopt_image(scene, image, kind: str, volume_object, camera=None) -> None:
+    if image is None or image.library is not None or images.MARK not in image or pictures.OWNER in image:
+        return
+    pictures.own(image, scene)
+    pictures.add_row(scene, kind, volume_object, camera, image)

@@ -1,0 +1,143 @@
+"""The add-on preferences: Edit > Preferences > Add-ons > RLE Splat."""
+
+from __future__ import annotations
+
+import os
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from ...rle_splat.runtime import memory
+from ...rle_splat.runtime.jit import cache_folder
+from ..paths import EXTENSION
+from ..translations import filled
+from . import kernel_cache
+from .automatic import draw_number, switch
+
+BESIDE, PACKED = "BESIDE", "PACKED"
+GIBIBYTE = 1 << 30
+FAILED_FRAME_ITEMS = [
+    ("PLACEHOLDER", "Placeholder", "Show magenta stripes instead of the volume and continue"),
+    ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
+     "Blender reports the animation as finished. A script that renders single frames continues"),
+]  # fmt: skip
+DRAFT_ITEMS = [
+    ("AUTO", "Automatic", "Every pixel, or every second one where the view would not move smoothly"),
+    ("HALF", "Half Resolution", "Every second pixel along each side, which leaves more of the processor to other work"),
+]
+
+
+def _memory_limit_changed(preferences, _context):
+    memory.limit_to(round(preferences.memory_limit * GIBIBYTE) or None)
+
+
+def _live_changed(_preferences, context):
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
+
+
+class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
+    bl_idname = EXTENSION
+
+    pictures: EnumProperty(
+        name="Pictures", description="Where pictures are saved with the .blend", default=BESIDE,
+        items=[(BESIDE, "Beside the .blend", "Save EXR files in a folder beside it, or pack them if that fails"),
+               (PACKED, "In the .blend", "Pack all pictures into the .blend, which makes the file larger")])
+    failed_frame: EnumProperty(
+        name="If a Frame Fails", description="What renders do if the volume cannot be drawn in a frame; a scene takes "
+        "it over when the volume is included in its renders", items=FAILED_FRAME_ITEMS)
+    show_live: BoolProperty(
+        name="Show Volumes Live", default=True, update=_live_changed,
+        description="Draw volumes in all 3D viewports whose eye is open in the RLE Splat tab")
+    show_imported: BoolProperty(
+        name="Show Imported Volumes", default=True,
+        description="Open the eye of the window's viewports when a volume is imported. Without, the first volume of a "
+        "scene closes it")
+    refine_live: BoolProperty(
+        name="Refine When Still", default=True, update=_live_changed,
+        description="Render a view with the scene's Quality once nothing changes. Without, viewports show drafts only")
+    live_pixels: EnumProperty(
+        name="Drafts", items=DRAFT_ITEMS, update=_live_changed,
+        description="Resolution of what viewports show while anything changes")
+    memory_limit: FloatProperty(
+        name="Memory Limit", description="Most memory that one volume or picture may take, in GiB; 0 for all that is "
+        "free", default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)
+    use_free_memory: BoolProperty(
+        name="All Free Memory", description="Let a volume or a picture take all memory that is free",
+        **switch("memory_limit", 0.0, 8.0))
+    threads: IntProperty(
+        name="Threads", description="Number of threads of scenes that set none; 0 for all processor cores", default=0,
+        min=0, soft_max=64)
+    use_all_cores: BoolProperty(
+        name="All Cores", description="Use as many threads as the processor has cores",
+        **switch("threads", 0, os.cpu_count() or 1))
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        for name in ("pictures", "failed_frame", "show_live"):
+            layout.prop(self, name)
+        column = layout.column()
+        column.active = self.show_live
+        for name in ("show_imported", "refine_live", "live_pixels"):
+            column.prop(self, name)
+        for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
+            draw_number(layout, self, name, automatic)
+        row = layout.row()
+        row.label(text=filled("Compiled kernels: {size}", size=memory.bytes_text(kernel_cache.size())))
+        row.operator("rle_splat.clear_kernels", icon="TRASH")
+        layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
+
+
+def current():
+    """The preferences; None while the extension is not enabled."""
+    addon = bpy.context.preferences.addons.get(EXTENSION)
+    return None if addon is None else addon.preferences
+
+
+def pictures_are_packed() -> bool:
+    """Whether the user prefers pictures packed into the .blend."""
+    found = current()
+    return found is not None and found.pictures == PACKED
+
+
+def failed_frame() -> str:
+    """What the user wants of renders in which the volume cannot be drawn."""
+    found = current()
+    return FAILED_FRAME_ITEMS[0][0] if found is None else found.failed_frame
+
+
+def shows_live() -> bool:
+    """Whether the user wants volumes in viewports."""
+    found = current()
+    return found is None or found.show_live
+
+
+def shows_imported() -> bool:
+    """Whether viewports show what is imported."""
+    found = current()
+    return found is None or found.show_imported
+
+
+def live_habits() -> tuple[bool, int]:
+    """What the user wants of views that are still, and of drafts: the arguments of ``live.viewport.Habits``."""
+    found = current()
+    return (True, 0) if found is None else (found.refine_live, int(found.live_pixels == "HALF"))
+
+
+def threads() -> int:
+    """Threads of scenes that set none; 0 for all cores."""
+    found = current()
+    return 0 if found is None else found.threads
+
+
+def register():
+    bpy.utils.register_class(RLE_SPLAT_AP_preferences)
+    found = current()
+    if found is not None:
+        _memory_limit_changed(found, bpy.context)
+
+
+def unregister():
+    bpy.utils.unregister_class(RLE_SPLAT_AP_preferences)
+    memory.limit_to(None)

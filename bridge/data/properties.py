@@ -1,0 +1,439 @@
+"""The properties saved in the .blend: a property group on each object and one on the scene.
+
+Voxels are not saved; ``VolumeProperties`` holds the file and the options to read them again.  The curve and the colors
+of the transfer function are in the node group ``transfer`` (see ``transfer.py``).  Its window is a property of the
+object, so that it can be keyframed.
+"""
+
+import os
+from functools import partial
+
+import bpy
+
+from ...rle_splat import scene as tables
+from .. import messages
+from ..look.transfer_nodes import is_transfer_tree
+from ..pictures import backdrop
+from ..pictures.pictures import PictureProperties
+from ..translations import OURS
+from ..volumes import box
+from ..volumes.channels import ChannelProperties
+from ..volumes.labels import LabelProperties
+from ..volumes.source_paths import make_absolute
+from . import knob_items
+from .accuracy import AccuracyRowProperties
+from .automatic import switch
+from .effects import EffectOverrideProperties, EffectRowProperties
+from .overridable import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+from .playback import Playback
+from .preferences import FAILED_FRAME_ITEMS
+from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
+from .source_options import SourceOptions
+
+QUALITY_TEXTS = {
+    "draft": ("Draft", "Fast and coarse, for moving around"),
+    "standard": ("Standard", "A balance of time and accuracy"),
+    "fine": ("Fine", "More accurate, for final pictures"),
+    "strict": ("Strict", "The most accurate quality, and slow"),
+}
+AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels"
+CLASSIFICATION_TEXTS = {
+    "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
+                              "are softer. Errors are measured against truth T1"),
+    "post": ("Post-Classified", "Interpolate the values, then look up color and opacity. Edges are as sharp as with "
+                                "ray casting. Errors are measured against truth T2"),
+}
+# The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
+CLASSIFICATION_ITEMS = [
+    (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
+]
+QUALITY_ITEMS = [
+    (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
+    for name, aim in tables.PRESET_AIMS.items()
+] + [
+    ("paper", "As Published", "The algorithm exactly as published, for comparison"),
+    ("custom", "Custom", "Set every option in the Advanced panel"),
+]
+DISPLAY_ITEMS = [
+    ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
+    ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
+    ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
+    ("average", "Average", "Show the mean value along each line of sight"),
+    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
+]
+SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
+MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
+LIGHTING_ITEMS = [
+    ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
+    ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
+    ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
+]
+CLIP_ITEMS = [
+    ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
+    ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the plane"),
+]
+
+
+def _evaluate_anew(group, _context):
+    """Tag the datablock for an update: Blender does so for a user's edit of these properties, not for a script's."""
+    group.id_data.update_tag()
+
+
+def _knob_chosen(settings, context):
+    suit_classification(settings)
+    _evaluate_anew(settings, context)
+
+
+def _classification_chosen(settings, context):
+    suit_knobs(settings)
+    _evaluate_anew(settings, context)
+
+
+# Property kinds for the inputs of a picture.
+LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
+    partial(kind, update=_evaluate_anew)
+    for kind in (BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
+)
+
+
+# For knobs with values that some classifications do not support.
+KnobEnum = partial(EnumProperty, update=_knob_chosen)
+USUAL = tables.Quality()  # the default values of the knobs
+
+
+def _knob(name: str) -> str:
+    text = tables.KNOB_TEXTS[name]
+    return text[0].upper() + text[1:]
+
+
+def _shift_of(group) -> float:
+    if not group.is_property_set("preset_center"):  # of a file of an earlier version
+        return 0.0
+    return 100.0 * (group.window_center - group.preset_center) / max(group.value_high - group.value_low, 1e-6)
+
+
+def _shift(group, percent: float) -> None:
+    if not group.is_property_set("preset_center"):
+        group.preset_center = group.window_center
+    group.window_center = group.preset_center + 0.01 * percent * (group.value_high - group.value_low)
+
+
+def _is_flipped(group) -> bool:
+    return group.clip_keep == "OUTSIDE"
+
+
+def _flip(group, on: bool) -> None:
+    group.clip_keep = "OUTSIDE" if on else "INSIDE"
+
+
+def _file_chosen(group, context):
+    make_absolute(group, "filepath")
+
+
+def _labels_chosen(group, context):
+    make_absolute(group, "label_file")
+    _evaluate_anew(group, context)
+
+
+class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
+    """The source, facts, transfer function and shading of one volume object."""
+
+    is_volume: BoolProperty(
+        name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"})
+    filepath: StringProperty(
+        name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)
+    data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
+    files_digest: StringProperty(
+        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
+    facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
+    remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
+    histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
+    stored_transfer: StringProperty(
+        name="Stored Transfer Function", description="Transfer function of encoded voxels (.rle) as JSON; empty for "
+        "other volumes", options={"HIDDEN"})
+    space: StringProperty(
+        name="Space", description="\"patient\" if the file says where the patient's left, front and head are")
+    length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")
+    value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
+    value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
+
+    label_file: StringProperty(
+        name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
+        "If a label has its own transfer function or color, edges inside the volume are softer",
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
+    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
+    active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
+    smooth_labels: LiveBool(
+        name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
+        default=True)
+    channels: CollectionProperty(
+        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
+    clip_flipped: BoolProperty(
+        name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
+    clip_keep: LiveEnum(
+        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
+    clip_only_parent: LiveBool(
+        name="Only Its Volume", default=False,
+        description="Cut only the volume that this clip object is a child of, not the others in the scene")
+    is_slice: BoolProperty(
+        name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
+        options={"HIDDEN"})
+    is_shadow_grid: BoolProperty(
+        name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
+        "of, and its reflection", default=False, options={"HIDDEN"})
+    slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
+    transfer: LivePointer(
+        name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
+        description="Colors and opacity curve, stored in a node group. Copies of the object share it")
+    transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
+    transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
+    window_center: LiveFloat(
+        name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2,
+        translation_context=OURS)
+    window_width: LiveFloat(
+        name="Window", description="Width of the range of values that the colors and the opacity curve cover",
+        default=1.0, min=1e-6, precision=2)
+    preset_center: FloatProperty(
+        name="Level of the Preset", description="Level of the transfer function when it was last applied",
+        options={"HIDDEN"})
+    shift: FloatProperty(
+        name="Shift", translation_context=OURS,
+        description="Move the whole transfer function to higher or lower values, in percent of the range of "
+        "the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
+    opacity_scale: LiveFloat(
+        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
+    opacity_unit_distance: LiveFloat(
+        name="Opacity Distance", description="Thickness of material that has the opacity of the curve; 0 uses the "
+        "smallest voxel spacing", default=0.0, min=0.0, precision=4)
+    use_smallest_spacing: BoolProperty(
+        name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
+        **switch("opacity_unit_distance", 0.0, 1.0))
+    use_shading: LiveBool(
+        name="Shading", description="Light the volume like a surface where its values change", default=True)
+    ambient: LiveFloat(
+        name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Brightness that does not depend on the lights")
+    diffuse: LiveFloat(
+        name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
+    use_gradient_opacity: LiveBool(
+        name="Surfaces Only", default=False,
+        description="Make regions of nearly constant values transparent, so that surfaces remain")
+    gradient_low: LiveFloat(
+        name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
+        description="Change of the values per unit of length, such as HU per mm, below which everything is transparent")
+    gradient_high: LiveFloat(
+        name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
+        description="Change of the values per unit of length above which the opacity curve is used unchanged")
+    specular: LiveFloat(
+        name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
+    shininess: LiveFloat(
+        name="Shininess", default=20.0, min=1.0, soft_max=100.0,
+        description="Sharpness of the highlights; higher is smaller and sharper")
+    highlight: LiveEnum(
+        name="Highlight", description="Formula of the highlights", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
+               ("PHONG", "Phong", "Use the mirror direction of the light")))
+    smoothness: LiveFloat(
+        name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
+        description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
+        "of thick slices. 0 is off. Not used if the volume is pre-classified")
+    use_automatic_smoothness: BoolProperty(
+        name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
+        **switch("smoothness", -1.0, 1.0))
+    two_sided: LiveBool(
+        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans")
+
+
+def _rescale_boxes(settings, context):
+    _evaluate_anew(settings, context)
+    for volume_object in settings.id_data.objects:
+        if volume_object.rle_splat.is_volume:
+            box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
+
+
+def _place_backdrop(settings, context):
+    """Move an existing backdrop behind or in front of the objects at once."""
+    scene = settings.id_data
+    entry = backdrop.find(scene, scene.camera) if scene.camera is not None and scene.camera.type == "CAMERA" else None
+    if entry is not None:
+        entry.display_depth = settings.backdrop_depth
+    _evaluate_anew(settings, context)
+
+
+def _mode_of(settings) -> int:
+    return SHOWN.index(settings.mode)
+
+
+def _choose_mode(settings, index: int) -> None:
+    """Set the mode with the look that suits it; ``mode`` alone leaves the look as it is."""
+    if index != _mode_of(settings):
+        settings.mode = SHOWN[index]
+        settings.use_grays = settings.mode != tables.MODES[0]
+
+
+def _removed(name: str, usual) -> property:
+    """A property of earlier versions, without effect: a script reads its usual value; one that sets it gets a sentence
+    and goes on."""
+    return property(lambda group: usual, lambda group, _value: messages.complain(group, removed_sentence(name)))
+
+
+class SceneSettings(bpy.types.PropertyGroup):
+    """The settings of a scene's pictures, and the report of the last one."""
+
+    scene_scale: FloatProperty(
+        name="Scene Scale", description="World units per millimeter; with 0.001 a millimeter has its real size in "
+        "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
+    quality: KnobEnum(
+        name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
+        translation_context=OURS)
+    max_error: LiveFloat(
+        name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
+        description="Largest allowed error of a color, in levels of 1/255. The fastest settings that keep it are "
+        "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")
+    use_max_error: BoolProperty(
+        name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
+        **switch("max_error", 0.0, 2.0, when_special=False))
+    classification: EnumProperty(
+        name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
+        default=USUAL.classification, update=_classification_chosen)
+    depth_rule: KnobEnum(
+        name="Depth Rule", description=_knob("depth_rule"), default=USUAL.depth_rule,
+        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
+    kernel: KnobEnum(
+        name="Footprint", description=_knob("kernel"), items=knob_items.items(tables.FOOTPRINTS), default=USUAL.kernel)
+    minification: KnobEnum(
+        name="Minification", description=_knob("minification"), items=knob_items.items(tables.MINIFICATIONS),
+        default=USUAL.minification)
+    warp_filter: LiveEnum(
+        name="Warp Filter", description=_knob("warp_filter"), items=knob_items.items(tables.WARP_FILTERS),
+        default=USUAL.warp_filter)
+    model: KnobEnum(
+        name="Model", description=_knob("model"), items=knob_items.items(tables.MODELS), default=USUAL.model)
+    record: KnobEnum(
+        name="Voxel Record", description=_knob("record"), items=knob_items.RECORD_ITEMS, default=str(USUAL.record))
+    sheet_density: LiveFloat(
+        name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
+        max=tables.MOST_SHEET_DENSITY)
+    termination: LiveFloat(
+        name="Termination", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
+        precision=5)
+    axis_fade: LiveFloat(
+        name="Axis Fade", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
+    rays: LiveFloat(
+        name="Single Rays", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
+    threads: LiveInt(
+        name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
+    use_all_cores: BoolProperty(
+        name="All Cores", description="Use as many threads as the processor has cores",
+        **switch("threads", 0, os.cpu_count() or 1))
+    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
+    use_grays: LiveBool(
+        name="Gray by Window", default=False,
+        description="Show the values in gray by level and window, instead of the transfer function's colors. Not used "
+        "in the mode Shaded")
+    display: EnumProperty(
+        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded switches to "
+        "gray by level and window", items=DISPLAY_ITEMS, get=_mode_of, set=_choose_mode)
+    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
+    use_shadows: LiveBool(
+        name="Shadows", default=True,
+        description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
+        "Not used with a Maximum Error if the volume is pre-classified")
+    use_world: LiveBool(
+        name="World Light", default=True,
+        description="Light the volume from all sides with the world: its color, its environment image or any nodes")
+    world_light: StringProperty(
+        name="Rendered World Light", description="Light of the world as it was last rendered", options={"HIDDEN"})
+    use_mist: LiveBool(
+        name="Mist", default=False,
+        description="Fade the volume toward the world's color with distance, by the Mist settings of the world. The "
+        "Mist pass of a view layer has no effect on the volume")
+    ambient_occlusion: LiveFloat(
+        name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
+        description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
+        "Not used with a Maximum Error if the volume is pre-classified")
+    indirect_light: LiveFloat(
+        name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
+        description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
+        "1 is full strength. Not used if the volume is pre-classified")
+    clip_objects: LivePointer(
+        name="Clip Objects", type=bpy.types.Collection,
+        description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
+        "arrow Empties as planes. The part that all of them keep is shown")
+    meshes_occlude: LiveBool(
+        name="Meshes Hide Volume", default=True,
+        description="Let meshes hide the part of the volume behind them, also inside the volume")
+    backdrop_depth: EnumProperty(
+        name="Place", description="Where the camera view shows the pinned picture", update=_place_backdrop,
+        items=[("BACK", "Behind", "Show the pinned picture behind the objects"),
+               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])
+    backdrop_object: PointerProperty(
+        name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
+    backdrop_follows: BoolProperty(
+        name="Keep Up to Date", default=False, update=_evaluate_anew,
+        description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
+        "setting changes")
+    composite_object: PointerProperty(
+        name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include")
+    deleted_volume: StringProperty(
+        name="Deleted Volume", options={"HIDDEN"},
+        description="Name of the volume in renders, for messages once it is deleted")
+    composite_image: PointerProperty(
+        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
+    use_previews, backend = _removed("use_previews", True), _removed("backend", "auto")
+    message: StringProperty(name="Message", description="Problem of the last render or frame change")
+    render_problem: StringProperty(
+        name="Problem of the Render", description="First problem of the last render, with the frames that failed")
+    failed_frames: StringProperty(
+        name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7")
+    on_failed_frame: EnumProperty(
+        name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
+        items=FAILED_FRAME_ITEMS)
+    use_composite: BoolProperty(
+        name="Include in Renders", description="Render the volume with every frame and combine it with the meshes",
+        default=False)
+    scene_id: StringProperty(
+        name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"})
+    pictures: CollectionProperty(type=PictureProperties, name="Pictures", description="Pictures of this scene")
+    image: PointerProperty(name="Picture", type=bpy.types.Image, description="The last picture")
+    depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="Depth of the last picture")
+    last_report: StringProperty(name="Report", description="Report of the last picture, one fact per line")
+    last_report_json: StringProperty(name="Report as JSON", description="Report of the last picture as JSON")
+    effect_overrides: PointerProperty(
+        type=EffectOverrideProperties, name="Effects by Hand", description="Effects that are forced on or off")
+    effect_rows: CollectionProperty(
+        type=EffectRowProperties, name="Effects", description="State of each effect")
+    effects_note: StringProperty(name="Effects of", description="What the list of effects describes")
+    accuracy_rows: CollectionProperty(
+        type=AccuracyRowProperties, name="Measured Plans", description="Measured time and error of each plan")
+    accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
+    error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")
+    error_note: StringProperty(name="Errors", description="Summary of the last error map")
+
+
+CLASSES = (
+    EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, PictureProperties, LabelProperties,
+    ChannelProperties, VolumeProperties, SceneSettings,
+)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.rle_splat = PointerProperty(type=VolumeProperties)
+    bpy.types.Scene.rle_splat = PointerProperty(type=SceneSettings)
+
+
+def unregister():
+    del bpy.types.Scene.rle_splat
+    del bpy.types.Object.rle_splat
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,93 @@
+"""Letters of the patient's sides at the faces of a volume's box, drawn over the viewport.
+
+R and L, A and P, I and S stand where the patient's right, left, front, back, foot and head are, for volumes whose file
+says where that is.
+"""
+
+import blf
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
+
+from ...rle_splat.volume.orientation import face_letters
+from ...rle_splat.volume.volume import PATIENT
+from ..volumes import box, volumes
+
+SIZE = 15  # points; scaled with Blender's interface
+APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
+FONT = 0  # Blender's own
+
+_handle = [None]
+
+
+def placed_letters(volume_object) -> list:
+    """The letters of a volume and their places.
+
+    Parameters
+    ----------
+    volume_object : bpy.types.Object
+        The volume object.
+
+    Returns
+    -------
+    list of (str, ndarray of shape (3,))
+        One letter for each face of the box, and a point in world space just outside the face. Empty for a volume that
+        is not in patient space.
+    """
+    corners = box.world_corners(volume_object)
+    if volume_object.rle_splat.space != PATIENT or len(corners) == 0:
+        return []
+    axes = np.stack([corners[index] - corners[0] for index in (1, 2, 4)], axis=1)  # in the order of box.CORNERS
+    own = np.eye(4)
+    own[:3, :3] = np.linalg.pinv(np.array(volume_object.matrix_world)[:3, :3]) @ axes
+    middle = corners.mean(axis=0)
+    return [
+        (letter, middle + side * axes[:, axis])
+        for axis, letters in enumerate(face_letters(own))
+        for letter, side in zip(letters, (-0.5 - APART, 0.5 + APART))
+    ]
+
+
+def _draw() -> None:
+    """Draw the letters of all visible volumes into the region that is drawn."""
+    context = bpy.context
+    if not context.space_data.overlay.show_overlays:
+        return
+    shown = [owner for owner in volumes.volume_objects(context.scene) if owner.visible_get()]
+    color = context.preferences.themes[0].view_3d.space.text_hi
+    blf.size(FONT, SIZE * context.preferences.system.ui_scale)
+    blf.color(FONT, *color, 1.0)
+    for owner in shown:
+        for letter, place in _on_screen(placed_letters(owner), context.region, context.region_data):
+            width, height = blf.dimensions(FONT, letter)
+            blf.position(FONT, place.x - 0.5 * width, place.y - 0.5 * height, 0.0)
+            blf.draw(FONT, letter)
+
+
+def _on_screen(placed: list, region, view) -> list:
+    """(letter, Vector in pixels) of the letters to draw.
+
+    Of two opposite letters that would cover one another, because the view looks along their axis, only the nearer one
+    is drawn: in Front View P and A would together look like R.
+    """
+    found = []
+    size = SIZE * bpy.context.preferences.system.ui_scale
+    for pair in zip(placed[::2], placed[1::2]):
+        points = [Vector(point) for _, point in pair]
+        places = [location_3d_to_region_2d(region, view, point) for point in points]
+        if None not in places and (places[0] - places[1]).length < size:
+            far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
+            places[far] = None
+        found += [(letter, place) for (letter, _), place in zip(pair, places) if place is not None]
+    return found
+
+
+def register():
+    _handle[0] = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister():
+    if _handle[0] is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle[0], "WINDOW")
+        _handle[0] = None

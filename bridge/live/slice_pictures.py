@@ -1,0 +1,215 @@
+"""Keeps the pictures of slices up to date: after edits, frame changes, undo and loading, and before rendered frames.
+
+In a window a large slice is made with fewer pixels while it is dragged, and in full by a timer once it is still.
+
+Undo restores a slice's place but not its pixels, and an image that undo has removed comes back without them.  So what
+each image shows is recorded outside Blender's data, and the record is dropped after undo.  Images are saved as other
+pictures are, see ``picture_files.py``.
+"""
+
+from __future__ import annotations
+
+import time
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...rle_splat.runtime.steps import drain
+from ...rle_splat.volume.slices import slice_size
+from .. import messages
+from ..held import Held
+from ..loop import jobs, work
+from ..render.placeholder import placeholder
+from . import slices
+
+SIZE = 64  # pixels along a side of a placeholder
+MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
+STILL, TICK, BUSY, BITE = 0.15, 0.005, 0.2, 0.02  # seconds: see ``bridge.live``
+
+_shown: dict = {}  # session id of an image -> what it shows
+_sampled: dict = {}  # (session id of an image, size) of it -> (voxels and place, values): windows change more often
+_drafts: dict = {}  # session id of an image -> Held slice that it shows with fewer pixels
+_work: list = []  # at most one generator that makes one of these in full
+_changed = [0.0]  # when the last draft was made, in seconds
+_problems: dict = {}  # session id of a slice -> sentence
+_updating: list = []  # not empty while images are written, whose own updates must not start another round
+
+
+@persistent
+def _on_update(scene=None, depsgraph=None):
+    if scene is not None and depsgraph is not None and depsgraph.mode != "RENDER":
+        update(scene, depsgraph, may_wait=not bpy.app.background)
+
+
+@persistent
+def _on_frame_change_post(scene=None, depsgraph=None):
+    """Handler: also before each rendered frame, on the render thread, when voxels are read at once."""
+    if scene is not None and depsgraph is not None:
+        update(scene, depsgraph, may_wait=not bpy.app.background and depsgraph.mode != "RENDER")
+
+
+@persistent
+def _on_other_data(*_arguments):
+    """Handler: after undo or loading, when images may have lost their pixels."""
+    forget()
+    if not bpy.app.background:
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=0.0)
+    elif bpy.context.scene is not None:
+        update(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), may_wait=False)
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _on_update),
+    ("frame_change_post", _on_frame_change_post),
+    ("undo_post", _on_other_data),
+    ("redo_post", _on_other_data),
+    ("load_post", _on_other_data),
+)
+
+
+def _tick() -> None:
+    """Timer function: update the scenes of all windows once."""
+    if bpy.app.is_job_running("RENDER"):
+        return
+    for window in bpy.context.window_manager.windows:
+        if window.view_layer.depsgraph is not None:
+            update(window.scene, window.view_layer.depsgraph, may_wait=True)
+
+
+def forget() -> None:
+    """Drop all records."""
+    for held in (_shown, _sampled, _drafts, _problems):
+        held.clear()
+    _drop_work()
+
+
+def stop() -> None:
+    """Drop all records and the timers."""
+    forget()
+    for timer in (_tick, _refine):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
+
+
+def problem_of(one) -> str:
+    """Why a slice shows stripes instead of its volume; "" if it does not."""
+    return _problems.get(one.session_uid, "")
+
+
+def update(scene, depsgraph, may_wait: bool) -> None:
+    """Make the pictures of a scene's slices that have changed.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    may_wait : bool
+        Whether voxels that are not in memory are read in steps, after which this is called again, and large slices are
+        made with fewer pixels first.
+    """
+    found = [] if _updating else slices.slice_objects(scene)
+    if not found:
+        return
+    is_render = depsgraph.mode == "RENDER"
+    _updating.append(scene)
+    try:
+        if not is_render:  # a handler of a render must create no datablock
+            slices.settle_copies(one for one in bpy.data.objects if one.rle_splat.is_slice)
+        for one in found:
+            hidden = one.hide_render if is_render else not one.visible_get(view_layer=depsgraph.view_layer)
+            owner = slices.volume_of(one)
+            if one.rle_splat.slice_image is None or hidden:
+                continue
+            if may_wait and owner is not None and work.want(owner, depsgraph):
+                continue
+            _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
+            if not is_render:
+                one.rle_splat.slice_image.update_tag()
+    finally:
+        _updating.clear()
+
+
+def _update(scene, one, depsgraph, most: int | None) -> None:
+    """Make the picture of one slice if it has changed, of at most so many pixels; on failure stripes and a message."""
+    uid = one.rle_splat.slice_image.session_uid
+    try:
+        volume, matrix, window = slices.content(one, depsgraph)
+        full, size = slice_size(volume, matrix), slice_size(volume, matrix, most)
+        shows = volume.key, matrix.tobytes(), window
+        if _shown.get(uid) == shows and (uid not in _drafts or size != full):
+            return
+        _drop_work()
+        drain(_picture_steps(one, volume, matrix, window, size))
+        _drafts.pop(uid, None)
+        if size != full:
+            _drafts[uid], _changed[0] = Held(one), time.perf_counter()
+            if not bpy.app.timers.is_registered(_refine):
+                bpy.app.timers.register(_refine, first_interval=STILL)
+        if scene.rle_splat.message == _problems.pop(one.session_uid, None):
+            scene.rle_splat.message = ""
+    except Exception as problem:  # handlers run often: one sentence instead of many tracebacks
+        shows = sentence = messages.sentence_of(problem)
+        if _shown.get(uid) == shows:
+            return
+        _drafts.pop(uid, None)
+        slices.show(one, placeholder(SIZE, SIZE))
+        _problems[one.session_uid] = sentence
+        messages.complain(scene.rle_splat, sentence)
+    _shown[uid] = shows
+
+
+def _picture_steps(one, volume, matrix, window, size):
+    """Generator: make and show the picture of one slice."""
+    uid, place = one.rle_splat.slice_image.session_uid, (volume.key, matrix.tobytes())
+    is_full = size == slice_size(volume, matrix)
+    where, values = _sampled.get((uid, is_full), (None, None))
+    if where != place:
+        values = yield from slices.sampled_steps(volume, matrix, size)
+        _sampled[uid, is_full] = place, values
+    slices.show(one, (yield from slices.picture_steps(*values, window)))
+
+
+def _drop_work() -> None:
+    for steps in _work:
+        steps.close()
+    _work.clear()
+
+
+def _refine():
+    """Timer function: make slices in full that are shown with fewer pixels, once nothing changes."""
+    if not _drafts:
+        return None
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
+        return BUSY
+    now = time.perf_counter()
+    if now < _changed[0] + STILL:
+        return _changed[0] + STILL - now
+    if not _work:
+        _work.append(_refined_steps(*next(iter(_drafts.items()))))
+    try:
+        while time.perf_counter() < now + BITE:
+            next(_work[0])
+    except StopIteration:
+        _work.clear()
+    except Exception as problem:  # the draft stays; the next edit tells what is wrong with the slice
+        _drop_work()
+        _drafts.clear()
+        messages.tell(messages.sentence_of(problem))
+    return TICK
+
+
+def _refined_steps(uid, held: Held):
+    """Generator: make one slice in full; without it or its volume in any window the draft is forgotten."""
+    one = held.find()
+    for window in bpy.context.window_manager.windows:
+        depsgraph = window.view_layer.depsgraph
+        if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
+            volume, matrix, seen = slices.content(one, depsgraph)
+            if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
+                yield from _picture_steps(one, volume, matrix, seen, slice_size(volume, matrix))
+                one.rle_splat.slice_image.update_tag()
+            break
+    _drafts.pop(uid, None)

@@ -1,0 +1,240 @@
+"""Slices: rectangles in the scene that show a volume's values on their plane, as gray levels of its window.
+
+A slice is a mesh object, a child of its volume.  Its material emits the pixels of ``slice_image`` and is transparent
+where these are, which is outside the volume.  Pixels are of four 32-bit floats, scene-linear: with the view transform
+Standard a screen shows the gray levels of the window themselves.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...rle_splat.scene import RleSplatError
+from ...rle_splat.scene.color import decode_srgb
+from ...rle_splat.volume import slices as plain
+from .. import linked, presence, versions
+from ..data.settings import scene_scale_of
+from ..look import transfer
+from ..pictures import images
+from ..volumes import volumes
+from ..volumes.attached import attach, is_attached, volume_frame, world_matrix
+
+CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+LAMPS = ("visible_diffuse", "visible_volume_scatter", "visible_shadow")  # rays by which a slice would light the scene
+LONGEST_NAME = 40  # characters of the volume's name in a slice's name
+
+
+def slice_objects(scene) -> list:
+    """The slices of a scene, sorted by name."""
+    return sorted((one for one in scene.objects if one.rle_splat.is_slice), key=lambda one: one.name)
+
+
+def add_slice(context, owner, volume, name: str):
+    """Add a slice through the middle of a volume.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        Gives the scene and the collection.
+    owner : bpy.types.Object
+        The volume object.
+    volume : Volume
+        Its voxels.
+    name : {"axial", "coronal", "sagittal"}
+        How the slice lies.
+
+    Returns
+    -------
+    bpy.types.Object
+        The slice, whose picture is not made yet.
+    """
+    title = f"{owner.name[:LONGEST_NAME]} {name.title()}"
+    mesh = bpy.data.meshes.new(title)
+    mesh.from_pydata(CORNERS, [], [(0, 1, 2, 3)])
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set(
+        "vector", np.array([(0.5 * (x + 1), 0.5 * (y + 1)) for x, y, _ in CORNERS], np.float32).ravel())
+    one = bpy.data.objects.new(title, mesh)
+    home = context.collection if linked.is_own(context.collection) else context.scene.collection
+    home.objects.link(one)
+    one.rle_splat.is_slice = True
+    for ray in LAMPS:
+        setattr(one, ray, False)
+    image = _new_image(title)
+    mesh.materials.append(None)
+    one.material_slots[0].link = "OBJECT"  # an object copied with its mesh shared shows its own slice
+    one.material_slots[0].material = _material(image)
+    one.rle_splat.slice_image = image
+    scale = scene_scale_of(context.scene, volume.unit)
+    matrix = volume_frame(volume, owner, scale) @ plain.slice_matrix(volume, plain.slice_axis(volume, name))
+    # Its own location is along the volume's axes, from the middle.
+    attach(one, owner, matrix, Matrix.Diagonal((*np.linalg.norm(matrix[:3, :3], axis=0), 1.0)))
+    return one
+
+
+def _new_image(title: str):
+    image = images.ensure_image(None, title, 1, 1)
+    images.clear(image)
+    return image
+
+
+def _material(image):
+    """A material that emits an image and lets everything through where it is transparent."""
+    material = bpy.data.materials.new(image.name)
+    nodes, links = (getattr(versions.material_tree(material), name) for name in ("nodes", "links"))
+    nodes.clear()
+    kinds = ("TexImage", "Emission", "BsdfTransparent", "MixShader", "OutputMaterial")
+    texture, emission, transparent, mix, output = (nodes.new(f"ShaderNode{kind}") for kind in kinds)
+    texture.image, texture.extension = image, "EXTEND"
+    for column, node in enumerate((texture, emission, transparent, mix, output)):
+        node.location = (220.0 * column, 0.0)
+    links.new(texture.outputs["Color"], emission.inputs["Color"])
+    links.new(texture.outputs["Alpha"], mix.inputs["Fac"])
+    links.new(transparent.outputs[0], mix.inputs[1])
+    links.new(emission.outputs[0], mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+    nodes.active = texture  # Solid shading with Texture colors shows it
+    return material
+
+
+def settle_copies(objects) -> None:
+    """Give slices that share an image with another one, as a copied object does, an image and a material of their own.
+
+    Parameters
+    ----------
+    objects : iterable of bpy.types.Object
+        Slices.
+    """
+    taken = set()
+    for one in sorted(filter(linked.is_own, objects), key=lambda one: one.session_uid):
+        image = one.rle_splat.slice_image
+        if image is None or image in taken or not linked.is_own(image):
+            _give_own(one, image)
+        taken.add(one.rle_splat.slice_image)
+
+
+def _give_own(one, image) -> None:
+    """Give a slice a new image, in a copy of its material if that shows the old one."""
+    mine = _new_image(one.name)
+    one.rle_splat.slice_image = mine
+    for slot in one.material_slots:
+        tree = slot.material.node_tree if slot.material is not None else None
+        shown = [node for node in tree.nodes if getattr(node, "image", None) == image] if tree is not None else []
+        if image is not None and shown:
+            slot.link = "OBJECT"
+            slot.material = linked.own_copy(slot.material)
+            for node in slot.material.node_tree.nodes:
+                if getattr(node, "image", None) == image:
+                    node.image = mine
+            return
+    if len(one.material_slots):
+        one.material_slots[0].link = "OBJECT"
+        one.material_slots[0].material = _material(mine)
+
+
+def content(one, depsgraph) -> tuple:
+    """What a slice shows at a depsgraph's time.
+
+    Parameters
+    ----------
+    one : bpy.types.Object
+        The slice.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    volume : Volume
+        The voxels.
+    matrix : ndarray, shape (4, 4), float64
+        The slice's own space to voxel indices.
+    window : (float, float)
+        Physical values shown black and white.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no volume, its file is missing, or the slice has no place in it.
+    """
+    owner = volume_of(one)
+    if owner is None:
+        raise RleSplatError(
+            f"The slice {one.name!r} is not the child of a volume: its volume was deleted, or its parent cleared; "
+            "delete the slice, or make a volume its parent."
+        )
+    volume = volumes.load_volume(owner, None, depsgraph)
+    evaluated = owner.evaluated_get(depsgraph)
+    frame = volume_frame(volume, evaluated, scene_scale_of(depsgraph.scene_eval, volume.unit))
+    try:
+        matrix = np.linalg.inv(frame) @ world_matrix(one, depsgraph)
+    except np.linalg.LinAlgError:
+        raise RleSplatError(f"{owner.name!r} is scaled to nothing, so its slices are empty; set its scale.") from None
+    return volume, matrix, transfer.window_of(evaluated.rle_splat)
+
+
+def volume_of(one):
+    """The volume object that a slice is a child of; None if there is none in a scene."""
+    owner = one.parent
+    return owner if is_attached(one, owner) and not presence.is_deleted(owner) else None
+
+
+def sampled_steps(volume, matrix: np.ndarray, size: tuple[int, int]):
+    """Generator: the values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
+    return plain.resample_steps(volume, matrix, *size)
+
+
+def picture_steps(values: np.ndarray, inside: np.ndarray, window):
+    """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` returns.
+
+    Returns
+    -------
+    ndarray, shape (height, width, 4), float32
+        Scene-linear gray and alpha, 1 inside the volume and 0 outside; row 0 on top.
+    """
+    height, width = values.shape
+    rgba = np.zeros((height, width, 4), np.float32)
+    rows = max(plain.PIXELS_A_STEP // width, 1)
+    for begin in range(0, height, rows):
+        band = slice(begin, begin + rows)
+        gray = decode_srgb(plain.gray_levels(values[band], *window)) * inside[band]
+        rgba[band, :, :3] = gray[..., np.newaxis]
+        rgba[band, :, 3] = inside[band]
+        yield min(begin + rows, height) / height
+    return rgba
+
+
+def show(one, rgba: np.ndarray) -> None:
+    """Write pixels into a slice's image, which is resized if necessary."""
+    image = one.rle_splat.slice_image
+    height, width = rgba.shape[:2]
+    images.write_color(images.ensure_image(image, image.name, width, height), rgba)
+
+
+def outlines(depsgraph) -> dict:
+    """The part of each slice that lies in its volume, which hides what is behind it.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+
+    Returns
+    -------
+    dict of bpy.types.Object to ndarray, shape (n, 3, 3), float64
+        Triangles in the slice's own space.  A slice without a picture is not in it.
+    """
+    found = {}
+    for one in slice_objects(depsgraph.scene):
+        owner = volume_of(one)
+        if owner is None or volumes.at_hand(owner, depsgraph) is None:
+            continue
+        try:
+            volume, matrix, _ = content(one, depsgraph)
+        except RleSplatError:
+            continue
+        polygon = plain.cut_polygon(volume.shape_xyz, matrix)
+        corners = np.column_stack((polygon, np.zeros(len(polygon))))
+        fan = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
+        found[one] = np.array(fan).reshape(-1, 3, 3)
+    return found

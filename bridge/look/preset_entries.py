@@ -1,0 +1,118 @@
+"""The presets that a volume is offered: ours for its modality first, then the user's own, then the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...rle_splat.classify.presets import PRESETS
+from ..translations import filled
+from . import own_presets, preset_items
+
+MODALITY = "Modality: "  # line of a volume's facts
+NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "SMOKE": "Smoke"}
+OWN = "OWN"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A preset that can be applied.
+
+    Attributes
+    ----------
+    name : str
+        Of ``apply_preset``, or of a preset of the user.
+    label, description : str
+        Texts for display.
+    stamp : tuple or None
+        Changes with the content of a preset of the user; None for ours.
+    """
+
+    name: str
+    label: str
+    description: str
+    stamp: tuple | None = None
+
+    @property
+    def is_own(self) -> bool:
+        """Whether it is the user's."""
+        return self.stamp is not None
+
+    def is_of(self, properties) -> bool:
+        """Whether a volume's transfer function has its name; ``properties``: ``object.rle_splat``."""
+        row = None if self.is_own else PRESETS.get(self.name)
+        return properties.transfer_name.casefold() == (row.label if row else self.label).casefold()
+
+
+@dataclass(frozen=True)
+class PresetGroup:
+    """Entries under one heading; ``is_open``: whether they are shown at first."""
+
+    name: str
+    label: str
+    entries: tuple[Entry, ...]
+    is_open: bool
+
+
+def modality_of(properties) -> str | None:
+    """The modality of a volume.
+
+    Parameters
+    ----------
+    properties : VolumeProperties
+        ``object.rle_splat``.
+
+    Returns
+    -------
+    str or None
+        A key of NAMES; None if it is not known.
+    """
+    if properties.value_unit == "HU":
+        return "CT"
+    line = next((line for line in properties.facts.splitlines() if line.startswith(MODALITY)), MODALITY)
+    return line.removeprefix(MODALITY) or None
+
+
+def groups(properties) -> list[PresetGroup]:
+    """The groups of a volume, those that suit it first.
+
+    It reads only properties, so a panel may call it at every redraw.
+
+    Parameters
+    ----------
+    properties : VolumeProperties
+        ``object.rle_splat``.
+
+    Returns
+    -------
+    list of PresetGroup
+        None of them empty.
+    """
+    modality = modality_of(properties)
+    kind = NAMES.get(modality, modality)
+    suggested, *items = preset_items.IMPORT_ITEMS
+    suits, others = [Entry(*suggested)], []
+    for name, label, description in items:
+        of = PRESETS[name].modality
+        if of in (modality, None):
+            suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
+        else:
+            others.append(Entry(name, _short(label), description))
+    own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
+    found = [
+        PresetGroup("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
+        PresetGroup(OWN, filled("Own"), tuple(own), True),
+        PresetGroup("OTHERS", filled("Others"), tuple(others), False),
+    ]
+    return [group for group in found if group.entries]
+
+
+def _short(label: str) -> str:
+    """A label that fits under a picture of three in a row, at the sidebar's default width."""
+    return label.replace("Skin and Bone", "Skin, Bone").replace("Angiography", "Vessels")
+
+
+def transfer_steps(entry: Entry, volume):
+    """Generator of Progress: the transfer function of an entry and why, as ``preset_items.chosen_transfer_steps``."""
+    if entry.is_own:
+        return (yield from own_presets.transfer_steps(entry.name, volume))
+    return (yield from preset_items.chosen_transfer_steps(entry.name, volume))

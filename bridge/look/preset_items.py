@@ -1,0 +1,44 @@
+"""The transfer function presets as enum items, and the transfer function of an item."""
+
+from ...rle_splat.classify.default import default_transfer_function_steps
+from ...rle_splat.classify.presets import PRESETS, fit_preset_steps
+from ...rle_splat.runtime.steps import announce, drain
+
+SUGGESTED = "AUTO"
+CHOOSING = "choosing a transfer function"
+IMPORT_ITEMS = [(SUGGESTED, "Suggested", "Choose from the values and the modality; the picture is never blank")] + [
+    (row.name, row.label, row.description.capitalize()) for row in PRESETS.values()
+]
+
+# Kinds of scan in the order of the menu, with the names of their presets.
+KINDS = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "SMOKE": "Simulation", None: "Any Volume"}
+BY_MODALITY = {
+    kind: [row.name for row in PRESETS.values() if row.modality == modality] for modality, kind in KINDS.items()
+}
+
+
+def chosen_transfer(item: str, volume):
+    """``chosen_transfer_steps`` without the steps."""
+    return drain(chosen_transfer_steps(item, volume))
+
+
+def chosen_transfer_steps(item: str, volume):
+    """Generator of Progress: the transfer function of an enum item, in the values of a volume.
+
+    Parameters
+    ----------
+    item : str
+        Identifier in IMPORT_ITEMS.
+    volume : Volume
+        The volume.
+
+    Returns
+    -------
+    transfer_function : TransferFunction
+        The preset, fitted to the volume's values if it has another unit.
+    reason : str
+        Why it was chosen or how it was fitted, or "".
+    """
+    if item == SUGGESTED:
+        return (yield from announce(default_transfer_function_steps(volume), 0.0, 1.0, CHOOSING))
+    return (yield from announce(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))

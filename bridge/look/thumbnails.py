@@ -1,0 +1,241 @@
+"""Thumbnails of presets, rendered from the volume itself, in a window's idle time.
+
+A panel asks for icons while it is drawn.  For one that is missing it draws a placeholder, and a timer makes the picture
+in short steps: from the disk, or from a coarser copy of voxels that are in memory.  No file of voxels is read for it.
+Nothing runs in background mode, during a render, beside an operator, while a viewport refines,
+or once the tab is not shown.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+
+from ...rle_splat.pipeline.stage_cache import StageCache
+from ...rle_splat.pipeline.thumbnail import SIDE, VOXELS, thumbnail_key, thumbnail_steps
+from ...rle_splat.runtime import jit
+from ...rle_splat.runtime.steps import announce, rescale
+from ...rle_splat.scene import RleSplatError
+from ...rle_splat.volume.reduced import factors_of, reduce_steps
+from .. import live
+from ..held import Held
+from ..loop import jobs
+from ..pictures.canvas import redraw_sidebars
+from ..scene import viewports
+from ..volumes import volumes
+from . import preset_entries, thumbnail_files
+from .preset_entries import Entry
+
+BUDGET = 0.005  # seconds of work after which a call of the timer begins no further step; a step takes up to 25 ms
+TICK, BUSY = 0.02, 0.3  # seconds between calls, and while other work is done
+CACHE_BYTES = 1 << 28  # of stages that thumbnails of one volume share
+
+
+@dataclass(frozen=True, eq=False)
+class WantedThumbnail:
+    """A thumbnail that a panel asked for."""
+
+    key: tuple
+    owner: Held
+    entry: Entry
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """The volume that thumbnails are made from now, and the stages that they share."""
+
+    key: str
+    volume: object
+    cache: StageCache
+
+
+_collections: list = []  # the one preview collection while the extension is registered
+_wanted: dict[tuple, WantedThumbnail] = {}  # by key, in the order in which they were asked for
+_failed: set = set()  # keys of thumbnails that cannot be made
+_coarse: list[Coarse] = []  # at most one
+_work: list = []  # at most one (WantedThumbnail, generator)
+
+
+def register():
+    _collections.append(bpy.utils.previews.new())
+
+
+def unregister():
+    stop()
+    bpy.utils.previews.remove(_collections.pop())
+
+
+def stop() -> None:
+    """Drop all work and all pictures, before another file is opened."""
+    for _, steps in _work:
+        steps.close()
+    for held in (_work, _wanted, _failed, _coarse):
+        held.clear()
+    for collection in _collections:
+        collection.clear()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def _key(owner, entry: Entry) -> tuple:
+    properties = owner.rle_splat
+    return owner.session_uid, properties.data_key, entry.is_own, entry.name, entry.stamp
+
+
+def icon(owner, entry: Entry) -> int:
+    """The icon of a preset; one that is missing is asked for.
+
+    It reads only properties of the object, so a panel may call it at every redraw.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    entry : Entry
+
+    Returns
+    -------
+    int
+        0 while there is none.
+    """
+    key = _key(owner, entry)
+    name = repr(key)
+    for collection in _collections:
+        if name in collection:
+            return collection[name].icon_id
+        if key not in _failed and key not in _wanted:
+            _wanted[key] = WantedThumbnail(key, Held(owner), entry)
+            _start()
+    return 0
+
+
+def _start() -> None:
+    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=TICK)
+
+
+def _tick():
+    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    if not _tab_is_shown():
+        _rest()
+        return None
+    if _others_work():
+        return BUSY
+    until = time.perf_counter() + BUDGET
+    while time.perf_counter() < until:
+        if not _work:
+            if not _begin():
+                _rest()
+                return None
+        elif _advance():
+            redraw_sidebars(bpy.context)  # it asks for more
+            return TICK
+    return TICK
+
+
+def _rest() -> None:
+    """Nothing is asked for now: what is unfinished is dropped, and the coarser voxels with it."""
+    for _, steps in _work:
+        steps.close()
+    for held in (_work, _wanted, _coarse):
+        held.clear()
+
+
+def _others_work() -> bool:
+    """Whether something runs that users wait for."""
+    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
+        return True
+    return any(viewport.is_busy for area in _areas() for viewport in live.viewports_of(area))
+
+
+def _areas() -> list:
+    windows = bpy.context.window_manager.windows
+    return [area for window in windows for area in window.screen.areas if area.type == "VIEW_3D"]
+
+
+def _tab_is_shown() -> bool:
+    """Whether a sidebar shows the extension's tab."""
+    for area in _areas():
+        for region in area.regions:
+            if region.type == "UI" and region.width > 1 and region.active_panel_category == viewports.tab():
+                return True
+    return False
+
+
+def _begin() -> bool:
+    """Begin the next thumbnail that can be made; whether there is one."""
+    for key, wanted in list(_wanted.items()):
+        owner = wanted.owner.find()
+        volume = None if owner is None else volumes.at_hand(owner)
+        if volume is None or not volume.holds_values:
+            del _wanted[key]  # the panel asks again when it is drawn the next time
+            continue
+        _work.append((wanted, picture_steps(wanted.entry, volume)))
+        return True
+    return False
+
+
+def _advance() -> bool:
+    """Do one step; whether a thumbnail is done."""
+    wanted, steps = _work[0]
+    try:
+        next(steps)
+        return False
+    except StopIteration as finished:
+        _show(wanted.key, finished.value)
+    except (RleSplatError, MemoryError):  # a damaged preset, say, which applying it tells
+        _failed.add(wanted.key)
+    _work.clear()
+    _wanted.pop(wanted.key, None)
+    return True
+
+
+def _show(key: tuple, pixels: np.ndarray) -> None:
+    """Make an icon of (SIDE, SIDE, 3) uint8 pixels, row 0 at the top."""
+    (collection,) = _collections
+    name = repr(key)
+    preview = collection[name] if name in collection else collection.new(name)
+    rgba = np.ones((SIDE, SIDE, 4), np.float32)
+    rgba[..., :3] = pixels[::-1] / np.float32(255.0)
+    preview.image_size = SIDE, SIDE
+    preview.image_pixels_float.foreach_set(rgba.ravel())
+
+
+def picture_steps(entry: Entry, volume):
+    """Generator of Progress: the thumbnail of a preset, from the disk or rendered and then kept there.
+
+    Parameters
+    ----------
+    entry : Entry
+    volume : Volume
+
+    Returns
+    -------
+    (SIDE, SIDE, 3) ndarray of uint8
+        sRGB, row 0 at the top.
+
+    Raises
+    ------
+    RleSplatError
+        If the preset cannot be read, or nothing can be rendered, or its kernels would have to be compiled first.
+    """
+    function, _ = yield from rescale(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
+    key = thumbnail_key(volume, function)
+    kept = thumbnail_files.load(key)
+    if kept is not None:
+        return kept
+    # The viewport has compiled the kernels of others.
+    if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
+        raise RleSplatError("A preset with gradient opacity has no thumbnail where it would have to compile kernels.")
+    if not _coarse or _coarse[0].key != volume.key:
+        small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
+        _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]
+    coarse = _coarse[0]
+    spacing = float(volume.spacing.min())
+    pixels = yield from rescale(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
+    thumbnail_files.save(key, pixels)
+    return pixels

@@ -1,0 +1,148 @@
+"""A picture as a background image of a camera, aligned with the camera's frame to the pixel.
+
+With the frame method Stretch, Blender covers exactly the camera's frame, including shift, sensor fit and pixel aspect.
+Fit and Crop assume square pixels and miss the frame when the pixel aspect is not 1.  The default differs between
+Blender versions, so it is always set.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..held import Held
+from . import pictures
+
+# Properties of a background image that ``show`` sets and ``restore`` resets, besides source, image and offset.
+RESTORED = (
+    "alpha", "display_depth", "frame_method", "scale", "rotation", "use_flip_x", "use_flip_y", "show_background_image",
+)
+
+
+def show(camera, image, place: str):
+    """Show an image in the camera's frame; the background image of an earlier call is reused.
+
+    Parameters
+    ----------
+    camera : bpy.types.Object
+        The camera object.
+    image : bpy.types.Image
+        The picture.
+    place : {"BACK", "FRONT"}
+        Behind or in front of the objects.
+
+    Returns
+    -------
+    bpy.types.CameraBackgroundImage
+        The entry in the camera's background images.
+    """
+    entry = _find_of_any_scene(camera) or camera.data.background_images.new()
+    entry.source = "IMAGE"
+    entry.image = image
+    entry.alpha = 1.0
+    entry.display_depth = place
+    entry.frame_method = "STRETCH"
+    entry.offset = (0.0, 0.0)
+    entry.scale = 1.0
+    entry.rotation = 0.0
+    entry.use_flip_x = entry.use_flip_y = False
+    entry.show_background_image = True
+    camera.data.show_background_images = True
+    image.use_view_as_render = True  # apply the scene's view transform, as in the render
+    camera.data.update_tag()  # otherwise views keep drawing the evaluated camera's old entry
+    return entry
+
+
+def state(scene, camera) -> tuple:
+    """The state of the camera's backdrop, for ``restore``.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    tuple
+        Opaque to the caller.  It holds no reference to a datablock, so it survives undo.
+    """
+    entry = find(scene, camera)
+    if entry is None:
+        return camera.data.show_background_images, None, None
+    values = {name: getattr(entry, name) for name in RESTORED}
+    return camera.data.show_background_images, {**values, "offset": tuple(entry.offset)}, Held(entry.image)
+
+
+def restore(scene, camera, earlier: tuple) -> None:
+    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+    earlier : tuple
+        The result of ``state``.
+    """
+    background_images, values, held = earlier
+    entry, image = find(scene, camera), held.find() if held else None
+    if values is None or image is None:
+        hide(scene, camera)
+    elif entry is not None:
+        for name, value in values.items():
+            setattr(entry, name, value)
+        entry.image = image
+    camera.data.show_background_images = background_images
+    camera.data.update_tag()
+
+
+def hide(scene, camera) -> bool:
+    """Remove the scene's backdrop from the camera; the user's own background images stay.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    bool
+        Whether there was a backdrop.
+    """
+    entry = find(scene, camera)
+    if entry is not None:
+        camera.data.background_images.remove(entry)
+        camera.data.update_tag()
+    return entry is not None
+
+
+def find(scene, camera):
+    """The camera's background image that shows a backdrop of the scene, or None.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene that owns the backdrop.
+    camera : bpy.types.Object
+        The camera object.
+
+    Returns
+    -------
+    bpy.types.CameraBackgroundImage or None
+        The entry.
+    """
+    shown = {row.image for row in scene.rle_splat.pictures if row.kind == "backdrop"}
+    for entry in camera.data.background_images:
+        if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):
+            return entry
+    return None
+
+
+def _find_of_any_scene(camera):
+    """As ``find``, for any scene, since scenes that share a camera use one entry in turn."""
+    found = (find(scene, camera) for scene in bpy.data.scenes)
+    return next((entry for entry in found if entry is not None), None)

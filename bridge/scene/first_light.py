@@ -1,0 +1,58 @@
+"""The light on the first volume of a scene: a headlight where the scene's own lights would leave it dark."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...rle_splat.classify.transfer_function import Shade
+from ...rle_splat.scene import RleSplatError
+from ...rle_splat.shade.brightness import relative_brightness
+from ...rle_splat.shade.lighting import lighting
+from ..volumes import volumes
+from . import render_scene, viewports
+
+DARK = 0.5  # of the brightness under a headlight: Blender's default scene gives about 0.4
+UNUSED = "The scene's lights do not shine on it."
+
+
+def light_if_dark(context, added: int, corners: np.ndarray) -> str:
+    """Choose Headlight for a scene whose lights leave its first volumes dark; nothing that the user chose is changed.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+    added : int
+        How many volumes were just added to the scene.
+    corners : (n, 3) ndarray
+        World coordinates around one of them.
+
+    Returns
+    -------
+    str
+        One sentence if the light was changed, else "".
+    """
+    settings = context.scene.rle_splat
+    if len(volumes.volume_objects(context.scene)) > added or settings.is_property_set("lighting"):
+        return ""
+    try:
+        eye = viewports.view_of(context)[0]
+    except RleSplatError:
+        return ""  # nobody looks
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    lights, world = render_scene.read_light(context.evaluated_depsgraph_get())
+    if not (lights or world):  # the volume then has a headlight in any case
+        return ""
+    radiance = None if world is None else world.radiance
+    to_eye = np.append(eye[:3, 2] / np.linalg.norm(eye[:3, 2]), 0.0)
+    falling = lighting(np.eye(4), Shade(0.0, 1.0, 0.0, 1.0), lights, eye=to_eye, world=radiance)
+    if relative_brightness(falling, middle) >= DARK:
+        return ""
+    settings.lighting = "HEADLIGHT"
+    return "The scene's lights leave it dark, so a headlight lights it; see Lighting."
+
+
+def unused_lights(scene) -> str:
+    """What a panel says while a headlight takes the place of a scene's lights; "" otherwise."""
+    if scene.rle_splat.lighting != "HEADLIGHT" or not any(one.type == "LIGHT" for one in scene.objects):
+        return ""
+    return UNUSED

@@ -1,0 +1,227 @@
+"""The 3D viewports of a window: show a volume that was imported in them, and tell what hides it."""
+
+import math
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Quaternion
+
+from ...rle_splat.scene import RleSplatError
+from ..translations import filled
+
+PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
+HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
+ROOM = 1.15  # times the sphere around a volume
+NEAREST, FURTHEST = 0.01, 100.0  # times the sphere's radius: the clip range reaches from there to there at least
+LEAST_CLIP = 1e-6  # Blender's own
+SIDEBAR = 280  # pixels at interface scale 1, of one that was never drawn
+# A side of a patient -> where a view from there looks and what is up in it, in LPS (+X left, +Y back, +Z head).  In
+# views along the body the front is up.
+SIDES = {
+    "A": ((0, 1, 0), (0, 0, 1)), "P": ((0, -1, 0), (0, 0, 1)), "L": ((-1, 0, 0), (0, 0, 1)),
+    "R": ((1, 0, 0), (0, 0, 1)), "S": ((0, 0, -1), (0, -1, 0)), "I": ((0, 0, 1), (0, -1, 0)),
+}  # fmt: skip
+TAB_WAIT, TAB_TRIES = 0.1, 10  # seconds; a sidebar knows its tabs when it was drawn
+
+
+def distance_to_fit(radius: float, lens: float, free: float, is_perspective: bool) -> float:
+    """Return the view distance at which a sphere fits into a viewport.
+
+    Parameters
+    ----------
+    radius : float
+        Of the sphere around the view's pivot, world units.
+    lens : float
+        Focal length, mm.
+    free : float
+        The shorter side of the part that is free, over the longer side of the region.
+    is_perspective : bool
+        Or orthographic.
+
+    Returns
+    -------
+    float
+        World units.
+    """
+    slope = HALF_SENSOR / lens * free
+    return radius / (math.sin(math.atan(slope)) if is_perspective else slope)
+
+
+def rotation_from(side: str, matrix: np.ndarray) -> Quaternion:
+    """Return the rotation of a view that looks at a patient from one side.
+
+    Parameters
+    ----------
+    side : str
+        One of SIDES.
+    matrix : (4, 4) ndarray
+        From the volume's own space, LPS, to the world.
+
+    Returns
+    -------
+    mathutils.Quaternion
+        Of the view: it looks along its own -Z, and its Y points up.
+    """
+    towards, up = (matrix[:3, :3] @ np.array(axis, np.float64) for axis in SIDES[side])
+    back = -towards / np.linalg.norm(towards)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    return Matrix(np.stack((right, np.cross(back, right), back), axis=1).tolist()).to_quaternion()
+
+
+def frame(window, boxes: list[np.ndarray], rotation: Quaternion | None = None) -> None:
+    """Move the views of a window's 3D viewports so that all of some boxes is seen; views through a camera stay.
+
+    Parameters
+    ----------
+    window : bpy.types.Window
+    boxes : list of (8, 3) ndarray
+        Corners in world space.
+    rotation : mathutils.Quaternion, optional
+        Of the views, but those of a quad view; by default each keeps its own.
+    """
+    corners = np.concatenate(boxes)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    radius = ROOM * float(np.linalg.norm(corners - middle, axis=1).max())
+    if not 0.0 < radius < math.inf:
+        return
+    for area in _viewports(window):
+        space = area.spaces.active
+        free = _free_share(area)
+        for view in space.region_quadviews or (space.region_3d,):
+            if view.view_perspective == "CAMERA":
+                continue
+            is_perspective = view.view_perspective == "PERSP"
+            if rotation is not None and not space.region_quadviews:
+                view.view_rotation = rotation
+            view.view_location = middle
+            view.view_distance = distance_to_fit(radius, space.lens, free, is_perspective)
+        space.clip_start = max(min(space.clip_start, NEAREST * radius), LEAST_CLIP)
+        space.clip_end = max(space.clip_end, FURTHEST * radius)
+        area.tag_redraw()
+
+
+def _free_share(area) -> float:
+    """The shorter side of the free part of a viewport, over the longer side of the whole; a half if it was never drawn.
+
+    What is free lies between the sidebar, open or about to be, and as much on the other side, since the volume stays in
+    the middle, about which the view turns; it is at least half of the width.
+    """
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    if min(region.width, region.height) <= 1:
+        return 0.5
+    sidebar = next(one for one in area.regions if one.type == "UI")
+    covered = sidebar.width if sidebar.width > 1 else round(SIDEBAR * bpy.context.preferences.system.ui_scale)
+    width = max(region.width - 2 * covered, region.width // 2)
+    return min(region.height, width) / max(region.width, region.height)
+
+
+def tab() -> str:
+    """The name of the extension's tab in the sidebar."""
+    return bpy.types.Panel.bl_rna_get_subclass_py(PANEL).bl_category
+
+
+def open_tab(window) -> None:
+    """Open the sidebar of a window's largest 3D viewport at the extension's tab, once it was drawn."""
+    areas = _viewports(window)
+    if not areas:
+        return
+    largest = max(areas, key=lambda area: area.width * area.height)
+    largest.spaces.active.show_region_ui = True
+    place = largest.as_pointer()
+    tries = iter(range(TAB_TRIES))
+
+    def choose():
+        area = next((one for one in _all_viewports() if one.as_pointer() == place), None)
+        if area is None or next(tries, None) is None:
+            return None  # it was closed, or is too narrow to be drawn
+        sidebar = next(one for one in area.regions if one.type == "UI")
+        try:
+            sidebar.active_panel_category = tab()
+        except TypeError:
+            return TAB_WAIT
+        return None
+
+    bpy.app.timers.register(choose, first_interval=TAB_WAIT)
+
+
+def hiding_meshes(view_layer, corners: np.ndarray) -> list[str]:
+    """Return the names of the visible meshes whose bounding box contains a box.
+
+    Parameters
+    ----------
+    view_layer : bpy.types.ViewLayer
+    corners : (n, 3) ndarray
+        World space.
+    """
+    found = []
+    for one in view_layer.objects:
+        if one.type != "MESH" or one.display_type not in ("SOLID", "TEXTURED") or not one.visible_get():
+            continue
+        matrix = np.array(one.matrix_world)
+        if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+            continue
+        inside = (corners - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
+        bounds = np.array(one.bound_box)
+        if (inside >= bounds.min(axis=0)).all() and (inside <= bounds.max(axis=0)).all():
+            found.append(one.name)
+    return found
+
+
+def hiding_sentence(view_layer, corners: np.ndarray) -> str:
+    """What to do where a mesh hides a box; "" where none does.  The parameters are those of ``hiding_meshes``."""
+    names = hiding_meshes(view_layer, corners)
+    if not names:
+        return ""
+    return filled("It lies inside {mesh}, which hides it: hide that object, or move one of them.", mesh=names[0])
+
+
+def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
+    """The view of the 3D viewport that an operator is called in, or of the window's largest one.
+
+    Parameters
+    ----------
+    context : bpy.types.Context
+        The context.  In background mode, where nobody sees a viewport, the view is that of the scene's active camera.
+
+    Returns
+    -------
+    matrix : ndarray, shape (4, 4), float64
+        View space to the world.  The view looks along its own -Z, and its Y points up.
+    pivot : ndarray, shape (3,), float64, or None
+        The point about which the view turns, in the world; None for a view through a camera.
+
+    Raises
+    ------
+    RleSplatError
+        Without a viewport and a camera.
+    """
+    is_seen = not bpy.app.background
+    region, areas = (context.region_data, _viewports(context.window)) if is_seen else (None, [])
+    if region is None and areas:
+        region = max(areas, key=lambda area: area.width * area.height).spaces.active.region_3d
+    if region is not None:
+        pivot = None if region.view_perspective == "CAMERA" else np.array(region.view_location, dtype=np.float64)
+        return np.array(region.view_matrix.inverted(), dtype=np.float64), pivot
+    if context.scene.camera is None:
+        raise RleSplatError("There is no 3D viewport and no active camera, so no view; add a camera.")
+    return np.array(context.scene.camera.matrix_world, dtype=np.float64), None
+
+
+def show_textures(window) -> None:
+    """Have the 3D viewports of a window, or of None, show image textures in Solid shading."""
+    for area in _viewports(window):
+        area.spaces.active.shading.color_type = "TEXTURE"
+
+
+def has_viewport(window) -> bool:
+    """Whether a window, or None, shows a 3D viewport."""
+    return len(_viewports(window)) > 0
+
+
+def _viewports(window) -> list:
+    return [] if window is None else [area for area in window.screen.areas if area.type == "VIEW_3D"]
+
+
+def _all_viewports() -> list:
+    return [area for window in bpy.context.window_manager.windows for area in _viewports(window)]

@@ -1,0 +1,93 @@
+"""The world's light as plain data.
+
+A Background of one color is read from its node, and an environment texture from its image.  Any other world was
+rendered before, see ``world_render.py``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...rle_splat.scene import Environment
+from . import world_nodes, world_render
+
+ONE_COLOR, FROM_IMAGE, RENDERED = "one color", "its image, by direction", "rendered, by direction"
+
+
+class WorldLight(NamedTuple):
+    """What arrives from all directions.
+
+    Attributes
+    ----------
+    radiance : tuple of float
+        Scene-linear red, green and blue; the mean over all directions.
+    environment : Environment or None
+        How it differs by direction; None for one color.
+    origin : str
+        How it was found, for people.
+    """
+
+    radiance: tuple
+    environment: Environment | None
+    origin: str
+
+
+def read_world(scene, warn=None) -> WorldLight | None:
+    """The light of a scene's world.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The evaluated scene.
+    warn : callable, optional
+        Called with one sentence if the light is not that of the world as it is now.
+
+    Returns
+    -------
+    WorldLight or None
+        None without a world, for black, and after a warning.
+    """
+    if scene.world is None:
+        return None
+    color = world_nodes.plain_color(scene.world)
+    if color is not None:
+        return WorldLight(color, None, ONE_COLOR) if any(color) else None
+    read = world_nodes.light_of(scene.world)
+    origin = FROM_IMAGE
+    if read is None:
+        read, problem = world_render.light_of(scene)
+        origin = RENDERED
+        if problem and warn is not None:
+            warn(problem)
+    return None if read is None or not any(read[0]) else WorldLight(*read, origin)
+
+
+def state(scene) -> str:
+    """Which light of the world is used, and why not if not; for a panel, so nothing is changed.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+        The scene.
+
+    Returns
+    -------
+    str
+        A few words.
+    """
+    settings, world = scene.rle_splat, scene.world
+    if settings.lighting != "SCENE":
+        return "World not used: see Lighting"
+    if not settings.use_world:
+        return "World not used: turned off"
+    if world is None:
+        return "World not used: the scene has none"
+    said: list[str] = []
+    found = read_world(scene, said.append)
+    if said:
+        return said[0]
+    if found is None:
+        return "World not used: it is black"
+    if found.environment is None and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
+        return "World not used: one color and no lights"
+    return f"World: {found.origin}"

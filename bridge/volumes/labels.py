@@ -1,0 +1,268 @@
+"""The labels of a volume object: the label file, and one row per label with its appearance.
+
+Like a volume's voxels, the label file stays outside the .blend and is read when it is first needed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ...rle_splat.classify.label_styles import LabelStyle, labels_of
+from ...rle_splat.read.formats import RAW, format_of
+from ...rle_splat.read.labels import read_label_steps
+from ...rle_splat.runtime.steps import announce, drain, rescale
+from ...rle_splat.scene import Labels, RleSplatError
+from ...rle_splat.volume.counts import counts_values, stored_values
+from ...rle_splat.volume.measure import measure_steps
+from ...rle_splat.volume.volume import Volume
+from ..data.decimals import typed
+from ..data.overridable import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    StringProperty,
+)
+from ..look.preset_items import IMPORT_ITEMS, SUGGESTED
+from ..loop import store
+from . import file_changes, volumes
+
+OWN = "OWN"
+SOLID = "SOLID"
+FUNCTION_ITEMS = [
+    (OWN, "As the Volume", "Use the volume's own transfer function"),
+    (SOLID, "Solid", "Give all voxels of the segment the same opacity, whatever their values"),
+] + [
+    item for item in IMPORT_ITEMS if item[0] != SUGGESTED
+]
+READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
+MOST_LABELS = 512  # a file with more different values is a scan, not a label map
+PURPOSE = "labels"  # see ``store.Wish``
+
+
+def _evaluate_anew(row, _context):
+    row.id_data.update_tag()
+
+
+def _color_of(row):
+    return tuple(row.color)
+
+
+def _give_color(row, color) -> None:
+    """Show a segment in a color, also where the volume's transfer function makes its values transparent."""
+    row.color, row.use_color, row.show = color, True, True
+    if row.look == OWN:
+        row.look = SOLID
+
+
+class LabelProperties(bpy.types.PropertyGroup):
+    """The appearance of one label.  ``name`` is its number as text, because library overrides find rows by name."""
+
+    label: IntProperty(name="Label", description="Value of the label's voxels in the label file")
+    label_name: StringProperty(name="Name", description="Name of the label")
+    show: BoolProperty(
+        name="Show", description="Show the voxels of this label", default=True, update=_evaluate_anew)
+    use_color: BoolProperty(
+        name="Own Color", description="Use one color for this label instead of the transfer function's colors",
+        default=False, update=_evaluate_anew)
+    color: FloatVectorProperty(
+        name="Color", description="Color of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
+        default=(0.8, 0.3, 0.2), update=_evaluate_anew)
+    look: EnumProperty(
+        name="Transfer Function", description="Transfer function for the voxels of this label", items=FUNCTION_ITEMS,
+        default=OWN, update=_evaluate_anew)
+
+    opacity: FloatProperty(
+        name="Opacity", description="Factor on the opacity of this segment", default=1.0, min=0.0, max=1.0,
+        subtype="FACTOR", update=_evaluate_anew)
+    shown_color: FloatVectorProperty(
+        name="Color", description="Color of the segment. Choosing one shows all voxels of the segment in it, with one "
+        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0, get=_color_of, set=_give_color)
+
+    def plain(self) -> LabelStyle:
+        return LabelStyle(
+            self.label, self.label_name, not self.show,
+            tuple(typed(c) for c in self.color) if self.use_color else None,
+            None if self.look in (OWN, SOLID) else self.look,
+            opacity=typed(self.opacity), solid=self.look == SOLID,
+        )
+
+
+class LabelMap(NamedTuple):
+    """Content of a label file: its Volume, and its different values, ascending; see ``_value_steps``."""
+
+    volume: Volume
+    values: np.ndarray
+
+
+class LabelFile(NamedTuple):
+    """The label file of a volume object, whose name is in errors."""
+
+    path: str
+    owner: str
+
+    def key(self, volume) -> tuple:
+        """Key of the file's labels on the grid of a volume; RleSplatError if the file is missing."""
+        try:
+            state = file_changes.state_of(self.path)
+        except OSError:
+            raise RleSplatError(
+                f"The label file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
+            ) from None
+        return PURPOSE, self.path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
+
+
+def file_of(owner) -> LabelFile:
+    """The label file of a volume object."""
+    return LabelFile(volumes.resolved_path(owner, "label_file"), owner.name)
+
+
+def are_used(owner) -> bool:
+    """Whether a picture of a volume object shows labels."""
+    return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
+
+
+def are_at_hand(owner, volume) -> bool:
+    """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
+    try:
+        return store.find(file_of(owner).key(volume)) is not None
+    except RleSplatError:
+        return True
+
+
+def load_steps(wish: store.Wish, file: LabelFile, volume):
+    """Generator of Progress: the LabelMap of a file on the grid of a volume, from memory or from the file.
+
+    Parameters
+    ----------
+    wish : store.Wish
+    file : LabelFile
+    volume : Volume
+        A raw label file is read with its shape.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is missing, cannot be read, or a raw file has another size.
+    """
+    return store.steps(wish, file.key(volume), lambda: _read_steps(file, volume))
+
+
+def _read_steps(file: LabelFile, volume):
+    """Generator of Progress: read a LabelMap."""
+    try:
+        volumes.expose_modules()
+        found = yield from rescale(read_label_steps(file.path, volume), 0.0, READING)
+    except RleSplatError as problem:
+        if format_of(file.path) is not RAW:
+            raise
+        grid = " x ".join(map(str, volume.shape_xyz))
+        raise RleSplatError(
+            f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
+        ) from problem
+    yield from rescale(measure_steps(found), READING, COUNTING)
+    values = yield from announce(_value_steps(found), COUNTING, 1.0, "reading labels")
+    return LabelMap(found, values)
+
+
+def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
+    """The labels of a volume object as plain data at the depsgraph's time.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph
+        The evaluated scene.
+    volume : Volume
+        Its voxels.
+    transfer_function : TransferFunction
+        Its transfer function.
+
+    Returns
+    -------
+    Labels or None
+        None without a label file or without rows.
+    """
+    properties = owner.evaluated_get(depsgraph).rle_splat
+    if not are_used(owner):
+        return None
+    styles = [row.plain() for row in properties.labels]
+    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner), volume))
+    return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
+
+
+def list_labels(owner, volume) -> tuple[int, int, tuple]:
+    """Update the list of labels from the label file; rows of labels already listed are kept.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    volume : Volume
+        Its voxels.
+
+    Returns
+    -------
+    count : int
+        Number of labels in the file.
+    further : int
+        Number of rows that are not in the file but belong to the library of an override, which cannot remove them.
+    remarks : tuple of str
+        Sentences on how the label file was brought onto the volume's grid.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is no label map on the volume's grid.
+    """
+    found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file_of(owner), volume))
+    Labels(found)  # checks for whole numbers
+    if found.shape_xyz != volume.shape_xyz:
+        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
+        raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
+    if len(numbers) > MOST_LABELS:
+        raise RleSplatError(
+            f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
+            "label map, not a scan."
+        )
+    rows = owner.rle_splat.labels
+    known = [row.label for row in rows]
+    unused = [index for index, label in enumerate(known) if label not in numbers]
+    further = sum(not remove_row(rows, index) for index in reversed(unused))
+    named = {one.label: one for one in found.named_labels}
+    for number in map(int, numbers):
+        if number not in known:
+            row = rows.add()
+            row.name, row.label = str(number), number
+            row.label_name = named[number].name if number in named else f"Label {number}" if number else "Background"
+            if number in named and named[number].color is not None:
+                row.use_color, row.color = True, named[number].color
+    return len(numbers), further, found.remarks
+
+
+def _value_steps(volume):
+    """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
+    MOST_LABELS of them."""
+    if counts_values(volume.voxels.dtype):
+        return stored_values(volume.voxels.dtype)[volume.value_counts > 0]
+    found = np.zeros(0, volume.voxels.dtype)
+    for z, plane in enumerate(volume.voxels):
+        found = np.union1d(found, plane)
+        if len(found) > MOST_LABELS:
+            break
+        yield z / len(volume.voxels)
+    return found
+
+
+def remove_row(rows, index: int) -> bool:
+    """Remove a row of a collection property; False if it belongs to the library of an override and must stay."""
+    try:
+        rows.remove(index)
+    except TypeError:
+        return False
+    return True

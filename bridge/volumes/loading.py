@@ -1,0 +1,129 @@
+"""What a picture of a volume object needs in memory: its voxels, its labels and its channels."""
+
+from __future__ import annotations
+
+from ...rle_splat.runtime.steps import rescale
+from ...rle_splat.scene import RleSplatError
+from ..data.playback import shown_frame
+from ..loop import store
+from . import channels, labels, volumes
+
+VOXELS = 0.7  # share of a channel's time until its voxels are read; the rest is for bringing it onto the volume's grid
+
+
+def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
+    """What decides which files are read for a volume object.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    ahead : int
+        Frames of the timeline after that time.
+
+    Returns
+    -------
+    tuple
+
+    Raises
+    ------
+    RleSplatError
+        If a file of voxels is missing.
+    """
+    wanted = [owner, *channels.sources_of(owner, depsgraph)]
+    keys = tuple(volumes.source_of(one, shown_frame(one, depsgraph, ahead)).key for one in wanted)
+    return (*keys, labels.file_of(owner) if labels.are_used(owner) else None)
+
+
+def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
+    """Whether nothing need be read for a picture of a volume object.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    with_labels, further
+        As for ``load_steps``.
+
+    Returns
+    -------
+    bool
+        Labels and channels whose file is missing are not waited for: whoever needs them is told at once.
+    """
+    volume = volumes.at_hand(owner, depsgraph)
+    with_labels = labels.are_used(owner) if with_labels is None else with_labels
+    if volume is None or (with_labels and not labels.are_at_hand(owner, volume)):
+        return False
+    return all(_is_placed(one, volume, depsgraph) for one in (*channels.sources_of(owner, depsgraph), *further))
+
+
+def _is_placed(source, volume, depsgraph) -> bool:
+    """Whether a channel is in memory on the grid of a volume, or its file is missing."""
+    try:
+        volumes.source_of(source, shown_frame(source, depsgraph))
+    except RleSplatError:
+        return True
+    found = volumes.at_hand(source, depsgraph)
+    return found is not None and channels.is_placed(found, volume)
+
+
+def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=()):
+    """Generator of Progress: load the voxels of a volume object, its labels and its channels; return the Volume.
+
+    The objects are read before the first step, so they may be deleted meanwhile.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    depsgraph : bpy.types.Depsgraph, optional
+        Gives the time.
+    with_labels : bool, optional
+        Whether to load the labels; without it, if a picture shows them.
+    further : sequence of bpy.types.Object
+        Volume objects that are about to become channels.
+
+    Raises
+    ------
+    RleSplatError
+        If a file is missing.
+    """
+    with_labels = labels.are_used(owner) if with_labels is None else with_labels
+    file = labels.file_of(owner) if with_labels else None
+    sources = [*channels.sources_of(owner, depsgraph), *further]
+    return _one_after_another(
+        volumes.load_steps(owner, depsgraph), file, store.wish_of(owner, depsgraph, labels.PURPOSE),
+        [(volumes.load_steps(one, depsgraph), channels.wish_of(owner, one, depsgraph)) for one in sources],
+    )
+
+
+def withdraw_unused(owner, depsgraph) -> None:
+    """Let a volume object no longer want labels and channels that it has no more; hidden channels stay."""
+    purposes = {volumes.PURPOSE, *(row.source.session_uid for row in owner.rle_splat.channels if row.source)}
+    store.withdraw_others(owner, depsgraph, purposes | ({labels.PURPOSE} if labels.are_used(owner) else set()))
+
+
+def _one_after_another(steps, file, labels_wish, channel_steps):
+    """Generator of Progress, as ``load_steps``; ``file``: LabelFile or None; ``channel_steps``: (steps, Wish)."""
+    each = 1.0 / (1 + (file is not None) + len(channel_steps))
+    volume = yield from rescale(steps, 0.0, each)
+    done = each
+    if file is not None:
+        yield from rescale(labels.load_steps(labels_wish, file, volume), done, done + each)
+        done += each
+    for one, wish in channel_steps:
+        channel = yield from rescale(one, done, done + VOXELS * each)
+        yield from rescale(channels.placed_steps(wish, channel, volume), done + VOXELS * each, done + each)
+        done += each
+    return volume
+
+
+def missing_steps(owner, with_labels: bool | None = None, further=()):
+    """Generator of Progress, as ``load_steps`` without a depsgraph; None if all is in memory."""
+    if is_at_hand(owner, None, with_labels, further):
+        return None
+    return load_steps(owner, None, with_labels, further)
