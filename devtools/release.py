@@ -1,18 +1,20 @@
 """dev.py release: a folder with all that a release consists of, in dist/.
 
-The zips with their checksums, the changes since the last tag, and the text and pictures for the Extensions platform.
+The zips with their checksums, what CHANGELOG.md has on this version, and the text and pictures for the Extensions
+platform.
 """
 
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
-import subprocess
 from pathlib import Path
 
 from .build import build, version
 from .places import DIST, ROOT, Failure, say
 
+CHANGELOG = ROOT / "CHANGELOG.md"
 LISTING = ROOT / "devtools" / "listing.md"
 PICTURES = ("panel.png", *(f"gallery-{name}.jpg" for name in ("brain", "plate", "vessels", "engine", "smoke")))
 CHECKSUMS = "SHA256SUMS"
@@ -23,23 +25,13 @@ def checksum_lines(files) -> str:
     return "".join(f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n" for file in sorted(files))
 
 
-def _git(*words: str) -> str:
-    """What a command of git prints; a Failure without git or its history."""
-    try:
-        done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        raise Failure("The list of changes is made from git's history; make a release in a clone, with git.") from None
-    return done.stdout.strip()
-
-
 def changelog() -> str:
-    """What has changed since the last tag, a line for each commit, the newest first; without a tag, all of it."""
-    earlier = _git("tag", "--list", "--merged", "HEAD", "--sort=-creatordate").split()
-    earlier = [tag for tag in earlier if tag.lstrip("v") != version()]
-    span = [f"{earlier[0]}..HEAD"] if earlier else ["HEAD"]
-    changes = _git("log", "--no-merges", "--format=- %s", *span)
-    since = f"since {earlier[0]}" if earlier else "from the beginning"
-    return f"# RLE Splat {version()}\n\nChanges {since}:\n\n{changes}\n"
+    """What CHANGELOG.md says of this version; a Failure if it says nothing."""
+    text = CHANGELOG.read_text(encoding="utf-8")
+    found = re.search(rf"^## {re.escape(version())}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    if not found:
+        raise Failure(f"CHANGELOG.md has no section for version {version()}: give what is under Unreleased this name.")
+    return f"# RLE Splat {version()}\n{found[1].rstrip()}\n"
 
 
 def release(output: Path | None = None, make_zips=build) -> Path:
@@ -49,7 +41,7 @@ def release(output: Path | None = None, make_zips=build) -> Path:
     folder.mkdir(parents=True)
     zips = list(make_zips(output=folder).values())
     (folder / CHECKSUMS).write_text(checksum_lines(zips), encoding="utf-8")
-    (folder / "CHANGELOG.md").write_text(changelog(), encoding="utf-8")
+    (folder / CHANGELOG.name).write_text(changelog(), encoding="utf-8")
     listing = folder / "listing"
     listing.mkdir()
     shutil.copyfile(LISTING, listing / LISTING.name)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from devtools import bootstrap, build, environments, places, uv, wheels
+from rle_splat.runtime.cache_folder import RELEASE
 
 ROOT = Path(__file__).resolve().parents[2]
 REQUIREMENTS = sorted((ROOT / "requirements").glob("*.txt"))
@@ -94,7 +95,8 @@ def test_the_manifest_is_what_was_promised():
     assert facts["license"] == ["SPDX:GPL-3.0-or-later"]
     assert list(facts["permissions"]) == ["files"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["version"] == facts["version"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {RELEASE}\n" in citation and facts["version"] == RELEASE
     assert project["scripts"]["rle-splat"] == "rle_splat.cli.main:run_process"
 
 
