@@ -28,8 +28,8 @@ from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
-from .reference import BOXED, EIGHTHS, FULL
-from .sample_light import NORMAL
+from .node_block import BLOCK, read_block
+from .reference import BOXED, FULL
 from .surface_points import STEPS
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
@@ -142,7 +142,12 @@ def read_nodes_steps(
         return
     pieces = -(-len(voxels) // (READ_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    lists = (read_only(voxels.row_start), read_only(voxels.column), read_only(offsets), voxels.shape_xyz[1])
+    lists = (
+        read_only(voxels.row_start),
+        read_only(voxels.column),
+        read_only(offsets.reshape(-1)),
+        *voxels.shape_xyz[:2],
+    )
     grid = (read_only(nodes.reshape(-1)), *nodes.shape)
     for piece, (first, last) in enumerate(pairwise(ends)):
         yield piece / pieces
@@ -302,8 +307,8 @@ def _take(nodes, at, step, count, scale, first, y, length, depth, lit, share):
 def _read(first, count, grid, pitch, strength, lists, known, copied, codes, channel):
     """Codes of the voxels of rows [first, first + count).
 
-    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, offsets, number of y.  ``copied``:
-    channels of ``known`` that are copied.
+    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, offsets, flat, and voxels
+    along x and y.  ``copied``: channels of ``known`` that are copied.
     """
     share_out(_read_rows, count, (first, grid, pitch, strength, lists, known, copied, codes, channel))
 
@@ -312,51 +317,43 @@ def _read(first, count, grid, pitch, strength, lists, known, copied, codes, chan
 def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, codes, channel):
     """``_read`` for some of them."""
     nodes, n_z, n_y, n_x = grid
-    row_start, column, offsets, rows = lists
+    row_start, column, moved, columns, rows = lists
     # Positions are whole numbers of STEPS of a voxel, from the first node on: conversions to and from float32 took half
-    # of the time.  Of unsigned indices the compiler knows that they are not negative.
-    voxel, zero = np.int32(STEPS), np.int32(0)
-    begins = np.int32(pitch) * voxel - np.int32(pitch - 1) * (voxel >> np.int32(1))
-    node = np.int32(pitch) * voxel
+    # of the time.
+    voxel, pitch = np.int32(STEPS), np.int32(pitch)
+    begins = pitch * voxel - (pitch - 1) * (voxel >> 1)
+    node, power = pitch * voxel, 0
+    while 1 << power < node:
+        power += 1
     # The last position is one step before the last node, so that there is a node behind it.
-    last_x, last_y, last_z = np.int32(n_x - 1) * node - 1, np.int32(n_y - 1) * node - 1, np.int32(n_z - 1) * node - 1
-    shift = np.int32(0)
-    while (np.int32(1) << shift) < node:
-        shift += np.int32(1)
-    further = np.int32(pitch * EIGHTHS)
-    part, per_step = node - np.int32(1), _ONE / np.float32(node)
-    down, deep, one = np.uint64(n_x), np.uint64(n_x * n_y), np.uint64(1)
-    per_code = strength * np.float32(32767.0 / FULL)
+    last = (np.int32((n_x - 1) * node - 1), np.int32((n_y - 1) * node - 1), np.int32((n_z - 1) * node - 1))
+    steps, strides = (np.int32(power), np.int32(node - 1)), (np.int32(n_x), np.int32(n_x * n_y))
     least = (_ONE - strength) * np.float32(32767.0) + _HALF
+    scale = (least, strength * np.float32(32767.0 / FULL), _ONE / np.float32(node))
+    # A row, and what its last block reads and writes beyond its end.
+    xs, ways = np.zeros(columns + BLOCK, np.int32), np.zeros(3 * (columns + BLOCK), np.int16)
+    found = np.empty(columns + BLOCK, np.int32)
+    channels = codes.shape[1]
+    flat, known_flat = codes.reshape(-1), known.reshape(-1)
     for row in range(first + begin, first + end):
-        y0, z0 = np.int32(row % rows) * voxel + begins, np.int32(row // rows) * voxel + begins
         at, stop = row_start[row], row_start[row + 1]
-        xs, moved, own, to = column[at:stop], offsets[at:stop], known[at:stop], codes[at:stop]
-        for i in range(xs.size):
-            if copied == NORMAL:
-                to[i, 0], to[i, 1], to[i, 2] = own[i, 0], own[i, 1], own[i, 2]
-            else:
+        own, own_ways = column[at:stop], moved[3 * at : 3 * stop]
+        for i in range(own.size):
+            xs[i] = np.int32(own[i]) * voxel
+        for i in range(own_ways.size):
+            ways[i] = own_ways[i]
+        starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
+        for i in range(0, own.size, BLOCK):
+            read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)
+        to = codes[at:stop]
+        if copied == channels:
+            held, copy = known_flat[at * channels : stop * channels], flat[at * channels : stop * channels]
+            for i in range(copy.size):
+                copy[i] = held[i]
+        else:
+            held_rows = known[at:stop]
+            for i in range(own.size):
                 for plane in range(copied):
-                    to[i, plane] = own[i, plane]
-            x0 = np.int32(xs[i]) * voxel + begins
-            x = np.int32(min(max(x0 + (further * np.int32(moved[i, 0]) >> np.int32(3)), zero), last_x))
-            y = np.int32(min(max(y0 + (further * np.int32(moved[i, 1]) >> np.int32(3)), zero), last_y))
-            z = np.int32(min(max(z0 + (further * np.int32(moved[i, 2]) >> np.int32(3)), zero), last_z))
-            fx, fy = np.float32(x & part) * per_step, np.float32(y & part) * per_step
-            fz = np.float32(z & part) * per_step
-            a = np.uint64(z >> shift) * deep + np.uint64(y >> shift) * down + np.uint64(x >> shift)
-            b, c = a + down, a + deep
-            d = c + down
-            p = _along(nodes[a], nodes[a + one], fx)
-            q = _along(nodes[b], nodes[b + one], fx)
-            r = _along(nodes[c], nodes[c + one], fx)
-            s = _along(nodes[d], nodes[d + one], fx)
-            p += fy * (q - p)
-            r += fy * (s - r)
-            to[i, channel] = np.int16(np.int32(least + per_code * (p + fz * (r - p))))
-
-
-@kernel(inline="always")
-def _along(near, far, share):
-    """Between two nodes."""
-    return np.float32(near) + share * (np.float32(far) - np.float32(near))
+                    to[i, plane] = held_rows[i, plane]
+        for i in range(own.size):
+            to[i, channel] = np.int16(found[i])
