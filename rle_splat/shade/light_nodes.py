@@ -182,6 +182,7 @@ def _shade_some(begin, end, from_, layers, held, meshes, width, height, n_voxels
     line = np.zeros(n_voxels + 3, np.float32)
     sheets = np.empty((2, BAND + 1, width), np.float32)  # D(n) is in sheet n % 2
     row_depth, row_lit = np.empty(width, np.float32), np.empty(0 if meshes is None else width, np.float32)
+    row_taken = np.empty(along + 1, np.uint16)
     for band in range(from_ + begin, from_ + end):
         top = band * BAND
         rows = min(BAND + 1, height - top)
@@ -218,8 +219,16 @@ def _shade_some(begin, end, from_, layers, held, meshes, width, height, n_voxels
                     _mix_meshes(meshes, top + row, down, np.float32(n), row_lit)
                 elif not shaded:
                     continue
+                taken = row_taken[: stop - i]
+                _find_taken(scale, scale * i + offset_x, y, length, row_depth, row_lit, share, taken)
                 at = (k + 1) * step_k + (j + 1) * step_j + (i + 1) * step_i
-                _take(nodes, at, step_i, stop - i, scale, scale * i + offset_x, y, length, row_depth, row_lit, share)
+                if step_i == 1:
+                    to = nodes[at : at + taken.size]
+                    for m in range(taken.size):
+                        to[m] -= taken[m]
+                else:
+                    for m in range(taken.size):
+                        nodes[at + m * step_i] -= taken[m]
 
 
 @kernel(inline="always")
@@ -246,11 +255,11 @@ def _mix_rows(before, after, row, down, found):
     """The mean of two sheets between two of their rows, to ``found``; returns whether any is above zero."""
     low, high = _HALF * (_ONE - down), _HALF * down
     a, b, c, d = before[row], after[row], before[row + 1], after[row + 1]
-    most = _ZERO
+    shaded = False
     for x in range(found.size):
         found[x] = low * (a[x] + b[x]) + high * (c[x] + d[x])
-        most = max(most, found[x])
-    return most > _ZERO
+        shaded |= found[x] > _ZERO
+    return shaded
 
 
 @kernel(inner=True)
@@ -269,27 +278,21 @@ def _mix_meshes(meshes, row, down, reached, found):
 
 
 @kernel(inner=True)
-def _take(nodes, at, step, count, scale, first, y, length, depth, lit, share):
-    """Take what is blocked from ``count`` nodes of a row, from entry ``at`` on, whose rays begin at ``first`` in the
-    sheet; ``depth``, ``lit``: its row."""
+def _find_taken(scale, first, y, length, depth, lit, share, taken):
+    """What is blocked from each node of a row, whose rays begin at ``first`` in the sheet; ``depth``, ``lit``: its
+    row."""
     c = length[0] + y * (length[2] + y * length[5])
     cx, cxx = length[1] + y * length[4], length[3]
-    last = depth.size - 1
+    count, last = taken.size, depth.size - 1
     if scale == 1.0 and cx == 0.0 and cxx == 0.0 and lit.size == 0 and first >= 0.0 and first + count <= last:
         # Parallel light: all rays have the same length, and lie as far from the pixels.
         cell = np.int64(first)
         far = np.float32(math.sqrt(c)) * LOG2E
         right = np.float32(first - cell) * far
         left, here, there = far - right, depth[cell:], depth[cell + 1 :]
-        if step == 1:
-            to = nodes[at : at + count]
-            for m in range(count):
-                passed = transmit(max(left * here[m] + right * there[m], _ZERO))
-                to[m] -= np.uint16((_ONE - passed) * share + _HALF)
-        else:
-            for m in range(count):
-                passed = transmit(max(left * here[m] + right * there[m], _ZERO))
-                nodes[at + m * step] -= np.uint16((_ONE - passed) * share + _HALF)
+        for m in range(count):
+            passed = transmit(max(left * here[m] + right * there[m], _ZERO))
+            taken[m] = np.uint16((_ONE - passed) * share + _HALF)
         return
     for m in range(count):
         u = min(max(first + scale * m, 0.0), np.float64(last))
@@ -300,7 +303,7 @@ def _take(nodes, at, step, count, scale, first, y, length, depth, lit, share):
         passed = transmit(max(tau, _ZERO) * long)
         if lit.size > 0:
             passed *= lit[cell] + right * (lit[cell + 1] - lit[cell])
-        nodes[at + m * step] -= np.uint16((_ONE - passed) * share + _HALF)
+        taken[m] = np.uint16((_ONE - passed) * share + _HALF)
 
 
 @kernel
