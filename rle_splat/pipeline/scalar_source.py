@@ -9,6 +9,7 @@ What each stage result depends on, so that a change redoes no more than it must:
     factor    relevant, where labels hide, and the transfer function
     gradients relevant, where opacity depends on them; thinned, from gradients and codes
     values    relevant, of further channels, and the principal axis
+    extinction  relevant, factor, and the transfer function: for shadows
     codes     relevant, and what ``scalar_light`` says; the light itself is made where a sheet reads them
     runs      relevant, and the principal axis
     scalars   relevant, and the principal axis
@@ -349,14 +350,18 @@ class ScalarSource(Source):
         def tables_of(axis):
             return job.get("runs", (key, axis), lambda: scalar_tables(unlit.voxels, axis, threads=self.threads))
 
-        def extinction():
+        blocking_key = key, *unlit.functions_key, length
+
+        def make_extinction():
             return unlit.extinction() if factor is None else unlit.extinction() * factor
+
+        def find_extinction():
+            return job.get("extinction", blocking_key, make_extinction)
 
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
-            unlit.voxels, extinction, tables_of, *around, (key, *unlit.functions_key, length), boxed=True,
-            threads=self.threads,
-        )  # fmt: skip
+            unlit.voxels, find_extinction, tables_of, *around, blocking_key, boxed=True, threads=self.threads
+        )
         codes, codes_key = None, ()
         if unlit.falling is not None:
             yield Progress(0.1, "Shading")

@@ -28,8 +28,8 @@ from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
-from .reference import BOXED, EIGHTHS, FULL
-from .sample_light import NORMAL
+from .node_block import BLOCK, read_block
+from .reference import BOXED, FULL
 from .surface_points import STEPS
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
@@ -142,7 +142,12 @@ def read_nodes_steps(
         return
     pieces = -(-len(voxels) // (READ_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    lists = (read_only(voxels.row_start), read_only(voxels.column), read_only(offsets), voxels.shape_xyz[1])
+    lists = (
+        read_only(voxels.row_start),
+        read_only(voxels.column),
+        read_only(offsets.reshape(-1)),
+        *voxels.shape_xyz[:2],
+    )
     grid = (read_only(nodes.reshape(-1)), *nodes.shape)
     for piece, (first, last) in enumerate(pairwise(ends)):
         yield piece / pieces
@@ -177,6 +182,7 @@ def _shade_some(begin, end, from_, layers, held, meshes, width, height, n_voxels
     line = np.zeros(n_voxels + 3, np.float32)
     sheets = np.empty((2, BAND + 1, width), np.float32)  # D(n) is in sheet n % 2
     row_depth, row_lit = np.empty(width, np.float32), np.empty(0 if meshes is None else width, np.float32)
+    row_taken = np.empty(along + 1, np.uint16)
     for band in range(from_ + begin, from_ + end):
         top = band * BAND
         rows = min(BAND + 1, height - top)
@@ -213,8 +219,16 @@ def _shade_some(begin, end, from_, layers, held, meshes, width, height, n_voxels
                     _mix_meshes(meshes, top + row, down, np.float32(n), row_lit)
                 elif not shaded:
                     continue
+                taken = row_taken[: stop - i]
+                _find_taken(scale, scale * i + offset_x, y, length, row_depth, row_lit, share, taken)
                 at = (k + 1) * step_k + (j + 1) * step_j + (i + 1) * step_i
-                _take(nodes, at, step_i, stop - i, scale, scale * i + offset_x, y, length, row_depth, row_lit, share)
+                if step_i == 1:
+                    to = nodes[at : at + taken.size]
+                    for m in range(taken.size):
+                        to[m] -= taken[m]
+                else:
+                    for m in range(taken.size):
+                        nodes[at + m * step_i] -= taken[m]
 
 
 @kernel(inline="always")
@@ -241,11 +255,11 @@ def _mix_rows(before, after, row, down, found):
     """The mean of two sheets between two of their rows, to ``found``; returns whether any is above zero."""
     low, high = _HALF * (_ONE - down), _HALF * down
     a, b, c, d = before[row], after[row], before[row + 1], after[row + 1]
-    most = _ZERO
+    shaded = False
     for x in range(found.size):
         found[x] = low * (a[x] + b[x]) + high * (c[x] + d[x])
-        most = max(most, found[x])
-    return most > _ZERO
+        shaded |= found[x] > _ZERO
+    return shaded
 
 
 @kernel(inner=True)
@@ -264,27 +278,21 @@ def _mix_meshes(meshes, row, down, reached, found):
 
 
 @kernel(inner=True)
-def _take(nodes, at, step, count, scale, first, y, length, depth, lit, share):
-    """Take what is blocked from ``count`` nodes of a row, from entry ``at`` on, whose rays begin at ``first`` in the
-    sheet; ``depth``, ``lit``: its row."""
+def _find_taken(scale, first, y, length, depth, lit, share, taken):
+    """What is blocked from each node of a row, whose rays begin at ``first`` in the sheet; ``depth``, ``lit``: its
+    row."""
     c = length[0] + y * (length[2] + y * length[5])
     cx, cxx = length[1] + y * length[4], length[3]
-    last = depth.size - 1
+    count, last = taken.size, depth.size - 1
     if scale == 1.0 and cx == 0.0 and cxx == 0.0 and lit.size == 0 and first >= 0.0 and first + count <= last:
         # Parallel light: all rays have the same length, and lie as far from the pixels.
         cell = np.int64(first)
         far = np.float32(math.sqrt(c)) * LOG2E
         right = np.float32(first - cell) * far
         left, here, there = far - right, depth[cell:], depth[cell + 1 :]
-        if step == 1:
-            to = nodes[at : at + count]
-            for m in range(count):
-                passed = transmit(max(left * here[m] + right * there[m], _ZERO))
-                to[m] -= np.uint16((_ONE - passed) * share + _HALF)
-        else:
-            for m in range(count):
-                passed = transmit(max(left * here[m] + right * there[m], _ZERO))
-                nodes[at + m * step] -= np.uint16((_ONE - passed) * share + _HALF)
+        for m in range(count):
+            passed = transmit(max(left * here[m] + right * there[m], _ZERO))
+            taken[m] = np.uint16((_ONE - passed) * share + _HALF)
         return
     for m in range(count):
         u = min(max(first + scale * m, 0.0), np.float64(last))
@@ -295,15 +303,15 @@ def _take(nodes, at, step, count, scale, first, y, length, depth, lit, share):
         passed = transmit(max(tau, _ZERO) * long)
         if lit.size > 0:
             passed *= lit[cell] + right * (lit[cell + 1] - lit[cell])
-        nodes[at + m * step] -= np.uint16((_ONE - passed) * share + _HALF)
+        taken[m] = np.uint16((_ONE - passed) * share + _HALF)
 
 
 @kernel
 def _read(first, count, grid, pitch, strength, lists, known, copied, codes, channel):
     """Codes of the voxels of rows [first, first + count).
 
-    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, offsets, number of y.  ``copied``:
-    channels of ``known`` that are copied.
+    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, offsets, flat, and voxels
+    along x and y.  ``copied``: channels of ``known`` that are copied.
     """
     share_out(_read_rows, count, (first, grid, pitch, strength, lists, known, copied, codes, channel))
 
@@ -312,51 +320,43 @@ def _read(first, count, grid, pitch, strength, lists, known, copied, codes, chan
 def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, codes, channel):
     """``_read`` for some of them."""
     nodes, n_z, n_y, n_x = grid
-    row_start, column, offsets, rows = lists
+    row_start, column, moved, columns, rows = lists
     # Positions are whole numbers of STEPS of a voxel, from the first node on: conversions to and from float32 took half
-    # of the time.  Of unsigned indices the compiler knows that they are not negative.
-    voxel, zero = np.int32(STEPS), np.int32(0)
-    begins = np.int32(pitch) * voxel - np.int32(pitch - 1) * (voxel >> np.int32(1))
-    node = np.int32(pitch) * voxel
+    # of the time.
+    voxel, pitch = np.int32(STEPS), np.int32(pitch)
+    begins = pitch * voxel - (pitch - 1) * (voxel >> 1)
+    node, power = pitch * voxel, 0
+    while 1 << power < node:
+        power += 1
     # The last position is one step before the last node, so that there is a node behind it.
-    last_x, last_y, last_z = np.int32(n_x - 1) * node - 1, np.int32(n_y - 1) * node - 1, np.int32(n_z - 1) * node - 1
-    shift = np.int32(0)
-    while (np.int32(1) << shift) < node:
-        shift += np.int32(1)
-    further = np.int32(pitch * EIGHTHS)
-    part, per_step = node - np.int32(1), _ONE / np.float32(node)
-    down, deep, one = np.uint64(n_x), np.uint64(n_x * n_y), np.uint64(1)
-    per_code = strength * np.float32(32767.0 / FULL)
+    last = (np.int32((n_x - 1) * node - 1), np.int32((n_y - 1) * node - 1), np.int32((n_z - 1) * node - 1))
+    steps, strides = (np.int32(power), np.int32(node - 1)), (np.int32(n_x), np.int32(n_x * n_y))
     least = (_ONE - strength) * np.float32(32767.0) + _HALF
+    scale = (least, strength * np.float32(32767.0 / FULL), _ONE / np.float32(node))
+    # A row, and what its last block reads and writes beyond its end.
+    xs, ways = np.zeros(columns + BLOCK, np.int32), np.zeros(3 * (columns + BLOCK), np.int16)
+    found = np.empty(columns + BLOCK, np.int32)
+    channels = codes.shape[1]
+    flat, known_flat = codes.reshape(-1), known.reshape(-1)
     for row in range(first + begin, first + end):
-        y0, z0 = np.int32(row % rows) * voxel + begins, np.int32(row // rows) * voxel + begins
         at, stop = row_start[row], row_start[row + 1]
-        xs, moved, own, to = column[at:stop], offsets[at:stop], known[at:stop], codes[at:stop]
-        for i in range(xs.size):
-            if copied == NORMAL:
-                to[i, 0], to[i, 1], to[i, 2] = own[i, 0], own[i, 1], own[i, 2]
-            else:
+        own, own_ways = column[at:stop], moved[3 * at : 3 * stop]
+        for i in range(own.size):
+            xs[i] = np.int32(own[i]) * voxel
+        for i in range(own_ways.size):
+            ways[i] = own_ways[i]
+        starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
+        for i in range(0, own.size, BLOCK):
+            read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)
+        to = codes[at:stop]
+        if copied == channels:
+            held, copy = known_flat[at * channels : stop * channels], flat[at * channels : stop * channels]
+            for i in range(copy.size):
+                copy[i] = held[i]
+        else:
+            held_rows = known[at:stop]
+            for i in range(own.size):
                 for plane in range(copied):
-                    to[i, plane] = own[i, plane]
-            x0 = np.int32(xs[i]) * voxel + begins
-            x = np.int32(min(max(x0 + (further * np.int32(moved[i, 0]) >> np.int32(3)), zero), last_x))
-            y = np.int32(min(max(y0 + (further * np.int32(moved[i, 1]) >> np.int32(3)), zero), last_y))
-            z = np.int32(min(max(z0 + (further * np.int32(moved[i, 2]) >> np.int32(3)), zero), last_z))
-            fx, fy = np.float32(x & part) * per_step, np.float32(y & part) * per_step
-            fz = np.float32(z & part) * per_step
-            a = np.uint64(z >> shift) * deep + np.uint64(y >> shift) * down + np.uint64(x >> shift)
-            b, c = a + down, a + deep
-            d = c + down
-            p = _along(nodes[a], nodes[a + one], fx)
-            q = _along(nodes[b], nodes[b + one], fx)
-            r = _along(nodes[c], nodes[c + one], fx)
-            s = _along(nodes[d], nodes[d + one], fx)
-            p += fy * (q - p)
-            r += fy * (s - r)
-            to[i, channel] = np.int16(np.int32(least + per_code * (p + fz * (r - p))))
-
-
-@kernel(inline="always")
-def _along(near, far, share):
-    """Between two nodes."""
-    return np.float32(near) + share * (np.float32(far) - np.float32(near))
+                    to[i, plane] = held_rows[i, plane]
+        for i in range(own.size):
+            to[i, channel] = np.int16(found[i])
