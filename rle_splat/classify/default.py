@@ -20,7 +20,9 @@ CROWDED_SHARE = 0.9  # share of the voxels; a preset that shows more shows a sol
 OUTLIER_FACTOR = 1000.0  # a value this many times the spread of the bulk away from the median is an outlier
 BINS = 1024
 
-PRESET_OF_MODALITY = {"CT": "ct-bone", "MR": "mr-head", "XA": "xa-limb", "SMOKE": "smoke"}
+PRESET_OF_MODALITY = {
+    "CT": "ct-bone", "MR": "mr-head", "PT": "pet", "RTDOSE": "isodose", "XA": "xa-limb", "SMOKE": "smoke",
+}  # fmt: skip
 # Words in file names and in names of body parts, as scanners and archives use them.
 PRESET_OF_WORD = {
     "ct": "ct-bone", "cbct": "ct-bone", "cta": "ct-angiography",
