@@ -194,7 +194,7 @@ def test_names_colors_and_overlaps(tmp_path: Path):
                9: [circle(3.0, 500.0)]}  # fmt: skip
     labels = labels_of(write(tmp_path / "s.dcm", scan(), regions), scan())
     assert labels.voxels.dtype == np.uint16
-    assert [(one.label, one.name) for one in labels.named_labels] == [(4, "organ 4"), (7, "organ 7"), (300, "organ 300")]
+    assert [(one.label, one.name) for one in labels.named_labels] == [(n, f"organ {n}") for n in (4, 7, 300)]
     np.testing.assert_allclose(labels.named_labels[0].color, (1.0, 0.0, 0.2158605), atol=1e-6)
     middle = labels.voxels[20, int(MIDDLE[1])]
     assert [middle[int(MIDDLE[0]) + off] for off in (0, 4, 7, 12, 17)] == [300, 300, 7, 4, 0]
