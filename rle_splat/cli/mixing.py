@@ -8,6 +8,7 @@ from pathlib import Path
 from ..classify.default import default_channel_function_steps
 from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
 from ..classify.presets import PRESETS, fit_preset_steps
+from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
 from ..read.channels import read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
@@ -159,6 +160,6 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
 def _function_of(channel: Volume, given) -> TransferFunction:
     """The transfer function of a channel, from a TransferFunction, the name of a preset, or None for automatic."""
     if isinstance(given, TransferFunction):
-        return given
+        return fit_function(given, channel)
     found, _ = drain(default_channel_function_steps(channel) if given is None else fit_preset_steps(given, channel))
     return found
