@@ -296,6 +296,18 @@ def test_beside_its_series(tmp_path: Path):
     assert "another frame" in refusal(write(tmp_path / "s.dcm", volume, {1: shapes}, place="9.9"), volume)
 
 
+def test_contours_through_the_outermost_centers_fill_their_mask():
+    """As those that libraries make of masks: the border pixels are on the edges, also of holes and slanted ones."""
+    y, x = np.mgrid[:30, :34]
+    octagon = (np.abs(x - 15) + np.abs(y - 14) <= 13) & (np.abs(x - 15) <= 10) & (np.abs(y - 14) <= 9)
+    outer = np.array([(5, 11), (5, 17), (11, 23), (19, 23), (25, 17), (25, 11), (19, 5), (11, 5)], float)
+    hole = np.array([(15, 10), (11, 14), (15, 18), (19, 14)], float)  # its border belongs to the mask
+    mask = octagon & ~(np.abs(x - 15) + np.abs(y - 14) < 4)
+    rounded = 1e-5 * np.random.default_rng(1).standard_normal((8, 2))
+    np.testing.assert_array_equal(contours.fill([outer + rounded, hole], mask.shape)[0], mask)
+    assert contours.fill([outer - 0.5], mask.shape)[0].sum() < octagon.sum()
+
+
 @pytest.mark.parametrize("corners", [3, 7, 40])
 def test_polygons_are_filled_as_matplotlib_fills_them(corners: int):
     """Points in a polygon by code that shares nothing with ours; polygons of random corners cross themselves."""

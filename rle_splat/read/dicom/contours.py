@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 ON_SLICE = 0.05  # slices; a plane this close to a slice is the slice's own
+ON_EDGE = 1e-3  # pixels; a center this close to an edge is on it
 HALF = 0.5  # slices; beyond the outermost planes, a plane counts for slices up to this far away
 PAIRS = 1 << 20  # of pixels and edges, whose distances are computed at a time
 MOST_STEPS = 2.0  # a gap of up to this many times the usual distance of a region's planes is filled
@@ -35,6 +36,8 @@ def wind(polygon: np.ndarray, columns: range, rows: range) -> np.ndarray:
 def fill(polygons, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
     """Even-odd filling of the polygons of one plane: a contour within another is a hole, one within a hole an island.
 
+    Pixels whose center is on an edge are filled: contours that were made of masks run through the outermost centers.
+
     Parameters
     ----------
     polygons : sequence of (n, 2) ndarray
@@ -46,7 +49,7 @@ def fill(polygons, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
     crossing : int
         How many polygons cross themselves or one that is larger, by a pixel or more.
     """
-    depth, crossing = np.zeros(shape, np.int64), 0
+    depth, edges, crossing = np.zeros(shape, np.int64), np.zeros(shape, bool), 0
     for polygon in sorted(polygons, key=_area, reverse=True):
         low = np.clip(np.floor(polygon.min(axis=0)), 0, shape[::-1]).astype(int)
         high = np.clip(np.floor(polygon.max(axis=0)) + 1, low, shape[::-1]).astype(int)
@@ -58,7 +61,27 @@ def fill(polygons, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
         if covered.size and (np.ptp(covered) > 0 or np.ptp(turns) > 1):
             crossing += 1
         here += inside
-    return depth % 2 == 1, crossing
+        _mark_edges(polygon, edges)
+    return (depth % 2 == 1) | edges, crossing
+
+
+def _mark_edges(polygon: np.ndarray, edges: np.ndarray) -> None:
+    """Set the pixels whose centers are on an edge, where it meets rows; a level edge meets all between its ends."""
+    ends = np.roll(polygon, -1, axis=0)
+    low, high = np.minimum(polygon, ends), np.maximum(polygon, ends)
+    first = np.clip(np.ceil(low[:, 1] - ON_EDGE), 0, edges.shape[0]).astype(np.int64)
+    counts = np.clip(np.floor(high[:, 1] + ON_EDGE) + 1, first, edges.shape[0]).astype(np.int64) - first
+    edge = np.repeat(np.arange(len(polygon)), counts)
+    row = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
+    (x0, y0), (x1, y1) = polygon[edge].T, ends[edge].T
+    level = np.abs(y1 - y0) <= ON_EDGE
+    x = x0 + np.clip((row - y0) / np.where(level, 1.0, y1 - y0), 0.0, 1.0) * (x1 - x0)
+    near = np.rint(x).astype(np.int64)
+    on = ~level & (np.abs(x - near) <= ON_EDGE) & (near >= 0) & (near < edges.shape[1])
+    edges[row[on], near[on]] = True
+    for i, r in zip(edge[level].tolist(), row[level].tolist()):
+        left, right = np.clip((np.ceil(low[i, 0] - ON_EDGE), np.floor(high[i, 0] + ON_EDGE) + 1), 0, edges.shape[1])
+        edges[r, int(left) : int(right)] = True
 
 
 def _area(polygon: np.ndarray) -> float:
