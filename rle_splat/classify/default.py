@@ -20,7 +20,10 @@ CROWDED_SHARE = 0.9  # share of the voxels; a preset that shows more shows a sol
 OUTLIER_FACTOR = 1000.0  # a value this many times the spread of the bulk away from the median is an outlier
 BINS = 1024
 
-PRESET_OF_MODALITY = {"CT": "ct-bone", "MR": "mr-head", "XA": "xa-limb", "SMOKE": "smoke"}
+PRESET_OF_MODALITY = {
+    "CT": "ct-bone", "MR": "mr-head", "PT": "pet", "RTDOSE": "isodose", "XA": "xa-limb", "SMOKE": "smoke",
+}  # fmt: skip
+ADDED_PET = "pet-hot"  # preset of a PET that is added to another volume
 # Words in file names and in names of body parts, as scanners and archives use them.
 PRESET_OF_WORD = {
     "ct": "ct-bone", "cbct": "ct-bone", "cta": "ct-angiography",
@@ -72,6 +75,17 @@ def default_transfer_function_steps(volume: Volume):
         if VISIBLE_SHARE <= _shown_share(function, spread) <= CROWDED_SHARE:
             return function, f"The preset {name} was chosen because {reason}."
     return _from_histogram(volume, spread)
+
+
+def default_channel_function_steps(channel: Volume):
+    """Generator of fractions done: as ``default_transfer_function_steps``, for what is added to another volume.
+
+    PET is shown hot instead of black, so that it stands out.
+    """
+    if channel.modality != "PT":
+        return (yield from default_transfer_function_steps(channel))
+    function, _ = yield from fit_preset_steps(ADDED_PET, channel)
+    return function, f"The preset {ADDED_PET} was chosen because the channel is a PET."
 
 
 def _proposals(volume: Volume, spread: Histogram):

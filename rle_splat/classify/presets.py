@@ -15,6 +15,7 @@ from .transfer_function import TransferFunction
 
 FOLDER = Path(__file__).parent / "presets"
 RELATIVE = "relative"  # unit of points from 0 to 1 that are to be moved to the values of a volume
+MAXIMUM = "maximum"  # unit of points that are shares of the largest value
 FIT_PERCENTS = (1.0, 99.9)  # percentiles of the values, to which the ends of a preset's points are moved
 
 
@@ -61,6 +62,9 @@ _ROWS = (
     Preset("window", "Window", None, "a gray window over all values, for MIP, MinIP and average"),
     Preset("xa-limb", "X-Ray Limb", "XA", "bones in soft tissue, from a rotational X-ray"),
     Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),
+    Preset("pet", "PET", "PT", "uptake in inverted gray, black from SUV 10 on, for a white background"),
+    Preset("pet-hot", "PET Hot", "PT", "uptake above SUV 1.5 from dark red to yellow, over a CT or a dark background"),
+    Preset("isodose", "Isodose", "RTDOSE", "steps of a dose at 30, 50, 70, 80, 90 and 95 % of its maximum"),
 )
 PRESETS = {row.name: row for row in _ROWS}
 
@@ -106,7 +110,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     """Fit a built-in transfer function to a volume.
 
     A preset in the volume's own unit is not changed. The points of any other preset are moved linearly, so that they
-    run from the 1st to the 99.9th percentile of the volume's values.
+    run from the 1st to the 99.9th percentile of the volume's values, or, as shares of the largest value, from 0 to it.
 
     Parameters
     ----------
@@ -145,10 +149,14 @@ def fit_steps(function: TransferFunction, volume: Volume, name: str | None = Non
     Returns
     -------
     function : TransferFunction
-        Its points run from the 1st to the 99.9th percentile of the volume's values.
+        Its points run from the 1st to the 99.9th percentile of the volume's values, or from 0 to the largest one.
     remark : str
         A sentence that says so.
     """
+    if function.unit == MAXIMUM and volume.value_range[1] > 0.0:
+        most = volume.value_range[1]
+        remark = f"The points of the preset {name or function.name} are shares of the largest value, {most:g}."
+        return function.remapped(0.0, most, unit=volume.value_unit), remark
     low, high = yield from _typical_range_steps(volume)
     first, last = function.span
     has_unit = function.unit not in (None, RELATIVE)

@@ -13,7 +13,7 @@ from ..scene import RleSplatError, read_json
 from ..volume.volume import Volume
 from .color_maps import read_niivue, read_rows
 from .foreign import FileFunction
-from .presets import RELATIVE, fit_steps
+from .presets import MAXIMUM, RELATIVE, fit_steps
 from .slicer_files import read_mrml, read_vp, read_vp_json
 from .transfer_function import TransferFunction
 
@@ -32,7 +32,7 @@ def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     Returns
     -------
     tuple of FileFunction
-        At least one, their names all different.  A unit RELATIVE asks for ``fit_function``.
+        At least one, their names all different.  A unit RELATIVE or MAXIMUM asks for ``fit_function``.
 
     Raises
     ------
@@ -116,5 +116,5 @@ def choose_function(found: tuple[FileFunction, ...], name: str | None, path, opt
 
 
 def fit_function(function: TransferFunction, volume: Volume) -> TransferFunction:
-    """``function``, moved to the values of a volume if its unit is RELATIVE."""
-    return drain(fit_steps(function, volume))[0] if function.unit == RELATIVE else function
+    """``function``, moved to the values of a volume if its unit is RELATIVE or MAXIMUM."""
+    return drain(fit_steps(function, volume))[0] if function.unit in (RELATIVE, MAXIMUM) else function

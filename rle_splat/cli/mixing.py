@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..classify.default import default_channel_function_steps
 from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
+from ..classify.presets import PRESETS, fit_preset_steps
+from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
 from ..read.channels import read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
+from ..runtime.steps import drain
 from ..scene import Channel, RleSplatError, Scene
 from ..volume.volume import Volume
 
@@ -35,14 +39,16 @@ def add_mixing_options(parser) -> None:
         help="a volume to add to the picture; may be given several times",
     )
     group.add_argument(
-        "--channel-function", action="append", default=[], metavar="FILE.json",
-        help="the transfer function of a channel; give one for each --channel, in the same order",
+        "--channel-function", action="append", default=[], metavar="FILE.json|PRESET",
+        help="the transfer function of a channel, a file or a preset; give one for each --channel, in the same order, "
+        "or none for automatic ones",
     )
 
 
 def mixing_inputs(args) -> tuple:
     """The input files of these options; None for one that was not given."""
-    return args.labels, args.label_functions, *args.channel, *args.channel_function
+    functions = [name for name in args.channel_function if name not in PRESETS]
+    return args.labels, args.label_functions, *args.channel, *functions
 
 
 def read_mixing(args) -> tuple[tuple, tuple]:
@@ -57,8 +63,8 @@ def read_mixing(args) -> tuple[tuple, tuple]:
     -------
     styles : tuple of LabelStyle or None
         The appearance of the labels; None for that which the label file names.
-    functions : tuple of TransferFunction
-        The transfer functions of the channels.
+    functions : tuple of TransferFunction or str
+        The transfer functions of the channels, or names of presets; empty for automatic ones.
 
     Raises
     ------
@@ -67,12 +73,13 @@ def read_mixing(args) -> tuple[tuple, tuple]:
     """
     if args.labels is None and args.label_functions is not None:
         raise RleSplatError("--label-functions needs --labels; give both.")
-    if len(args.channel) != len(args.channel_function):
+    if len(args.channel_function) not in (0, len(args.channel)):
         raise RleSplatError(
             f"There are {len(args.channel)} --channel and {len(args.channel_function)} --channel-function; give each "
-            "channel its function."
+            "channel its function, or none."
         )
-    return _read_styles(args.label_functions), tuple(TransferFunction.from_json(path) for path in args.channel_function)
+    functions = (name if name in PRESETS else TransferFunction.from_json(name) for name in args.channel_function)
+    return _read_styles(args.label_functions), tuple(functions)
 
 
 def _read_styles(path) -> tuple | None:
@@ -145,5 +152,14 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
             styles = _named_styles(args.labels, further.labels)
         smooth = args.label_edges == LABEL_EDGES[0]
         labels = labels_of(further.labels, styles, scene.volume, scene.transfer_function, smooth)
-    channels = tuple(map(Channel, further.channels, functions))
+    given = functions or (None,) * len(further.channels)
+    channels = tuple(Channel(one, _function_of(one, name)) for one, name in zip(further.channels, given))
     return replace(scene, labels=labels, channels=channels)
+
+
+def _function_of(channel: Volume, given) -> TransferFunction:
+    """The transfer function of a channel, from a TransferFunction, the name of a preset, or None for automatic."""
+    if isinstance(given, TransferFunction):
+        return fit_function(given, channel)
+    found, _ = drain(default_channel_function_steps(channel) if given is None else fit_preset_steps(given, channel))
+    return found

@@ -14,6 +14,7 @@ from ..scene.color import linear
 from ..volume.counts import counts_values
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume, range_steps
+from .dicom.reader import read_dicom_steps
 from .formats import RAW, format_of, read_steps
 
 TEXT_SUFFIXES = (".txt", ".label")
@@ -30,7 +31,8 @@ def read_label_steps(path, volume: Volume):
     Parameters
     ----------
     path : str or Path
-        A file of a known format, or a folder of masks. A raw file is read with the shape of the volume.
+        A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
+        RTSTRUCT on its grid.
     volume : Volume
 
     Returns
@@ -45,8 +47,12 @@ def read_label_steps(path, volume: Volume):
         If the file cannot be read, or lies elsewhere than the volume.
     """
     path = Path(path)
-    bare = path.is_file() and format_of(path) is RAW
-    labels = yield from read_steps(path, **(dict(shape=volume.shape_xyz, spacing=volume.spacing) if bare else {}))
+    kind = format_of(path) if path.is_file() else None
+    if kind is not None and kind.read_steps is read_dicom_steps:
+        labels = yield from read_dicom_steps(path, scan=volume)
+    else:
+        bare = dict(shape=volume.shape_xyz, spacing=volume.spacing) if kind is RAW else {}
+        labels = yield from read_steps(path, **bare)
     labels = yield from _narrow_steps((yield from _whole_steps(labels)))
     if not labels.named_labels:
         labels = replace(labels, named_labels=_names_beside(path))

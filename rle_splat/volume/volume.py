@@ -53,9 +53,9 @@ class Volume:
     slope, intercept : float
         A physical value is ``slope * stored + intercept``.
     value_unit : str or None
-        Unit of physical values, "HU" for CT; None for arbitrary units.
+        Unit of physical values, "HU" for CT, "SUVbw" or "Bq/ml" for PET, "Gy" for a dose; None for arbitrary units.
     modality : str or None
-        "CT", "MR", "XA", "SMOKE" or None.
+        "CT", "MR", "PT", "RTDOSE", "XA", "SMOKE" or None.
     background : float
         Stored value outside the grid.
     name : str
@@ -72,6 +72,9 @@ class Volume:
         Names and colors of the labels of a label map; empty for other volumes.
     series : str
         Hash of the identifier of the DICOM series that it was read from, by which the series is found again; "" for
+        other volumes.
+    place_key : str
+        Hash of the identifier of the DICOM frame of reference, which volumes and contours of one place share; "" for
         other volumes.
     levels : tuple of (nx, ny, nz)
         Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
@@ -101,6 +104,7 @@ class Volume:
     frame_axis: str = "time"
     named_labels: tuple = ()
     series: str = ""
+    place_key: str = ""
     levels: tuple = ()
     data_files: tuple = ()
     measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)

@@ -76,6 +76,18 @@ def test_a_channel_is_added(picture, voxels, tmp_path, write_json):
     assert effect["on"] and effect["reason"] == "1 further channel(s) are added"
 
 
+def test_a_channel_by_preset_or_automatic(picture, voxels, tmp_path):
+    """A preset is fitted to the channel; without one a channel gets what it would get as a volume."""
+    other = tmp_path / "smoke.raw"
+    np.random.default_rng(0).integers(0, 255, voxels.shape, np.uint8).tofile(other)
+    alone, _ = picture()
+    by_preset, automatic = (
+        picture("--channel", other, *more)[0] for more in (("--channel-function", "smoke"), ())
+    )
+    np.testing.assert_array_equal(by_preset, automatic)
+    assert np.abs(by_preset - alone).max() > 0.1
+
+
 @pytest.mark.parametrize(
     ("entries", "says"),
     [
@@ -98,7 +110,9 @@ def test_bad_label_files_are_refused(refused, write_json, labels, tmp_path, entr
 def test_options_that_do_not_fit_together(refused, labels, write_json, tmp_path, function_file):
     words = "render", tmp_path / "missing.raw", "-o", tmp_path / "x.npy"
     assert "give both" in refused(*words, "--label-functions", write_json([]))
-    assert "each channel its function" in refused(*words, "--channel", labels)
+    assert "each channel its function" in refused(
+        *words, "--channel", labels, "--channel", labels, "--channel-function", function_file)
+    assert "no-such" in refused(*words, "--channel", labels, "--channel-function", "no-such")
     rle = "render", tmp_path / "missing.rle", "-o", tmp_path / "x.npy"
     assert "classified already" in refused(*rle, "--channel", labels, "--channel-function", function_file)
 

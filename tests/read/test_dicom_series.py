@@ -13,12 +13,14 @@ from pydicom.dataset import Dataset
 from pydicom.fileset import FileSet
 from pydicom.uid import generate_uid
 
+from rle_splat.read.channels import read_channel_steps
 from rle_splat.read.dicom import discovery
 from rle_splat.read.dicom.reader import series_steps
 from rle_splat.read.dicom.titles import series_info, thumbnail
 from rle_splat.read.formats import format_of, read_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
+from rle_splat.volume.volume import PATIENT, Volume
 
 from . import dicom_phantoms as phantoms
 
@@ -354,10 +356,16 @@ def test_distances(tmp_path: Path, steps, slices: int, word: str):
     assert error_of(volume) <= 0.1 + 1e-6
 
 
-def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
-    """RT dose: one position, and the offset of each frame along the normal."""
-    where = GEOMETRIES["oblique"]
-    steps = np.arange(SLICES) * 1.5
+@pytest.mark.parametrize("name", ["oblique", "axial", "descending", "irregular steps"])
+def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path, name: str):
+    """RT dose: one position, and the offset of each frame along the normal, or its z; added to a scan of another grid.
+
+    The values are linear in the place, so that interpolation changes none.
+    """
+    where = GEOMETRIES[name]
+    normal = np.cross(where.row, where.column)
+    steps = (where.positions - (0.0 if name == "axial" else where.positions[0])) @ normal
+    assert name != "axial" or steps[0] > 1.0
 
     def change(dataset):
         for name in ("SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence"):
@@ -372,6 +380,10 @@ def test_a_dose_whose_frames_lie_at_offsets(tmp_path: Path):
     path = phantoms.write_enhanced(tmp_path / "a.dcm", where, encoding=encoding, change=change, shuffled=False)
     volume = read_volume(path)
     assert error_of(volume) <= 0.03 and (volume.value_unit, volume.slope) == ("Gy", 0.5)
+    scan = Volume(np.zeros((11, 12, 9), np.int16), volume.affine @ np.diag((1.3, 1.9, 0.7, 1.0)), space=PATIENT)
+    dose, _ = drain(read_channel_steps(path, scan))
+    assert dose.shape_xyz == scan.shape_xyz and dose.value_unit == "Gy"
+    assert error_of(dose) <= 0.06
 
 
 def test_slices_of_several_types(tmp_path: Path):

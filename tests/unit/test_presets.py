@@ -64,8 +64,9 @@ def test_the_table_and_the_files_are_one():
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_is_sound(name):
     function = preset(name)
-    assert function.unit == ("HU" if function.span == (-1000.0, 2000.0) else None)
-    assert function.span in ((-1000.0, 2000.0), (0.0, 1.0))  # one span each, so that fitting means the same for all
+    # one span for a unit, so that fitting means the same for all
+    spans = {"HU": (-1000.0, 2000.0), "SUVbw": (0.0, 10.0), "maximum": (0.0, 1.0), None: (0.0, 1.0)}
+    assert function.span == spans[function.unit]
     assert function.alpha_at(function.span[0]) == 0.0  # air
     assert max(alpha for _, alpha in function.opacity) > 0.0
     assert all(0.0 <= channel <= 1.0 for _, *rgb in function.color for channel in rgb)
@@ -223,3 +224,13 @@ def test_no_real_scan_is_blank_or_a_block(name, choice):
 def test_otsu_lies_in_the_gap_between_two_heaps():
     voxels = np.array([10] * 60 + [110] * 40, np.uint8).reshape(4, 5, 5)
     assert otsu_threshold(histogram(volume_of(voxels))) == pytest.approx(60.0, abs=1.0)
+
+
+def test_isodose_steps_are_shares_of_the_largest_dose():
+    """At the steps of 30 to 95 % of the maximum the color changes, wherever the percentiles of the values are."""
+    voxels = np.linspace(0, 4000, 1000, dtype=np.uint16).reshape(10, 10, 10)
+    function, remark = fit_preset("isodose", volume_of(voxels, slope=0.015, value_unit="Gy", modality="RTDOSE"))
+    assert "shares of the largest value, 60" in remark and function.unit == "Gy"
+    below, above = (function.color_at(np.array([0.5, 0.7, 0.8, 0.9, 0.95]) * 60.0 + off) for off in (-1e-6, 1e-6))
+    assert (np.abs(above - below).max(axis=1) > 0.1).all()
+    assert function.alpha_at(np.array([17.9]))[0] == 0.0 < function.alpha_at(np.array([18.1]))[0]

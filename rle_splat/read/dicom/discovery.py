@@ -9,7 +9,7 @@ from pathlib import Path
 from ...runtime.steps import Progress, map_steps, step_within
 from ..library_import import library_steps
 from . import elements as read
-from .pictures import is_segmentation, picture_steps, series_key
+from .pictures import is_segmentation, is_structures, picture_steps, series_key
 from .refusals import Damaged, Refused, damage_error, no_images
 
 MOST_FILES = 20_000
@@ -39,6 +39,8 @@ class FoundPictures:
         Hash of the series of the file that the path names; "" if it names several.
     segmentation : elements.Elements or None
         The path's file, if it is a DICOM SEG.
+    structures : bool
+        Whether the path's file is an RTSTRUCT.
     absent : int
         Number of files that a DICOMDIR lists and that are not there.
     """
@@ -49,6 +51,7 @@ class FoundPictures:
     others: int
     series: str = ""
     segmentation: read.Elements | None = None
+    structures: bool = False
     absent: int = 0
 
 
@@ -84,6 +87,8 @@ def find_pictures(path):
             return replace(_check((yield from _scan(files)), path), absent=absent)
         if parsed is not None and read.quietly(is_segmentation, parsed):
             return FoundPictures((), (), (), 0, segmentation=parsed)
+        if parsed is not None and read.quietly(is_structures, parsed):
+            return FoundPictures((), (), (), 0, structures=True)
         own = yield from _pictures(parsed)
         if own is None:
             raise Refused(f"{path.name} is not a DICOM file; choose a file or the folder of a series.")

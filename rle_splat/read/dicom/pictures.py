@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from . import elements as read
 from .modality_table import Table, table_of
-from .refusals import Refused, breaks_off, damage_error, segmentation_alone
+from .refusals import Refused, breaks_off, contours_alone, damage_error, segmentation_alone
 from .stacking import axes
+from .suv import UNIT as SUV
+from .suv import Pet, pet_of
 
 NATIVE = ("", "1.2.840.10008.1.2", "1.2.840.10008.1.2.1", read.BIG_ENDIAN, *read.DEFLATED)
 RLE = "1.2.840.10008.1.2.5"
 JPEG = tuple(f"1.2.840.10008.1.2.4.{number}" for number in (50, 51, 57, 70, 80, 81))  # the last two: JPEG-LS
 JPEG_2000 = tuple(f"1.2.840.10008.1.2.4.{number}" for number in (90, 91, 201, 202, 203))  # 201 on: HTJ2K
 VIDEO = tuple(f"1.2.840.10008.1.2.4.{number}" for number in range(100, 110))
+STRUCTURES = "1.2.840.10008.5.1.4.1.1.481.3"
 SEGMENTATIONS = ("1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7")
 # Classes of computed radiography, CT, ultrasound, MR, X-ray, nuclear medicine, PET and dose: a file breaks off before
 # its voxels if it has none.
@@ -25,7 +27,7 @@ IMAGES = re.compile(r"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(1|2|3|4|6|7|12|13|14|20|
 ALLOCATED = {"integer": (1, 8, 16, 32), "float": (32,), "double": (64,)}
 LARGEST_SIDE = 1 << 16
 YIELD_FRAMES = 16  # frames between two steps; 8 ms
-PET_UNITS = {"BQML": "Bq/ml", "GML": "g/ml", "CNTS": "counts", "SUV": "SUV"}
+PET_UNITS = {"BQML": "Bq/ml", "GML": "g/ml", "CNTS": "counts"}
 # What may tell pictures at one place apart, in this order, and what the choice of a frame is called then.
 SEPARATORS = (
     "temporal position", "trigger time", "echo time", "b-value", "acquisition number", "acquisition time", "image type",
@@ -79,12 +81,14 @@ class Storage:
 class Series:
     """What the pictures of one file have in common.
 
-    ``key`` is a hash of the series' UID, ``instance`` of the object's; the description is for the chooser alone.
+    ``key`` is a hash of the series' UID, ``instance`` of the object's, ``place`` of the frame of reference's; the
+    description is for the chooser alone. ``pet``: dose and decay of a PET.
     ``table``: from stored to physical values, in place of slope and intercept; ``odd_values``: whether there is one.
     """
 
     key: str
     instance: str
+    place: str
     number: int
     modality: str
     body_part: str
@@ -94,6 +98,7 @@ class Series:
     odd_values: bool
     table: Table | None
     window: tuple[float, float] | None
+    pet: Pet | None
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,11 @@ def is_segmentation(found: read.Elements) -> bool:
     return read.text(found.dataset, "SOPClassUID") in SEGMENTATIONS
 
 
+def is_structures(found: read.Elements) -> bool:
+    """Whether a file is an RTSTRUCT."""
+    return read.text(found.dataset, "SOPClassUID") == STRUCTURES or read.text(found.dataset, "Modality") == "RTSTRUCT"
+
+
 def frame_steps(found: read.Elements):
     """Generator, as ``picture_steps``, for a file of any kind. Raises Refused if it is damaged."""
     dataset = found.dataset
@@ -172,11 +182,10 @@ def _refuse_other_objects(found: read.Elements) -> None:
     """Refuse objects that are no gray pictures, in one sentence each."""
     dataset, name = found.dataset, found.path.name
     kind = read.text(dataset, "SOPClassUID")
-    modality = read.text(dataset, "Modality")
     if is_segmentation(found):
         raise segmentation_alone(found.path)
-    if modality == "RTSTRUCT":
-        raise Refused(f"{name} holds contours (RTSTRUCT), no image; choose the series of images that they belong to.")
+    if is_structures(found):
+        raise contours_alone(found.path)
     if found.syntax in VIDEO:
         raise Refused(f"{name} is a video; choose a series of slices.")
     if not found.kind and IMAGES.fullmatch(kind):
@@ -249,12 +258,14 @@ def _series(found: read.Elements, frame, shared) -> Series:
     unit = _value_unit(dataset, modality, frame, shared) if table is None else table_unit or None
     return Series(
         key=series_key(found), instance=hash_text(read.text(dataset, "SOPInstanceUID")),
+        place=hash_text(read.text(dataset, "FrameOfReferenceUID")),
         number=read.whole(dataset, "SeriesNumber", 0), modality=modality,
         body_part=_read_code(dataset, "BodyPartExamined"),
         description=read.text(dataset, "SeriesDescription"), value_unit=unit,
         inverted=read.text(dataset, "PhotometricInterpretation") == "MONOCHROME1",
         odd_values=read.item(dataset, "ModalityLUTSequence") is not None, table=table,
         window=(centers[0], widths[0]) if centers and widths else None,
+        pet=pet_of(dataset) if modality == "PT" else None,
     )  # fmt: skip
 
 
@@ -267,6 +278,8 @@ def _value_unit(dataset, modality: str, frame, shared) -> str | None:
         return "HU" if kind == "HU" or (not kind and original) else None
     if modality == "PT":
         units = _read_code(dataset, "Units")
+        if units == "GML" and read.text(dataset, "SUVType") in ("", "BW"):
+            return SUV
         return PET_UNITS.get(units, units or None)
     if modality == "RTDOSE":
         return "Gy" if read.text(dataset, "DoseUnits") == "GY" else None
@@ -340,7 +353,7 @@ def _apart(dataset, groups, content, types) -> dict:
         found = [
             read.number(dataset, "TemporalPositionIdentifier"), read.number(dataset, "TriggerTime"),
             read.number(dataset, "EchoTime"), read.number(dataset, "DiffusionBValue"),
-            read.number(dataset, "AcquisitionNumber"), _seconds(read.text(dataset, "AcquisitionTime")),
+            read.number(dataset, "AcquisitionNumber"), read.seconds(read.text(dataset, "AcquisitionTime")),
         ]  # fmt: skip
     else:
         found = [
@@ -349,17 +362,9 @@ def _apart(dataset, groups, content, types) -> dict:
             read.number(_group(frame, shared, "MREchoSequence"), "EffectiveEchoTime"),
             read.number(_group(frame, shared, "MRDiffusionSequence"), "DiffusionBValue"),
             read.number(content, "FrameAcquisitionNumber") or read.number(dataset, "AcquisitionNumber"),
-            _seconds(read.text(dataset, "AcquisitionTime")),  # the frames' own time includes the date
+            read.seconds(read.text(dataset, "AcquisitionTime")),  # the frames' own time includes the date
         ]  # fmt: skip
     named = {name: value for name, value in zip(SEPARATORS, (*found, types or None)) if value is not None}
     for i, value in enumerate(read.numbers(content, "DimensionIndexValues") or ()):
         named[f"dimension {i + 1}"] = value
     return named
-
-
-def _seconds(time: str) -> float | None:
-    """Seconds of a time of day, HHMMSS.ffffff."""
-    if not re.fullmatch(r"\d{6}(\.\d{1,6})?", time):
-        return None
-    seconds = 3600 * int(time[:2]) + 60 * int(time[2:4]) + float(time[4:])
-    return seconds if math.isfinite(seconds) else None

@@ -18,9 +18,12 @@ from .discovery import FoundPictures, find_pictures
 from .grouping import ENOUGH_SLICES, Group, choose_group, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import stored_planes, voxel_hash
-from .refusals import damage_error, segmentation_alone
+from .refusals import contours_alone, damage_error, segmentation_alone
 from .segmentation import read_segmentation_steps
 from .stacking import Stack
+from .structures import read_structures_steps
+from .suv import UNIT as SUV
+from .suv import suv_factor
 from .titles import group_title, volume_name
 from .values import (
     between,
@@ -74,6 +77,8 @@ def series_steps(path):
     found = yield from find_pictures(path)
     if found.segmentation is not None:
         raise segmentation_alone(path)
+    if found.structures:
+        raise contours_alone(path)
     return groups_in(found)
 
 
@@ -90,7 +95,7 @@ def groups_in(found: FoundPictures) -> list[Group]:
     return groups_of(found.pictures, same_voxels)
 
 
-def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=None):
+def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=None, scan=None):
     """Generator of Progress: read a DICOM series.
 
     Parameters
@@ -106,6 +111,8 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
         Distances between voxels in mm, for files that do not say where they lie.
     series_key : str or None
         ``Volume.series`` of a series that was read before, to be found again; see ``grouping.choose_group``.
+    scan : Volume or None
+        On whose grid an RTSTRUCT is read as a label map; without it such a file is refused.
 
     Returns
     -------
@@ -123,6 +130,10 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
         if (series, frame, spacing) != (None, None, None):
             raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
         return (yield from rescale(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
+    if found.structures:
+        if scan is None:
+            raise contours_alone(path)
+        return (yield from rescale(read_structures_steps(Path(path), scan), HEADERS, 1.0))
     groups = groups_in(found)
     group = choose_group(groups, series, group_title, series_key)
     number = check_frame(path, frame, len(group.frames))
@@ -135,16 +146,20 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     mapping = common_mapping(pictures)
     voxels, padded = yield from rescale(_voxel_steps(pictures, stack, mapping), HEADERS, 1.0)
     slope, intercept = mapping or (1.0, 0.0)
-    first = pictures[0]
+    first, unit, reason = pictures[0], pictures[0].series.value_unit, ""
+    if first.series.pet is not None and unit != SUV:
+        factor, reason = suv_factor([picture.series.pet for picture in pictures])
+        slope, intercept, unit = factor * slope, factor * intercept, unit if reason else SUV
     return Volume(
         voxels=voxels, affine=stack.affine, unit="mm", slope=slope, intercept=intercept,
-        value_unit=first.series.value_unit, modality=first.series.modality or None, name=volume_name(group),
+        value_unit=unit, modality=first.series.modality or None, name=volume_name(group),
         space=PATIENT if has_geometry(first) else None, frames=len(group.frames), frame_axis=group.axis or "time",
-        series=first.series.key,
+        series=first.series.key, place_key=first.series.place,
         remarks=(
             *_files_left_out(found, first.series.key),
             *_slices_left_out(groups, group, named=bool(series or series_key)),
             *group.remarks, *_remarks(group, stack, mapping, padded),
+            *((f"The values are no SUV, because {reason}; they stay as they are stored.",) if reason else ()),
             *frame_remark(number, len(group.frames), group.axis),
         ),
     )  # fmt: skip

@@ -61,6 +61,14 @@ def segmentation_alone(path) -> Refused:
     )
 
 
+def contours_alone(path) -> Refused:
+    """An RTSTRUCT where images are wanted."""
+    return Refused(
+        f"{Path(path).name} holds contours (RTSTRUCT), no image; choose the series of its images, and read the file as "
+        "labels."
+    )
+
+
 def single_picture() -> Refused:
     return Refused("This series is a single picture; a volume needs at least two slices.")
 
