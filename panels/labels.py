@@ -2,12 +2,8 @@
 
 import bpy
 
-<<<<<<< HEAD
 from ..bridge.volumes import encoded, volumes
-=======
-from ..bridge import encoded, volumes
 from ..operators.change_segment import TOOLS
->>>>>>> d5f8df5 (Segment tools in Blender: Remove Table, Keep What Is Under the Mouse, thresholds, changes of a segment, export)
 from .places import OfVolume, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the segment's name takes
