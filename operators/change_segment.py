@@ -12,7 +12,7 @@ TOOLS = [
     ("GROW", "Grow", "Add all voxels within a distance", "FULLSCREEN_ENTER"),
     ("SHRINK", "Shrink", "Remove all voxels within a distance of its boundary", "FULLSCREEN_EXIT"),
     ("SMOOTH", "Smooth", "Remove bumps and notches that are smaller than a ball", "SMOOTHCURVE"),
-    ("FILL", "Fill Holes", "Add all voxels that the segment encloses", "SNAP_VOLUME"),
+    ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
     ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
     ("INVERT", "Invert", "Exchange the segment with what is in no segment", "ARROW_LEFTRIGHT"),
 ]
@@ -65,7 +65,7 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
                 return (yield from OF_LENGTH[tool](mask, volume.spacing, length))
             return labels.voxels == BACKGROUND if tool == "INVERT" else (yield from OF_MASK[tool](mask))
 
-        return {"make_mask": make_mask, "number": number}
+        return {"make_mask": make_mask, "number": number, "over_others": tool != "FILL"}
 
 
 CLASSES = (RLE_SPLAT_OT_change_segment,)

@@ -107,6 +107,9 @@ def test_tools_change_the_chosen_segment_and_leave_others(owner):
         run(bpy.ops.rle_splat.change_segment, tool=tool, **options)
         return map_of(owner)
 
+    before, properties.active_label = map_of(owner), 1
+    np.testing.assert_array_equal(change("FILL"), before, "other segments in the holes stay")
+    properties.active_label = 2
     largest = bones & (np.arange(N) < N // 2)
     np.testing.assert_array_equal(change("LARGEST") == 2, largest)
     grown = change("GROW", length=5.0) == 2
@@ -121,7 +124,7 @@ def test_tools_change_the_chosen_segment_and_leave_others(owner):
     inverted = change("INVERT")
     np.testing.assert_array_equal(inverted, np.choose(before, (2, 1, 0)))
     properties.active_label = 1
-    np.testing.assert_array_equal(change("SMOOTH", length=6.0) == 2, inverted == 2)
+    assert 0 < np.count_nonzero(change("SMOOTH", length=6.0) != inverted) < 3000
     filled = change("FILL")
     assert (filled == 1)[largest].all() and properties.labels[properties.active_label].label == 1
 
