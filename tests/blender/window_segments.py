@@ -1,10 +1,8 @@
 """Remove Table in a real Blender with a window, from the import of a chest CT to undo.
 
-dev.py blender --photograph runs it.  The scan is the file that RLE_SPLAT_CHEST names; without it a phantom of a chest on a
-table is written.
+dev.py test runs it.  The scan is a file tests/blender/chest.* if there is one, else a phantom of a chest on a table.
 """
 
-import os
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -31,7 +29,7 @@ FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_segments_"))
 
 def write_phantom() -> Path:
     """A trunk with lungs on a table, in HU, 4 mm voxels: (40, 96, 96) in z, y, x."""
-    z, y, x = np.indices((40, 96, 96)) - np.array((19.5, 47.5, 47.5))[:, None, None, None]
+    _, y, x = np.indices((40, 96, 96)) - np.array((19.5, 47.5, 47.5))[:, None, None, None]
     values = np.full(x.shape, -1000, np.int16)
     values[(x / 38.0) ** 2 + ((y + 6.0) / 24.0) ** 2 <= 1.0] = 40
     values[((np.abs(x) - 16.0) / 11.0) ** 2 + ((y + 8.0) / 15.0) ** 2 <= 1.0] = -850
@@ -64,9 +62,13 @@ def is_idle() -> bool:
 
 
 def settle():
-    """Wait until the viewport has refined its picture."""
-    for _ in range(60):
-        yield
+    """Wait until the picture of the viewport has been refined."""
+    viewports = import_module(f"{MODULE}.bridge.live").viewports_of
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: viewports(area_of("VIEW_3D")) and not viewports(area_of("VIEW_3D"))[0].is_busy)
+    yield
 
 
 def call_menu(entry: int):
@@ -80,8 +82,7 @@ def call_menu(entry: int):
         bpy.ops.wm.call_menu(name="RLE_SPLAT_MT_segments")
     yield from settle()
     yield from photograph("menu")
-    window().event_simulate(type="HOME", value="PRESS")
-    window().event_simulate(type="HOME", value="RELEASE")
+    press("HOME")
     yield
     for _ in range(entry):
         press("DOWN_ARROW")
@@ -92,11 +93,10 @@ def call_menu(entry: int):
 
 def check_remove_table():
     yield from new_file()
-    path = os.environ.get("RLE_SPLAT_CHEST") or write_phantom()
+    path = next(Path(__file__).parent.glob("chest.*"), None) or write_phantom()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), modality="CT") == {"FINISHED"}
         bpy.ops.rle_splat.frame_volume(side="R")
-        bpy.context.scene.rle_splat.live = True
         bpy.ops.ed.undo_push(message="imported")
     yield from settle()
     yield from photograph("with_table")
