@@ -10,14 +10,14 @@ import math
 import re
 import struct
 from dataclasses import dataclass
-from html import unescape
+from html import escape, unescape
 from pathlib import Path
 
 import numpy as np
 
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
-from ..scene.color import linear
+from ..scene.color import linear, to_display
 from ..volume.orientation import lps_from_ras
 from ..volume.volume import PATIENT, NamedLabel, Volume
 from .format import Head, head_of
@@ -43,6 +43,7 @@ TIME_UNITS = (8, 16, 24)
 MOST_EXTENSION = 1 << 24  # bytes between header and voxels that are searched for names of labels
 LABEL = re.compile(rb"<Label\b([^>]*)>(?:\s*<!\[CDATA\[(.*?)\]\]>\s*|([^<]*))</Label>", re.DOTALL)
 ATTRIBUTE = re.compile(rb'(\w+)\s*=\s*"([^"]*)"')
+CARET = 0  # code of an extension of TotalSegmentator's label tables; 30 is the registered one, which it does not write
 LARGEST_SHORT = 32767  # voxels along an axis in a NIfTI-1 header
 
 
@@ -232,14 +233,32 @@ def write_nifti_steps(volume: Volume, path):
     Notes
     -----
     NIfTI-1, or NIfTI-2 where an axis is longer than 32767 voxels. The affine goes into the sform, and into the qform
-    too if it has no shear, since some programs read that alone.
+    too if it has no shear, since some programs read that alone. Names of labels go into an extension of the header, as
+    those of TotalSegmentator and the Connectome Workbench do.
     """
-    header = _header_of(volume)
+    header, extension = _header_of(volume), _label_table(volume.named_labels)
+    header["vox_offset"] += len(extension)
     with open_to_write(path) as stream:
-        stream.write(header.binaryblock + bytes(4))
+        stream.write(header.binaryblock + bytes((bool(extension), 0, 0, 0)) + extension)
         yield from write_voxel_steps(volume.voxels, stream)
     options = {"value_unit": volume.value_unit, "modality": volume.modality}
     return {name: value for name, value in options.items() if value is not None}
+
+
+def _label_table(labels) -> bytes:
+    """The header extension that ``named_labels`` reads; empty without labels. Its length is a multiple of 16."""
+    if not labels:
+        return b""
+    rows = []
+    for one in labels:
+        red, green, blue = to_display(np.array(one.color or (1.0, 1.0, 1.0), np.float64))
+        colors = f' Red="{red:.6g}" Green="{green:.6g}" Blue="{blue:.6g}" Alpha="1"' if one.color else ""
+        rows.append(f'<Label Key="{one.label}"{colors}>{escape(" ".join(one.name.split()), quote=False)}</Label>')
+    table = f'<LabelTable>{"".join(rows)}</LabelTable>'
+    text = f'<CaretExtension><VolumeInformation Index="0">{table}</VolumeInformation></CaretExtension>'
+    content = b'<?xml version="1.0" encoding="UTF-8"?>' + text.encode()
+    size = -(-(len(content) + 8) // 16) * 16
+    return struct.pack("<2i", size, CARET) + content.ljust(size - 8, b"\0")
 
 
 def _header_of(volume: Volume):

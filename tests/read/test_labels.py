@@ -1,15 +1,18 @@
 """Label maps: matched to a scan by their places, named by files of several programs, merged from masks."""
 
+from xml.etree import ElementTree
+
 import nibabel
 import numpy as np
 import pytest
+import SimpleITK
 
-from rle_splat.read.formats import read_volume
+from rle_splat.read.formats import read_volume, write_steps
 from rle_splat.read.labels import is_label_text, read_label_steps, read_label_text
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.regrid import on_grid_steps
-from rle_splat.volume.volume import PATIENT, Volume
+from rle_splat.volume.volume import PATIENT, NamedLabel, Volume
 
 from .phantoms import AFFINES, ras, rotation
 
@@ -159,3 +162,38 @@ def test_a_folder_of_scans_is_no_label_map(tmp_path):
     nibabel.save(nibabel.Nifti1Image(values, ras(SCAN.affine)), folder / "c.nii.gz")
     with pytest.raises(RleSplatError, match="3 NIfTI files that are not masks on one grid; choose one"):
         read_volume(folder)
+
+
+@pytest.mark.parametrize("name", ["a.nii.gz", "a.nii", "a.seg.nrrd"])
+def test_names_and_colors_are_written_and_read_back(name, tmp_path):
+    voxels = np.zeros(SHAPE[::-1], np.uint8)
+    voxels[2:4], voxels[4:] = 3, 12
+    given = (NamedLabel(3, 'Herz & <Aorta> "links"', (0.8, 0.1, 0.0)), NamedLabel(12, "肝臓 ]]>"))
+    labels = Volume(voxels, AFFINES["oblique"], space=PATIENT, named_labels=given)
+    drain(write_steps(labels, tmp_path / name))
+    found = read_volume(tmp_path / name)
+    np.testing.assert_array_equal(found.voxels, voxels)
+    np.testing.assert_allclose(found.affine, AFFINES["oblique"], atol=1e-4)
+    assert [(one.label, one.name) for one in found.named_labels] == [(one.label, one.name) for one in given]
+    np.testing.assert_allclose(found.named_labels[0].color, given[0].color, atol=1e-5)
+    assert found.named_labels[1].color is None
+
+
+def test_other_programs_read_the_names_that_are_written(tmp_path):
+    """nibabel and an XML parser a NIfTI's as TotalSegmentator does, SimpleITK a segmentation's as Slicer does."""
+    voxels = np.ones(SHAPE[::-1], np.uint8)
+    labels = Volume(
+        voxels, AFFINES["oblique"], space=PATIENT, named_labels=(NamedLabel(0, "Background"), NamedLabel(1, "R & D")))
+    for name in ("a.nii.gz", "a.seg.nrrd"):
+        drain(write_steps(labels, tmp_path / name))
+    image = nibabel.load(tmp_path / "a.nii.gz")
+    np.testing.assert_array_equal(np.asarray(image.dataobj), voxels.T)
+    table = ElementTree.fromstring(image.header.extensions[0].get_content().rstrip(b"\0"))
+    rows = table.findall("VolumeInformation/LabelTable/Label")
+    assert [(row.get("Key"), row.text) for row in rows] == [("0", "Background"), ("1", "R & D")]
+    reader = SimpleITK.ImageFileReader()
+    reader.SetFileName(str(tmp_path / "a.seg.nrrd"))
+    image = reader.Execute()
+    np.testing.assert_array_equal(SimpleITK.GetArrayFromImage(image), voxels)
+    assert (image.GetMetaData("Segment0_Name"), image.GetMetaData("Segment0_LabelValue")) == ("R & D", "1")
+    assert "Segment1_Name" not in image.GetMetaDataKeys(), "the background is no segment"

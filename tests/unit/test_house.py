@@ -17,6 +17,7 @@ FLOORS = {
     "rle_splat.runtime": 1.5,  # its refusals are the scene's error
     "rle_splat.volume": 2,
     "rle_splat.read": 3,
+    "rle_splat.segment": 3,
     "rle_splat.classify": 3,
     "rle_splat.view": 3,
     "rle_splat.shade": 4.5,  # codes of its light are those of the encoder's records
@@ -56,6 +57,7 @@ THIRD_PARTY = {
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
     "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib", "flip_evaluator"},
     "rle_splat.cli.cluster": {"distributed"},
+    "rle_splat.segment.masks": {"numpy", "cc3d", "edt"},
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
     "rle_splat.read.dicom.elements": {"numpy", "pydicom"},
     "rle_splat.read.dicom.pixels": {"numpy", "pydicom"},

@@ -1,0 +1,136 @@
+"""The body in a scan: what is left without the table, the head holder, cloths and air around it.
+
+All but the last step works on voxels of about 2 mm: balls roll through the tissue, and what is thinner than a ball is
+cut off, so that a table that touches the body is cut off too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..runtime.steps import Progress, announce, rescale
+from ..scene import RleSplatError
+from ..volume.hounsfield import looks_like_hounsfield
+from ..volume.reduced import reduce_steps
+from ..volume.volume import PATIENT, Volume
+from .masks import grow_steps, keep_largest_steps, shrink_steps
+
+AIR = -1000.0  # HU; lower values are those beyond a scanner's field of view
+VOXEL = 2.0  # mm, the largest side of the voxels that the body is looked for in, and the air left around it
+RADII = (8.0, 4.0, 2.0)  # mm, of the balls, the largest first
+ADULT = 200.0  # mm; lengths are smaller in the same ratio in a scan whose longest side is shorter
+ENOUGH = 0.75  # share of the largest body of all balls that the body of the chosen one has at least
+SIDES = 3  # on so many of four sides in a slice what is inside the body has tissue
+LEAST_AIR = 0.002  # share of the voxels that must be outside of the body
+BINS, ROUNDS = 1024, 100  # of the histogram that the threshold is sought in, and of the search
+CLIPPED = 0.5  # percent of the values at either end that do not count in the histogram
+REDUCED, FOUND = 0.4, 0.95  # shares of the time until voxels are larger, and until the body is found
+
+
+def body_steps(volume: Volume):
+    """Generator of Progress: the voxels of the body, with what it encloses and about 2 mm of air around it.
+
+    Parameters
+    ----------
+    volume : Volume
+        A scan in millimeters whose body is brighter than the air around it.  Slices are those across the patient's long
+        axis, or along z where the file does not say how it lies in the patient.
+
+    Returns
+    -------
+    (nz, ny, nx) ndarray of bool
+
+    Raises
+    ------
+    RleSplatError
+        If there is no body with air around it, or not enough memory.
+
+    Notes
+    -----
+    The ball is the largest one with which the body does not become much smaller: a skull's walls are thin.  The air
+    around the body belongs to it, so that its skin is not cut where it fades into the air.
+    """
+    scale = min(1.0, float((volume.spacing * volume.shape_xyz).max()) / ADULT)
+    factors = tuple(
+        max(1, min(int(scale * VOXEL / step + 0.1), count)) for step, count in zip(volume.spacing, volume.shape_xyz)
+    )
+    coarse = yield from announce(reduce_steps(volume, factors), 0.0, REDUCED, "averaging voxels")
+    values = _values(coarse, volume)
+    tissue = values > _threshold(values)
+    share = (FOUND - REDUCED) / len(RADII)
+    bodies = []
+    for number, radius in enumerate(RADII):
+        steps = _without_thin_parts(tissue, coarse, scale * radius, scale * VOXEL)
+        bodies.append((yield from rescale(steps, REDUCED + number * share, REDUCED + (number + 1) * share)))
+    sizes = [np.count_nonzero(body) for body in bodies]
+    body = next(one for one, size in zip(bodies, sizes) if size >= ENOUGH * max(sizes))
+    if not body.any() or np.count_nonzero(~body) < LEAST_AIR * body.size:
+        raise RleSplatError(
+            "No body with air around it was found in the scan; use Threshold to Segment with values of your own."
+        )
+    grown = yield from rescale(grow_steps(body, coarse.spacing, scale * VOXEL), FOUND, 1.0)
+    grown &= body | ~tissue  # none of the table
+    return _enlarge(grown, factors, volume.voxels.shape)
+
+
+def _values(coarse: Volume, volume: Volume) -> np.ndarray:
+    """(nz, ny, nx) float64: physical values of the larger voxels, without those that are lower than air."""
+    values = coarse.physical(coarse.voxels)
+    finite = np.isfinite(values)
+    if not finite.all():
+        values[~finite] = values[finite].min(initial=0.0)
+    return np.maximum(values, AIR) if volume.value_unit == "HU" or looks_like_hounsfield(volume) else values
+
+
+def _threshold(values: np.ndarray) -> float:
+    """The value between air and tissue that has the least cross entropy.
+
+    Notes
+    -----
+    C. H. Li, P. K. S. Tam, "An iterative algorithm for minimum cross entropy thresholding", Pattern Recognition Letters
+    19 (1998), equation 10, of values from the lowest one on.
+    """
+    low, high = np.percentile(values, (CLIPPED, 100.0 - CLIPPED))
+    if not low < high:
+        return float(high)
+    counts, edges = np.histogram(np.clip(values, low, high), BINS)
+    centers = 0.5 * (edges[1:] + edges[:-1]) - low
+    threshold = centers @ counts / counts.sum()
+    for _ in range(ROUNDS):
+        before, upper = threshold, centers > threshold
+        below, above = (centers[part] @ counts[part] / counts[part].sum() for part in (~upper, upper))
+        threshold = (above - below) / np.log(above / below)
+        if abs(threshold - before) < 0.5 * (edges[1] - edges[0]):
+            break
+    return float(low + threshold)
+
+
+def _without_thin_parts(tissue: np.ndarray, coarse: Volume, radius: float, margin: float):
+    """Generator of Progress: the largest part through which a ball rolls, tissue close to it, and all it encloses."""
+    spacing = coarse.spacing
+    if not tissue.any():
+        return tissue
+    core = yield from rescale(shrink_steps(tissue, spacing, radius), 0.0, 0.3)
+    if not core.any():
+        return core
+    core = yield from rescale(keep_largest_steps(core), 0.3, 0.5)
+    near = yield from rescale(grow_steps(core, spacing, radius + 1.5 * margin), 0.5, 0.9)
+    yield Progress(0.9, "filling the body")
+    return _fill_sides(tissue & near, coarse)
+
+
+def _fill_sides(mask: np.ndarray, coarse: Volume) -> np.ndarray:
+    """A mask and what has it on SIDES of four sides in a slice: lungs, also those that the scan's side cuts open."""
+    along = int(np.abs(coarse.affine[2, :3]).argmax()) if coarse.space == PATIENT else 2
+    count = np.zeros(mask.shape, np.uint8)
+    for axis in {0, 1, 2} - {2 - along}:
+        for turn in (slice(None), slice(None, None, -1)):
+            way = tuple(turn if one == axis else slice(None) for one in range(3))
+            count[way] += np.logical_or.accumulate(mask[way], axis=axis)
+    return mask | (count >= SIDES)
+
+
+def _enlarge(mask: np.ndarray, factors, shape) -> np.ndarray:
+    """A mask of blocks of voxels, ``factors`` along x, y, z, as one of the voxels (nz, ny, nx)."""
+    z, y, x = (np.arange(count) // factor for count, factor in zip(shape, factors[::-1]))
+    return mask[np.ix_(z, y, x)]

@@ -1,0 +1,60 @@
+"""A mask put into a label map as one of its segments."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene import RleSplatError
+from ..volume.volume import Volume
+
+WIDTHS = (np.uint8, np.int16, np.uint16, np.int32)  # types of label maps, the narrowest first
+BACKGROUND = 0
+
+
+def empty_map(volume: Volume) -> Volume:
+    """A label map without segments on the grid of a volume."""
+    return Volume(
+        voxels=np.zeros(volume.voxels.shape, np.uint8), affine=volume.affine, unit=volume.unit, name=volume.name,
+        space=volume.space,
+    )  # fmt: skip
+
+
+def free_number(labels: Volume) -> int:
+    """The number above all labels of a map."""
+    return max(int(labels.voxels.max()), BACKGROUND) + 1
+
+
+def put_segment(labels: Volume, number: int, mask: np.ndarray, over_others: bool = True) -> Volume:
+    """Make the voxels of a mask those of a segment.
+
+    Parameters
+    ----------
+    labels : Volume
+        Label map.
+    number : int
+        The segment's label. Its voxels outside of the mask become background, 0.
+    mask : (nz, ny, nx) ndarray of bool
+    over_others : bool
+        Whether the segment takes the voxels of other segments; otherwise it takes those of the background alone.
+
+    Returns
+    -------
+    Volume
+        A new label map, in a wider type if the number needs one.
+
+    Raises
+    ------
+    RleSplatError
+        If no voxel would be in the segment.
+    """
+    taken = mask if over_others else mask & np.isin(labels.voxels, (BACKGROUND, number))
+    if not taken.any():
+        raise RleSplatError("No voxel would be in the segment; choose another size, value or place.")
+    low, high = min(int(labels.voxels.min()), number), max(int(labels.voxels.max()), number)
+    width = next(kind for kind in WIDTHS if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max)
+    voxels = labels.voxels.astype(width)
+    voxels[voxels == number] = BACKGROUND
+    voxels[taken] = number
+    return replace(labels, voxels=voxels)
