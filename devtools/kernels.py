@@ -52,13 +52,22 @@ def is_made(path: Path) -> bool:
 
 def _make(version: str, level: str, path: Path) -> None:
     """Compile the kernels for a Python and a level, and pack them into a file."""
+    environ = clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
+    make_file(path, path, level, [core_of(version).python], environ)
+
+
+def make_file(path: Path, seen_as: str | Path, level: str, python: list, environ: dict[str, str]) -> None:
+    """Compile the kernels for a level by any Python, and pack them into a file.
+
+    ``python``: the command that runs it where ``rle_splat`` and ``devtools`` can be imported; it knows the file as
+    ``seen_as``.
+    """
     began = time.monotonic()
-    environ = clean_environ(
-        NUMBA_CPU_NAME=level, NUMBA_CPU_FEATURES="", RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT)
-    )
+    path.parent.mkdir(parents=True, exist_ok=True)
     said = run_quietly(
-        [core_of(version).python, "-m", "devtools.pack_kernels", path, source_digest().decode()],
-        f"The kernels for Python {version} could not be compiled; the words above say why.", env=environ, cwd=ROOT,
+        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode()],
+        f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
+        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
     )  # fmt: skip
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
@@ -74,10 +83,15 @@ def _is_ready(version: str) -> bool:
     return True
 
 
+def kernel_file(version: str, level: str = BASELINE) -> str:
+    """The name of the file for a Python and a level, as rle_splat/runtime/shipped_kernels.py has it."""
+    return f"python{version}-numba{packages()['numba']}-{level}.zip"
+
+
 def _files(pythons) -> dict[Path, tuple[str, str]]:
     """The files for these Pythons and this platform, whether they are made or not, with Python and level."""
     return {
-        FOLDER / f"python{version}-numba{packages()['numba']}-{level}.zip": (version, level)
+        FOLDER / kernel_file(version, level): (version, level)
         for version in pythons for level in LEVELS.get(this_platform(), ())
     }  # fmt: skip
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -13,10 +14,12 @@ from pathlib import Path
 
 from .build import build_here
 from .environments import CORE, ensure
+from .kernels import BASELINE, FOLDER, PACKAGE, is_made, kernel_file, make_baseline, make_file
 from .places import BPY_KERNELS, BUILD, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, ensure_blender, environ_for, find_blender
 from .stages import REPORTS, Stage, broken, counted, file_name, measured, untested
 from .uv import uv
+from .wheels import this_platform, wheels_for
 
 SHORT = "real_blender.py"
 WHOLE = "whole_suite.py"
@@ -66,14 +69,37 @@ def _lent_pytest() -> Path:
 
 
 @cache
-def _zip_for(python: str) -> Path:
-    """The extension's zip for a Python: Debian's Blender runs on the system's, which no bpy module has."""
-    return build_here(python, BUILD / f"zip-{python}")
+def _zip_for(blender: Blender) -> Path:
+    """The extension's zip for a Blender whose Python no bpy module has: Debian's runs on the system's."""
+    find_kernels = make_baseline if blender.root is None else lambda _: [_kernels_of(blender)]
+    return build_here(blender.python, BUILD / f"zip-{blender.python}", find_kernels)
+
+
+def _kernels_of(blender: Blender) -> Path:
+    """The file of kernels for the Python of a small system, compiled in there: this machine may have no such Python."""
+    path = FOLDER / kernel_file(blender.python)
+    if is_made(path):
+        return path
+    folder = blender.root / "compiles-kernels"
+    shutil.rmtree(folder, ignore_errors=True)
+    for wheel in wheels_for([this_platform()], [blender.python]):
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(folder)
+    for source in (PACKAGE, ROOT / "devtools"):
+        shutil.copytree(source, folder / source.name, ignore=shutil.ignore_patterns("__pycache__", FOLDER.name))
+    environ = environ_for(
+        blender, PYTHONPATH=blender.inside(folder), RLE_SPLAT_CACHE=blender.inside(blender.root / "kernels-shipped")
+    )
+    made = folder / path.name
+    make_file(made, blender.inside(made), BASELINE, [*blender.command[:-1], "python3"], environ)
+    shutil.move(made, path)
+    shutil.rmtree(folder)
+    return path
 
 
 def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool) -> Path:
     """A folder that the Blender can see, with the tests and the zip for its Python, which is built if not given."""
-    zip_path = zips.get(blender.python) or _zip_for(blender.python)
+    zip_path = zips.get(blender.python) or _zip_for(blender)
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     # With the files, phantoms and scripts that tests show.
     for part in ("tests/blender", "tests/read", "benchmarks", "docs/how-to", "devtools"):

@@ -16,12 +16,14 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from .build import build
+from .build import pack, zip_name
 from .environments import BPY, CORE, Environment
+from .kernels import BASELINE, FOLDER, is_made, kernel_file, make_file
 from .places import AGAIN, BPY_PYTHON, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
 from .small_system import INSIDE, SmallSystem
 from .stages import REPORTS, Stage, broken, file_name, measured, untested
 from .uv import uv
+from .wheels import wheels_for
 
 # EEVEE draws with the OpenGL of a virtual screen; without one it ends the whole run.
 PACKAGES = ("wine", "wine64", "xvfb", "libgl1", "libgl1-mesa-dri", "libglx-mesa0", "libegl1")
@@ -30,6 +32,7 @@ PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
 PYTHON = DRIVE / "python"
+KERNELS = BUILD / "kernels-windows"
 NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
 CORE_FOLDERS = ("unit", "read", "cli", "figure")  # of tests/, those that depend on the system most
 BLENDER = "5.0"  # of the archive's Python, with numpy 1.26, whose integers have 32 bits on Windows
@@ -149,7 +152,25 @@ def set_up() -> None:
         # for the same library.
         (PYTHON / "python3.dll").hardlink_to(PYTHON / "python311.dll")
     shutil.rmtree(CLONE, ignore_errors=True)
-    shutil.copytree(ROOT, CLONE, ignore=lambda folder, names: NOT_COPIED & set(names) if Path(folder) == ROOT else ())
+    left_out = {ROOT: NOT_COPIED, FOLDER.parent: {FOLDER.name}}
+    shutil.copytree(ROOT, CLONE, ignore=lambda folder, names: left_out.get(Path(folder), set()) & set(names))
+    inside = CLONE / FOLDER.relative_to(ROOT)
+    inside.mkdir()
+    shutil.copy(_kernels(inside), inside)
+
+
+def _kernels(inside: Path) -> Path:
+    """The file of kernels for Windows, compiled in there where it is missing or of other sources; ``inside``: where."""
+    path = KERNELS / kernel_file(BPY_PYTHON[BLENDER])
+    if not is_made(path):
+        say("Compiling the kernels for Windows")
+        made = inside / path.name
+        python = _command(_of_windows(PYTHON / "python.exe"), inside=CLONE)
+        environ = _environ(PYTHONPATH=_of_windows(_packages(CORE)), RLE_SPLAT_CACHE="C:\\kernels-shipped")
+        make_file(made, _of_windows(made), BASELINE, python, environ)
+        KERNELS.mkdir(parents=True, exist_ok=True)
+        shutil.move(made, path)
+    return path
 
 
 def _pytest(name: str, environment: Environment, words, **variables: str) -> Stage:
@@ -180,10 +201,13 @@ def _core(name: str, words) -> Stage:
 def _bpy(words) -> list[Stage]:
     """The extension's zip for Windows, installed into Windows' Blender module."""
     name = f"Windows, bpy {BLENDER}"
+    python = BPY_PYTHON[BLENDER]
+    path = BUILD / "zip-windows" / zip_name("windows-x64", python)
     try:
-        (path,) = build(("windows-x64",), (BPY_PYTHON[BLENDER],), BUILD / "zip-windows").values()
+        pack("windows-x64", python, wheels_for(["windows-x64"], [python]), path, [KERNELS / kernel_file(python)])
     except Failure as problem:
         return [broken(name, str(problem))]
+    say(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1e6:.1f} MB")
     shutil.copyfile(path, DRIVE / "extension.zip")
     shutil.rmtree(DRIVE / "user", ignore_errors=True)
     (DRIVE / "user").mkdir()

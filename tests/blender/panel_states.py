@@ -19,10 +19,10 @@ SENTENCE = (
     "RLE Splat tab to choose its new place.")
 
 
-def add_volume(folder, name="scan"):
-    """A ball that grows denser inwards, active and selected, seen by a camera from above."""
+def add_volume(folder, name="scan", stored="uint8"):
+    """A ball that grows denser inwards, active and selected, seen by a camera from above; ``stored``: its type."""
     z, y, x = np.mgrid[:SIDE, :SIDE, :SIDE] - (SIDE - 1) / 2
-    voxels = np.clip(255.0 - 62.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
+    voxels = np.clip(255.0 - 62.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(stored)
     owner = scenes.import_raw(folder, voxels, name=name)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 48, 36

@@ -1,4 +1,5 @@
-"""Pictures of each quality preset, with each effect, compile nothing where the package brings its kernels."""
+"""Where the package brings its kernels, nothing compiles: pictures of each quality preset with each effect, and command
+lines with each option."""
 
 import json
 import os
@@ -18,13 +19,10 @@ if not compiled():
 from rle_splat.runtime.shipped_kernels import FOLDER, file_name
 
 ROOT = Path(__file__).resolve().parents[2]
-# Every case with each stored type, in small; a picture ends where it would compile, which is noted.
-DRAW = """
+# What would compile ends there, which is noted.
+BEGIN = """
 import json
-from dataclasses import replace
-from devtools import reference_pictures
-from rle_splat import render
-from rle_splat.pipeline.prepare import STORED_TYPES
+from contextlib import contextmanager
 from rle_splat.runtime import jit
 
 class Compiles(BaseException):
@@ -33,32 +31,64 @@ class Compiles(BaseException):
 def stop():
     raise Compiles
 
-reference_pictures.SIZES = dict.fromkeys(reference_pictures.SIZES, (48, 36))
 compiling, count = [], 0
+@contextmanager
+def noting(name):
+    global count
+    count += 1
+    try:
+        with jit.while_compiling(stop):
+            yield
+    except Compiles:
+        compiling.append(name)
+"""
+# Every case with each stored type, in small.
+DRAW = """
+from dataclasses import replace
+from devtools import reference_pictures
+from rle_splat import render
+from rle_splat.pipeline.prepare import STORED_TYPES
+
+reference_pictures.SIZES = dict.fromkeys(reference_pictures.SIZES, (48, 36))
 for case in reference_pictures.effect_cases():
     volume = case.scene.volume
     several = volume.voxels.dtype == "uint8" and not case.scene.channels
     for stored in STORED_TYPES if several else (volume.voxels.dtype,):
         scene = replace(case.scene, volume=replace(volume, voxels=volume.voxels.astype(stored)))
-        count += 1
-        try:
-            with jit.while_compiling(stop):
-                render(scene, replace(case.quality, threads=1))
-        except Compiles:
-            compiling.append(f"{case.name} {stored}")
-print(json.dumps([count, compiling]))
+        with noting(f"{case.name} {stored}"):
+            render(scene, replace(case.quality, threads=1))
 """
+COMMAND = """
+from tests.cli import every_option
+
+wrong = every_option.run_all(noting)
+assert not wrong, wrong
+"""
+END = "print(json.dumps([count, compiling]))"
+
+
+def find_compiling(program: str, cache: Path) -> tuple[int, list[str]]:
+    """How many pictures or command lines a program has made in a process of its own, and those that would compile."""
+    if not (shipped_level() and is_made(FOLDER / file_name(BASELINE))):
+        pytest.skip("there are no kernels of these sources for this processor: dev.py kernels makes them")
+    environ = {name: value for name, value in os.environ.items() if name != NUMBA_VARIABLE}
+    environ |= {CACHE_VARIABLE: str(cache), "PYTHONPATH": str(ROOT)}
+    program = f"{BEGIN}{program}{END}"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, env=environ, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
 @pytest.mark.slow
 def test_no_preset_with_any_effect_compiles(tmp_path):
-    if not (shipped_level() and is_made(FOLDER / file_name(BASELINE))):
-        pytest.skip("there are no kernels of these sources for this processor: dev.py kernels makes them")
-    environ = {name: value for name, value in os.environ.items() if name != NUMBA_VARIABLE}
-    environ |= {CACHE_VARIABLE: str(tmp_path), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-c", DRAW], cwd=ROOT, env=environ, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    count, compiling = json.loads(done.stdout)
+    count, compiling = find_compiling(DRAW, tmp_path)
     assert count > 400 and compiling == []
+
+
+@pytest.mark.slow
+def test_no_option_of_the_command_line_compiles(tmp_path):
+    """With each stored type; see ``NOT_DRIVEN`` in tests/cli/every_option.py for what is left out."""
+    count, compiling = find_compiling(COMMAND, tmp_path)
+    assert count > 500 and compiling == []

@@ -1,0 +1,93 @@
+"""No control of the panels, at any of its values, needs a kernel that the extension's zip does not bring."""
+
+import contextlib
+import zipfile
+from functools import partial
+
+import bpy
+import pytest
+
+from tests.blender import layout_recorder, panel_states
+from tests.blender.real_blender import MODULE
+
+STORED_TYPES = ("uint8", "int16", "uint16", "float32")
+STATES = ("one", "labels", "channels", "clip_objects", "paper", "custom")
+# They would only take time, or memory: threads, and how long a measurement takes.
+LEFT_OUT = {"threads"}
+
+
+class Compiles(BaseException):
+    """A kernel would be compiled; a picture ends there, which takes no time."""
+
+
+def stop():
+    raise Compiles
+
+
+def values_of(entry, value) -> list:
+    """The values that a control is given: all that have names, or the ends and the middle of a slider."""
+    if entry.type == "ENUM" and not entry.is_enum_flag:
+        return [item.identifier for item in entry.enum_items]
+    if entry.type == "BOOLEAN" and not entry.is_array:
+        return [not value]
+    if entry.type in ("INT", "FLOAT") and not entry.is_array:
+        low, high = entry.soft_min, min(entry.soft_max, 1000)
+        return list(dict.fromkeys(map(type(value), (low, 0.5 * (low + high), high))))
+    return []
+
+
+def controls() -> list[tuple]:
+    """(data, property) of every control that panels show now and that can be changed, each once."""
+    log = layout_recorder.draw_all(MODULE, bpy.context)
+    found = {}
+    for kind, shown in log:
+        if kind == "control" and isinstance(shown[0].id_data, bpy.types.ID) and shown[1] not in LEFT_OUT:
+            data, name = shown
+            if not data.bl_rna.properties[name].is_readonly:
+                found[data.as_pointer(), name] = shown
+    return list(found.values())
+
+
+def picture(jit) -> bool:
+    """Render the picture; whether a kernel would be compiled.  A refusal is as good as a picture."""
+    compiling = []
+    with jit.while_compiling(lambda: (compiling.append(1), stop())), contextlib.suppress(RuntimeError, Compiles):
+        bpy.ops.rle_splat.render_image()
+    return bool(compiling)
+
+
+def add_lamp():
+    """A lamp beside the ball, so that controls of shadows count."""
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
+    lamp.data.energy, lamp.location = 1e5, (-20.0, 10.0, 30.0)
+    bpy.context.scene.collection.objects.link(lamp)
+
+
+@pytest.mark.parametrize("stored", STORED_TYPES)
+def test_no_control_compiles(stored, extension_zip, core, tmp_path, monkeypatch):
+    with zipfile.ZipFile(extension_zip) as archive:
+        if not any(name.startswith("rle_splat/kernels/") for name in archive.namelist()):
+            pytest.skip("this zip brings no kernels")
+    jit = core("runtime.jit")
+    monkeypatch.setattr(panel_states, "add_volume", partial(panel_states.add_volume, stored=stored))
+    compiling, count = [], 0
+    for state in STATES:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        folder = tmp_path / state
+        folder.mkdir()
+        panel_states.STATES[state](folder)
+        if state == STATES[0]:
+            add_lamp()
+        if picture(jit):
+            compiling.append(state)
+        for data, name in controls():
+            before = getattr(data, name)
+            for value in values_of(data.bl_rna.properties[name], before):
+                count += 1
+                setattr(data, name, value)
+                if picture(jit):
+                    compiling.append(f"{state}: {name} = {value}")
+            with contextlib.suppress(TypeError):
+                setattr(data, name, before)
+    print(count)
+    assert count > 100 and compiling == []
