@@ -40,6 +40,7 @@ from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
 from .frames import Neighbors, circumstances, describe
+from .lamps import shining
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
@@ -61,23 +62,13 @@ def _box(scene: Scene) -> tuple[np.ndarray, float]:
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
-def _shining(along) -> np.ndarray:
-    """(4, 4) matrix of a light that shines along a direction."""
-    back = -np.asarray(along, float) / np.linalg.norm(along)
-    side = np.cross((0.0, 0.0, 1.0), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    return matrix
-
-
 def _lights(scene: Scene) -> tuple[Light, ...]:
     """A sun over the camera's shoulder and a lamp from the side."""
     middle, reach = _box(scene)
-    lamp = _shining((-1.0, 0.2, -0.4))
+    lamp = shining((-1.0, 0.2, -0.4))
     lamp[:3, 3] = middle - 1.6 * reach * np.array((-1.0, 0.2, -0.4))
     return (
-        Light("SUN", energy=SUN_STRENGTH, matrix_world=_shining((0.6, 0.9, -0.7))),
+        Light("SUN", energy=SUN_STRENGTH, matrix_world=shining((0.6, 0.9, -0.7))),
         Light("POINT", color=(1.0, 0.8, 0.6), energy=LAMP_STRENGTH * reach**2, matrix_world=lamp),
     )
 
@@ -111,7 +102,7 @@ def _clip_box(scene: Scene) -> tuple[Clip, ...]:
 
 def _clip_plane(scene: Scene) -> tuple[Clip, ...]:
     """A vertical plane along the view that halves the volume."""
-    matrix = _shining((0.82, 0.57, 0.0))
+    matrix = shining((0.82, 0.57, 0.0))
     matrix[:3, 3] = _box(scene)[0]
     return (Clip("plane", matrix),)
 
