@@ -39,7 +39,7 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
-from .frames import Neighbors, circumstances, describe
+from .frames import Neighbors, circumstances, describe, time_by_processor
 from .lamps import shining
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
@@ -445,9 +445,13 @@ def main(arguments) -> int:
     parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--processor", action="store_true", help="processor time of one thread, on a busy machine")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
+    if options.processor:
+        options.threads = 1
+        time_by_processor()
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
     where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
@@ -478,7 +482,8 @@ def main(arguments) -> int:
     print(neighbors.describe())
     where["others_busy_cores"] = neighbors.cores()
     found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
-             "classification": options.classification, "not_priced": unpriced, "light_pass": passed}  # fmt: skip
+             "classification": options.classification, "not_priced": unpriced, "light_pass": passed,
+             "processor_time": options.processor}  # fmt: skip
     if options.docs:
         write_page(found)
     if options.json:

@@ -51,8 +51,9 @@ def table(of_scene: dict) -> str:
     where = of_scene["circumstances"]
     busy = where["others_busy_cores"]
     size = of_scene["size"]
+    clock = "Processor time of one thread. " * of_scene.get("processor_time", False)
     how = (
-        f"{size} x {size}, {of_scene['quality']}, {of_scene['classification']}. {describe(where)} "
+        f"{clock}{size} x {size}, {of_scene['quality']}, {of_scene['classification']}. {describe(where)} "
         f"Other programs kept {'an unknown number of' if busy is None else f'{busy:.2f}'} cores busy. "
         f"Off: {max(row['off_ms'] for row in of_scene['rows']):g} ms in every row."
     )

@@ -8,8 +8,8 @@ ray of light before slice n.  Up to a node of slice n the depth is that before i
 
 times the length between two slices, both D interpolated in their sheet.  Before the first slice nothing has been taken
 from the light, and slices end at their outermost voxels.  The light at a point beside a voxel is interpolated
-trilinearly between the eight nodes around it.  So that these nodes are off the surface, too, the point is EIGHTHS / 8
-times as many nodes away as it would be voxels.  Lights of several samples share a grid: each sample takes from it, at
+trilinearly between the eight nodes around it.  So that these nodes are off the surface, too, the point is as many nodes
+away as it would be voxels.  Lights of several samples share a grid: each sample takes from it, at
 most as much as it gives.
 """
 
@@ -28,7 +28,7 @@ from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
-from .reference import BOXED, EIGHTHS, FULL
+from .reference import BOXED, FULL
 from .sample_light import NORMAL
 from .surface_points import STEPS
 
@@ -323,7 +323,7 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     shift = np.int32(0)
     while (np.int32(1) << shift) < node:
         shift += np.int32(1)
-    further = np.int32(pitch * EIGHTHS)
+    nodes_away = np.int32(pitch)
     part, per_step = node - np.int32(1), _ONE / np.float32(node)
     down, deep, one = np.uint64(n_x), np.uint64(n_x * n_y), np.uint64(1)
     per_code = strength * np.float32(32767.0 / FULL)
@@ -339,9 +339,9 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
                 for plane in range(copied):
                     to[i, plane] = own[i, plane]
             x0 = np.int32(xs[i]) * voxel + begins
-            x = np.int32(min(max(x0 + (further * np.int32(moved[i, 0]) >> np.int32(3)), zero), last_x))
-            y = np.int32(min(max(y0 + (further * np.int32(moved[i, 1]) >> np.int32(3)), zero), last_y))
-            z = np.int32(min(max(z0 + (further * np.int32(moved[i, 2]) >> np.int32(3)), zero), last_z))
+            x = np.int32(min(max(x0 + nodes_away * np.int32(moved[i, 0]), zero), last_x))
+            y = np.int32(min(max(y0 + nodes_away * np.int32(moved[i, 1]), zero), last_y))
+            z = np.int32(min(max(z0 + nodes_away * np.int32(moved[i, 2]), zero), last_z))
             fx, fy = np.float32(x & part) * per_step, np.float32(y & part) * per_step
             fz = np.float32(z & part) * per_step
             a = np.uint64(z >> shift) * deep + np.uint64(y >> shift) * down + np.uint64(x >> shift)
