@@ -341,8 +341,8 @@ def compare(base: Callable, other: Callable, quality: Quality, repeats: int) -> 
     return both
 
 
-def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list[dict]:
-    """JSON-ready rows: each effect of a setting alone, all together, and all forced off."""
+def measure(setting: Setting, quality: Quality, size: int, repeats: int, only=None) -> list[dict]:
+    """JSON-ready rows: each effect of a setting alone, all together, and all forced off; or some effects alone."""
 
     def base(azimuth):
         return setting.at(azimuth, size)
@@ -369,9 +369,13 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
     together = [label for label in setting.priced if PRICES[label].effect != "mode"]
     rows = []
     for label in setting.priced:
+        if only and label not in only:
+            continue
         over = None if setting.lit else PRICES[label].over  # a lit scene has all effects that others depend on
         below = base if over is None else priced(over)
         rows.append(_row(setting, label, over or "base", *compare(below, priced(label), quality, repeats)))
+    if only:
+        return rows
     of_one = [label for label in together if label not in MANY_PICTURES]
     rows.append(_row(setting, ALL, "base", *compare(base, all_of(of_one), quality, repeats)))
     if len(of_one) < len(together):
@@ -439,6 +443,7 @@ def line(row: dict) -> str:
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench effects", description=__doc__)
     parser.add_argument("--scene", nargs="*", choices=SCENES, help="instead of all three")
+    parser.add_argument("--effect", nargs="*", choices=list(PRICES), help="only these rows, for a table of their own")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the light pass's volume")
     parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
@@ -461,7 +466,7 @@ def main(arguments) -> int:
     for setting in settings():
         if options.scene and setting.name not in options.scene:
             continue
-        for row in measure(setting, quality, options.size, options.repeats):
+        for row in measure(setting, quality, options.size, options.repeats, options.effect):
             table.append(row)
             print(line(row), flush=True)
     unpriced = [name for name in EFFECTS if name not in {price.effect for price in PRICES.values()} | {"headlight"}]
@@ -473,7 +478,7 @@ def main(arguments) -> int:
             f"at 512. A turn of the camera makes anew: {', '.join(lit['made_by_a_frame']) or 'nothing'}."
         )
     passed = None
-    if not options.scene or LIT in options.scene:
+    if not options.effect and (not options.scene or LIT in options.scene):
         passed = light_pass(quality, options.side, options.size, options.repeats)
         print(
             f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
@@ -483,7 +488,7 @@ def main(arguments) -> int:
     where["others_busy_cores"] = neighbors.cores()
     found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
              "classification": options.classification, "not_priced": unpriced, "light_pass": passed,
-             "processor_time": options.processor}  # fmt: skip
+             "processor_time": options.processor, "only": options.effect}  # fmt: skip
     if options.docs:
         write_page(found)
     if options.json:

@@ -3,7 +3,8 @@
 The vector m of a voxel (``surface_normals``) is turned to where extinction falls and gives way to the plane's normal
 beside faces.  Shadows begin at a point x' a little off the surface, so that a surface does not shade itself:
 
-    x' = x + b n,  n = m / |m|,  b = FURTHER w(|m|) min(depth + width, FARTHEST width),  width = sum over axes of |n . a|
+    x' = x + b n,  n = m / |m|,  b = FURTHER w(|m|) min(depth + width, FARTHEST width),
+    width = sum over axes of |n . a|
 
 in which a are the voxel's edges, w is the trust of ``sample_light`` and depth estimates how far the voxel lies behind
 the surface: the distance to the nearest value that shows nothing, over the steepness of the values.
