@@ -13,6 +13,7 @@ from . import (
     engine,
     kernels,
     large_picture,
+    light,
     paper,
     plans,
     presets,
@@ -32,7 +33,7 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main,
+    "large-picture": large_picture.main, "light": light.main,
 }  # fmt: skip
 
 

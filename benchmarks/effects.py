@@ -39,7 +39,8 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
-from .frames import Neighbors, circumstances, describe
+from .frames import Neighbors, circumstances, describe, time_by_processor
+from .lamps import shining
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
@@ -61,23 +62,13 @@ def _box(scene: Scene) -> tuple[np.ndarray, float]:
     return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
 
 
-def _shining(along) -> np.ndarray:
-    """(4, 4) matrix of a light that shines along a direction."""
-    back = -np.asarray(along, float) / np.linalg.norm(along)
-    side = np.cross((0.0, 0.0, 1.0), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    return matrix
-
-
 def _lights(scene: Scene) -> tuple[Light, ...]:
     """A sun over the camera's shoulder and a lamp from the side."""
     middle, reach = _box(scene)
-    lamp = _shining((-1.0, 0.2, -0.4))
+    lamp = shining((-1.0, 0.2, -0.4))
     lamp[:3, 3] = middle - 1.6 * reach * np.array((-1.0, 0.2, -0.4))
     return (
-        Light("SUN", energy=SUN_STRENGTH, matrix_world=_shining((0.6, 0.9, -0.7))),
+        Light("SUN", energy=SUN_STRENGTH, matrix_world=shining((0.6, 0.9, -0.7))),
         Light("POINT", color=(1.0, 0.8, 0.6), energy=LAMP_STRENGTH * reach**2, matrix_world=lamp),
     )
 
@@ -111,7 +102,7 @@ def _clip_box(scene: Scene) -> tuple[Clip, ...]:
 
 def _clip_plane(scene: Scene) -> tuple[Clip, ...]:
     """A vertical plane along the view that halves the volume."""
-    matrix = _shining((0.82, 0.57, 0.0))
+    matrix = shining((0.82, 0.57, 0.0))
     matrix[:3, 3] = _box(scene)[0]
     return (Clip("plane", matrix),)
 
@@ -350,8 +341,8 @@ def compare(base: Callable, other: Callable, quality: Quality, repeats: int) -> 
     return both
 
 
-def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list[dict]:
-    """JSON-ready rows: each effect of a setting alone, all together, and all forced off."""
+def measure(setting: Setting, quality: Quality, size: int, repeats: int, only=None) -> list[dict]:
+    """JSON-ready rows: each effect of a setting alone, all together, and all forced off; or some effects alone."""
 
     def base(azimuth):
         return setting.at(azimuth, size)
@@ -378,9 +369,13 @@ def measure(setting: Setting, quality: Quality, size: int, repeats: int) -> list
     together = [label for label in setting.priced if PRICES[label].effect != "mode"]
     rows = []
     for label in setting.priced:
+        if only and label not in only:
+            continue
         over = None if setting.lit else PRICES[label].over  # a lit scene has all effects that others depend on
         below = base if over is None else priced(over)
         rows.append(_row(setting, label, over or "base", *compare(below, priced(label), quality, repeats)))
+    if only:
+        return rows
     of_one = [label for label in together if label not in MANY_PICTURES]
     rows.append(_row(setting, ALL, "base", *compare(base, all_of(of_one), quality, repeats)))
     if len(of_one) < len(together):
@@ -448,15 +443,20 @@ def line(row: dict) -> str:
 def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench effects", description=__doc__)
     parser.add_argument("--scene", nargs="*", choices=SCENES, help="instead of all three")
+    parser.add_argument("--effect", nargs="*", choices=list(PRICES), help="only these rows, for a table of their own")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the light pass's volume")
     parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
     parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
     parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--processor", action="store_true", help="processor time of one thread, on a busy machine")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
+    if options.processor:
+        options.threads = 1
+        time_by_processor()
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
     where, neighbors, table = circumstances(options.threads), Neighbors(), []
     print(
@@ -466,7 +466,7 @@ def main(arguments) -> int:
     for setting in settings():
         if options.scene and setting.name not in options.scene:
             continue
-        for row in measure(setting, quality, options.size, options.repeats):
+        for row in measure(setting, quality, options.size, options.repeats, options.effect):
             table.append(row)
             print(line(row), flush=True)
     unpriced = [name for name in EFFECTS if name not in {price.effect for price in PRICES.values()} | {"headlight"}]
@@ -478,7 +478,7 @@ def main(arguments) -> int:
             f"at 512. A turn of the camera makes anew: {', '.join(lit['made_by_a_frame']) or 'nothing'}."
         )
     passed = None
-    if not options.scene or LIT in options.scene:
+    if not options.effect and (not options.scene or LIT in options.scene):
         passed = light_pass(quality, options.side, options.size, options.repeats)
         print(
             f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
@@ -487,7 +487,8 @@ def main(arguments) -> int:
     print(neighbors.describe())
     where["others_busy_cores"] = neighbors.cores()
     found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
-             "classification": options.classification, "not_priced": unpriced, "light_pass": passed}  # fmt: skip
+             "classification": options.classification, "not_priced": unpriced, "light_pass": passed,
+             "processor_time": options.processor, "only": options.effect}  # fmt: skip
     if options.docs:
         write_page(found)
     if options.json:

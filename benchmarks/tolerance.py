@@ -32,6 +32,7 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
 
 from .frames import Neighbors, circumstances, describe
+from .lamps import LIGHTS, under
 from .planning_scenes import MEASURED_SCANS, measured_scenes
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
@@ -53,6 +54,15 @@ def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -
     centers = tuple(place + 0.5 for place in places)
     true, _ = truth(scene, which, pixels=centers, tolerance=truth_tolerance(shading), **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())
+
+
+def lit_scenes(names, lights):
+    """Yield the names and scenes of ``measured_scenes``; with lights, the shaded ones under each of them."""
+    for name, scene in measured_scenes(names):
+        if not lights:
+            yield name, scene
+        elif scene.headlight:
+            yield from ((f"{name}, {light}", under(scene, light)) for light in lights)
 
 
 def measure_scene(scene: Scene, quality: Quality, tolerances=TOLERANCES, probes: int = PROBES) -> list[dict]:
@@ -106,14 +116,14 @@ def line(name: str, row: dict) -> str:
     """One row of the table."""
     said = "kept" if row["claims"] and row["kept"] else "BROKEN" if row["claims"] else "refused"
     return (
-        f"{name:<26}{row['tolerance']:5.1f}  {row['plan']:<54}{row['predicted']:8.2f}{row['measured']:9.2f}"
+        f"{name:<40}{row['tolerance']:5.1f}  {row['plan']:<54}{row['predicted']:8.2f}{row['measured']:9.2f}"
         f"{row['independent']:8.2f}  {said:<8}{row['rounds']:3d}{row['predicted_ms']:10.0f}{row['ms']:9.0f}"
         f"{row['seconds']:8.1f}"
     )
 
 
 HEADER = (
-    f"{'scene':<26}{'tol.':>5}  {'plan':<54}{'predict':>8}{'measured':>9}{'again':>8}  {'result':<8}{'in':>3}"
+    f"{'scene':<40}{'tol.':>5}  {'plan':<54}{'predict':>8}{'measured':>9}{'again':>8}  {'result':<8}{'in':>3}"
     f"{'ms pred.':>10}{'ms':>9}{'s, all':>8}"
 )
 
@@ -141,6 +151,7 @@ def main(arguments) -> int:
     parser = argparse.ArgumentParser(prog="dev.py bench tolerance", description=__doc__)
     parser.add_argument("--scene", nargs="*", help=f"only these, such as {', '.join(MEASURED_SCANS)}")
     parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=["post", "pre"])
+    parser.add_argument("--light", nargs="*", choices=list(LIGHTS), help="shaded scenes alone, under these lamps")
     parser.add_argument("--tolerance", nargs="*", type=float, default=TOLERANCES)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--probes", type=int, default=PROBES)
@@ -153,7 +164,7 @@ def main(arguments) -> int:
     left_out = []
     print(f"\n{HEADER}")
     # Scene by scene, so that all classifications have the same scenes if time runs out.
-    for name, scene in measured_scenes(options.scene):
+    for name, scene in lit_scenes(options.scene, options.light):
         if time.perf_counter() - began > 60.0 * options.minutes:
             left_out.append(name)
             continue

@@ -31,7 +31,7 @@ def shading_of(scene: Scene, truth_name: str) -> dict:
         For T1 of a scene with shadows or ambient occlusion, which it does not have.
     """
     unlit = scene.transfer_function.shade is None or scene.mode == "xray"
-    if unlit or not (scene.lights or scene.headlight or scene.world):
+    if unlit or not scene.shines:
         return {}
     if truth_name == "T2":
         return {"light": PostLight(scene, world_opacity_distance(scene))}

@@ -21,7 +21,7 @@ def _unlit_because(scene: Scene) -> str | None:
         return f"nothing is lit in the mode {MODE_NAMES[scene.mode]}"
     if scene.transfer_function.shade is None:
         return "the transfer function has no shading"
-    return None if scene.lights or scene.headlight or scene.world else "the scene has no light"
+    return None if scene.shines else "the scene has no light"
 
 
 def idle_because(scene: Scene) -> str | None:
@@ -59,7 +59,7 @@ def _shading(scene: Scene, _: Quality) -> tuple[bool, str]:
         return False, reason
     shade = scene.transfer_function.shade
     lit_by = [f"{len(scene.lights)} light(s) of the scene"] * bool(scene.lights) + ["a headlight"] * scene.headlight
-    lit_by += ["the world"] * bool(scene.world)
+    lit_by += ["the world"] * any(scene.world or ())
     return True, f"diffuse {shade.diffuse:g} and ambient {shade.ambient:g} under {' and '.join(lit_by)}"
 
 
@@ -72,7 +72,7 @@ def _remove_shade(scene: Scene) -> Scene:
 def _force_shade(scene: Scene) -> Scene:
     tf = scene.transfer_function
     shaded = change(tf, shade=Shade()) if tf.shade is None else tf
-    return change(scene, transfer_function=shaded, headlight=scene.headlight or not (scene.lights or scene.world))
+    return change(scene, transfer_function=shaded, headlight=scene.headlight or not scene.shines)
 
 
 # --- light sources ----------------------------------------------------------------------------------------------------

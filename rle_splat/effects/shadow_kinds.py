@@ -10,6 +10,8 @@ from .kind import Kind
 from .lighting_kinds import idle_because
 from .mixing import only_hides
 
+MANY = 16  # lights that cast shadows, above which the effect's reason has their price
+
 
 def _shadows(scene: Scene, _: Quality) -> tuple[bool, str]:
     reason = idle_because(scene)
@@ -21,7 +23,8 @@ def _shadows(scene: Scene, _: Quality) -> tuple[bool, str]:
     if reason is not None:
         return False, reason
     meshes = ", the meshes' too" if scene.triangles is not None and len(scene.triangles) else ""
-    return True, f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}{meshes}"
+    price = ": each takes a sweep through the volume, and memory" * (casting.total() > MANY)
+    return True, f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}{meshes}{price}"
 
 
 def _world(scene: Scene, _: Quality) -> tuple[bool, str]:

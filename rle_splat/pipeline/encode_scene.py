@@ -85,7 +85,7 @@ def describe_lighting(scene: Scene) -> dict:
     """
     looking, eye = depth_row(scene.camera)[:3], eye_of(scene.camera)
     return {
-        "shaded": scene.transfer_function.shade is not None and (scene.headlight or bool(scene.lights or scene.world)),
+        "shaded": scene.transfer_function.shade is not None and scene.shines,
         "lights": plain(scene.lights), "headlight_direction": looking.tolist() if scene.headlight else None,
         "eye": eye.tolist(), "world": plain(scene.world), "environment": plain(scene.environment),
     }  # fmt: skip

@@ -225,6 +225,11 @@ class Scene:
             )
 
     @property
+    def shines(self) -> bool:
+        """Whether anything lights the volume: a light, a headlight or a world that is not black."""
+        return bool(self.lights) or self.headlight or any(self.world or ())
+
+    @property
     def hides_volume(self) -> bool:
         """Whether anything in the scene may end rays: triangles, or depths at which they end."""
         return self.ray_ends is not None or (self.triangles is not None and len(self.triangles) > 0)

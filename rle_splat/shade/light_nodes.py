@@ -8,8 +8,8 @@ ray of light before slice n.  Up to a node of slice n the depth is that before i
 
 times the length between two slices, both D interpolated in their sheet.  Before the first slice nothing has been taken
 from the light, and slices end at their outermost voxels.  The light at a point beside a voxel is interpolated
-trilinearly between the eight nodes around it.  So that these nodes are off the surface, too, the point is EIGHTHS / 8
-times as many nodes away as it would be voxels.  Lights of several samples share a grid: each sample takes from it, at
+trilinearly between the eight nodes around it.  So that these nodes are off the surface, too, the point is as many nodes
+away as it would be voxels.  Lights of several samples share a grid: each sample takes from it, at
 most as much as it gives.
 """
 

@@ -55,7 +55,8 @@ def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
         count = _count(_penumbra(size, position, box, voxel))
         spread = 0.5 * _on_disc(count) if light.shape in ("DISK", "ELLIPSE") else _on_square(count)
     else:
-        across, up = _perpendicular(_unit(center - position))
+        towards = center - position
+        across, up = _perpendicular(_unit(towards) if towards.any() else np.array((0.0, 0.0, 1.0)))
         size = 2.0 * light.radius
         spread = 0.5 * size * _on_disc(_count(_penumbra(size, position, box, voxel)))
     return position + spread[:, :1] * across + spread[:, 1:] * up
@@ -98,7 +99,6 @@ def _unit(vector) -> np.ndarray:
 
 
 def _perpendicular(along) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors perpendicular to ``along`` and to each other; arbitrary ones if ``along`` is not finite."""
-    along = along if np.isfinite(along).all() else np.array((0.0, 0.0, 1.0))
+    """Two unit vectors perpendicular to a unit vector and to each other."""
     across = _unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
     return across, np.cross(along, across)

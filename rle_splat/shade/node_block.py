@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from ..runtime.llvm import cgutils, intrinsic, ir, types
 from ..runtime.vectors import INTEGER, Vector, load, pick, place, spread, store
-from .reference import EIGHTHS
 
 BLOCK = 16  # points at once
 _LONG = ir.IntType(64)
@@ -55,7 +54,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, pitch, node, stri
 
         power, part = spread_all(node)
         added, per_code, per_step = (Vector(builder, value) for value in spread_all(scale))
-        further = builder.mul(spread(builder, pitch, BLOCK), constant(EIGHTHS))
+        pitch = spread(builder, pitch, BLOCK)
         triples = place(context, builder, kinds["moved"], moved, builder.mul(at, _LONG(3)))
         triples = load(builder, triples, 3 * BLOCK, ir.IntType(16))
         along = load(builder, place(context, builder, kinds["columns"], columns, at), BLOCK, INTEGER)
@@ -66,7 +65,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, pitch, node, stri
         ]
         for axis, (begin, end, step) in enumerate(zip(spread_all(first), spread_all(last), steps)):
             way = builder.sext(pick(builder, triples, range(axis, 3 * BLOCK, 3)), whole)
-            position = builder.add(begin, builder.ashr(builder.mul(way, further), constant(3)))
+            position = builder.add(begin, builder.mul(way, pitch))
             if axis == 0:
                 position = builder.add(position, along)
             position = builder.select(builder.icmp_signed("<", position, constant(0)), constant(0), position)

@@ -17,9 +17,6 @@ from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, 
 
 ONE = 32767.0  # of codes of components
 STEPS = 1024.0  # of a voxel, in which offsets are kept
-# How much further than at a point beside a voxel light is read, so that the nodes around are off the surface, too.
-# With 8 a ball with an opacity step ripples by 3.2 %, with 9 by 1.8, with 10 by 0.7; with 10 bone errs a fifth more.
-EIGHTHS = 9
 BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
@@ -155,7 +152,7 @@ def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
-    at += (pitch * EIGHTHS * offsets.astype(np.int64) >> 3) / STEPS
+    at += pitch * offsets / STEPS
     # The last position is one step of the offsets before the last node.
     last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
     at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, last)
@@ -315,7 +312,7 @@ def place_surfaces(
     depth = np.divide(away, steep, out=np.where(away > 0.0, np.inf, 0.0), where=steep > 0.0)
     inside = np.where(keep < 1.0, nearest, 0.0)
     depth = keep * np.minimum(depth, 3.0 * width) + (1.0 - keep) * np.where(np.isfinite(inside), inside, 0.0)
-    b = smoothstep(size / 0.3) * np.minimum(depth + width, 3.0 * width)
+    b = 1.125 * smoothstep(size / 0.3) * np.minimum(depth + width, 3.0 * width)
     offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * STEPS, -32767.0, 32767.0))
 
 

@@ -216,8 +216,9 @@ class Smoothing:
         if holes is not None:
             weights = np.empty_like(found)
             self._smooth(holes, first, low, wanted, weights, threads)
-            with np.errstate(invalid="ignore", divide="ignore"):
-                found[:] = np.where(weights > 1e-6, found / weights, np.float32(np.nan))
+            known = weights > 1e-6
+            np.divide(found, weights, out=found, where=known)
+            found[~known] = np.nan
 
     def _smooth(self, values, first, low, wanted, found, threads) -> None:
         arguments = (read_only(np.ascontiguousarray(values)), first, low, read_only(wanted), *self.taps, found)

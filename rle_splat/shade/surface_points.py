@@ -3,7 +3,8 @@
 The vector m of a voxel (``surface_normals``) is turned to where extinction falls and gives way to the plane's normal
 beside faces.  Shadows begin at a point x' a little off the surface, so that a surface does not shade itself:
 
-    x' = x + b n,  n = m / |m|,  b = w(|m|) min(depth + width, FARTHEST width),  width = sum over axes of |n . a|
+    x' = x + b n,  n = m / |m|,  b = FURTHER w(|m|) min(depth + width, FARTHEST width),
+    width = sum over axes of |n . a|
 
 in which a are the voxel's edges, w is the trust of ``sample_light`` and depth estimates how far the voxel lies behind
 the surface: the distance to the nearest value that shows nothing, over the steepness of the values.
@@ -27,6 +28,9 @@ from .sample_light import ONE, TRUSTED
 from .surface_normals import Surfaces
 
 FARTHEST = 3.0  # widths of a voxel along the normal: with 2 a lit plane ripples by 1.4 %, with 4 more light leaks
+# So that the nodes around x', from which light is interpolated, are off the surface, too: with 1 a ball with an opacity
+# step ripples by 3.2 %, with 9/8 by 1.8, with 5/4 by 0.7; the further, the more light passes by.
+FURTHER = 9.0 / 8.0
 NEAR, FAR = 1.0, 2.0  # widths from a face at which its normal begins to fade and is gone
 SIDE = 0.5  # of the balance of distances, over which the side changes to which extinction falls
 STEPS = 1024.0  # of a voxel, in which offsets are kept
@@ -331,7 +335,7 @@ def _place_rows(
             depth = min(away / steep, most) if steep > 0.0 else most if away > 0.0 else 0.0
             if keep < 1.0:
                 depth = keep * depth + (1.0 - keep) * nearest
-            b = _smoothstep(size / TRUSTED) * min(depth + width, most)
+            b = FURTHER * _smoothstep(size / TRUSTED) * min(depth + width, most)
             offsets[i, 0] = _moved(b, nx * to_index[0] + ny * to_index[1] + nz * to_index[2])
             offsets[i, 1] = _moved(b, nx * to_index[3] + ny * to_index[4] + nz * to_index[5])
             offsets[i, 2] = _moved(b, nx * to_index[6] + ny * to_index[7] + nz * to_index[8])

@@ -87,11 +87,11 @@ PLACES = [(9.3, 8.2, 40.0), (30.0, 31.0, 3.0), (9.1, 8.7, 9.4), (-20.0, 9.0, 9.0
 
 
 def points_of(occluders, offsets, side=1):
-    """(m, 3) voxel indices x, y, z where light is read: 9 / 8 times as many nodes away as ``offsets`` has voxels."""
+    """(m, 3) voxel indices x, y, z where light is read: as many nodes away as ``offsets`` has voxels."""
     voxels = occluders.voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     ny = voxels.shape_xyz[1]
-    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + 1.125 * side * offsets / STEPS
+    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + side * offsets / STEPS
 
 
 def integrated(field, matrix, begins, ends, steps=2000):

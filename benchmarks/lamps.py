@@ -1,0 +1,45 @@
+"""The lamps under which light is measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rle_splat.scene import Light, Scene
+
+
+def shining(along) -> np.ndarray:
+    """(4, 4) matrix of a light that shines along a direction."""
+    back = -np.asarray(along, float) / np.linalg.norm(along)
+    side = np.cross((0.0, 0.0, 1.0), back)
+    side /= np.linalg.norm(side)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
+    return matrix
+
+
+def _sun(along, energy: float, color=(1.0, 1.0, 1.0)) -> Light:
+    return Light("SUN", color=color, energy=energy, matrix_world=shining(along))
+
+
+# Seen by a turntable's camera at an azimuth of 30 degrees: from the left, above.
+SUN = (_sun((-0.501, 0.602, -0.622), 3.0),)
+# A key, a fill and a rim.
+THREE = (
+    _sun((-0.609, 0.609, -0.508), 2.4),
+    _sun((0.843, 0.527, -0.105), 0.8, (0.6, 0.75, 1.0)),
+    _sun((0.199, -0.896, -0.398), 1.2, (1.0, 0.85, 0.7)),
+)
+# Name -> fields of a Scene.
+LIGHTS = {
+    "headlight": dict(lights=(), headlight=True),
+    "sun": dict(lights=SUN, headlight=False, volume_shadows=True),
+    "three lamps": dict(lights=THREE, headlight=False, volume_shadows=True),
+    "sun, occlusion": dict(lights=SUN, headlight=False, volume_shadows=True, ambient_occlusion=0.7),
+}
+
+
+def under(scene: Scene, name: str) -> Scene:
+    """The scene under lamps of LIGHTS in place of its own."""
+    return replace(scene, **LIGHTS[name])
