@@ -21,7 +21,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
-from ..effects.glass import tint
 from ..runtime.steps import Clock, Progress, announce, drain, step_within, time_steps
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
@@ -30,7 +29,7 @@ from .medium import Medium
 from .picture import Picture, begin_picture
 from .preset_plan import choose_plan
 from .report import make_report
-from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels
+from .single_rays import NO_PIXELS, steep_steps
 from .source import Source
 from .stage_cache import StageCache
 from .views import Fade
@@ -72,7 +71,7 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     half-made stays in ``cache``.
     """
     steps = _average_steps(scene, quality, cache, refuse_empty_view)
-    rendering, compiled = yield from watch_steps(steps, scene, quality)
+    rendering, compiled = yield from watch_steps(steps, scene)
     return replace(rendering, report={**rendering.report, "kernels": compiled})
 
 
@@ -122,8 +121,7 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # Rays: where the quality asks for it, the pixels that differ most from their neighbors are integrated one by one.
     rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
     # Glass of the scene tints what is seen through it.
-    with clock.stage("glass"):
-        rgba = tint(picture.wanted, picture.source.quality, rgba, depth)
+    rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])
     # Report: what was made, how, and in which time.
     report = make_report(picture, medium, tables, (rgba, depth), traced)
     picture.work.job.keep()
@@ -184,7 +182,7 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
 
 def retrace_steps(picture: Picture, medium: Medium, rgba, depth):
     """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
-    if not traces_steep_pixels(picture.source):
+    if not picture.traced:
         return rgba, depth, NO_PIXELS
     steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
     return (yield from announce(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

@@ -8,7 +8,6 @@ from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
 from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, shipped_problem, thread_count
 from ..scene import NO_DEPTH, truth_of
-from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
 from .medium import Medium
 from .picture import Picture
@@ -100,11 +99,10 @@ def _plan_report(source: Source, view: View) -> dict:
 
 def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
     remarks = list(source.remarks_on(medium))
-    furthest = box_depths(view.index_view, source.scene.volume.shape_xyz)[1]
-    if furthest >= NO_DEPTH:
+    if view.furthest >= NO_DEPTH:
         remarks.append(
-            f"The volume reaches {furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more stand "
-            "for none; give the scene a smaller scale where depths are wanted."
+            f"The volume reaches {view.furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more "
+            "stand for none; give the scene a smaller scale where depths are wanted."
         )
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
