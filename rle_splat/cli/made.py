@@ -140,7 +140,7 @@ def delete_abandoned(paths) -> None:
                     part.unlink()
 
 
-def kept_report(own) -> dict:
+def report_kept(own) -> dict:
     """The report of a frame that is there already."""
     return {"command": "render", "outputs": outputs_of(own), "kept": True}
 
@@ -150,7 +150,7 @@ def outputs_of(args) -> list:
     return [*args.output, *([] if args.shadow_pass is None else [args.shadow_pass])]
 
 
-def kept_lines(reports: list[dict]) -> list[str]:
+def describe_kept(reports: list[dict]) -> list[str]:
     """How many pictures were kept, as lines for people."""
     count = sum(len(report["outputs"]) for report in reports if report.get("kept"))
     if not count:

@@ -65,7 +65,7 @@ class RayEffects:
             if idle is None:
                 left.append(effect)
             elif effect.name is not None:
-                self.effects = self.effects.found_off(effect.name, idle)
+                self.effects = self.effects.turn_off(effect.name, idle)
         self._chain = left
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:

@@ -85,7 +85,7 @@ def _memory_report(held: dict) -> dict:
 
 def _plan_report(source: Source, view: View) -> dict:
     knobs = dict(vars(source.quality))  # flat; ``asdict`` would copy every value in depth
-    knobs["quality"] = knobs.pop("name") + ", held" * knobs.pop("held")
+    knobs["quality"] = knobs.pop("name")
     knobs["backend"] = "numba" if compiled() else "numpy"
     knobs["base_planes"] = [
         {

@@ -61,7 +61,7 @@ class ScalarChannel:
         return scalars_of(self.voxels, self.volume.voxels.dtype, *self.values_key)
 
 
-def shown_ends(reach: Reach, center: float) -> np.ndarray:
+def center_ends(reach: Reach, center: float) -> np.ndarray:
     """(k, 2) float64: ``reach.ends`` less ``center``, finite."""
     with np.errstate(over="ignore"):
         return np.clip(reach.ends.astype(np.float64) - center, -LARGEST, LARGEST)
@@ -82,7 +82,7 @@ def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     return (least, most) if least <= most else (0.0, 0.0), infinite
 
 
-def joined_values(channels) -> np.ndarray:
+def join_values(channels) -> np.ndarray:
     """(m, channels) float32: the scalars of each."""
     return np.stack([channel.scalars() for channel in channels], axis=1, dtype=np.float32, casting="unsafe")
 

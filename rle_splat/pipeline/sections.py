@@ -140,7 +140,7 @@ def _section_steps(picture: Picture, number: int, count: int):
                     continue
                 steps = medium.splat_steps(tables[plane.axis], section, intervals)
                 image = yield from watch_splat_steps(steps, clock, 0.2, 0.8)
-                pixels.append(None if image.filled_part(0) is None else image.pixels)
+                pixels.append(None if image.find_filled_part(0) is None else image.pixels)
     return tuple(pixels), medium.most_color(tables.values())
 
 
