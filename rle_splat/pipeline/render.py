@@ -70,35 +70,31 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; nothing
     half-made stays in ``cache``.
     """
-    steps = _average_steps(scene, quality, cache, refuse_empty_view)
+    clock = Clock()
+    steps = step_within(_average_steps(scene, quality, cache, refuse_empty_view, clock), clock.running)
     rendering, compiled = yield from watch_steps(steps, scene)
     return replace(rendering, report={**rendering.report, "kernels": compiled})
 
 
-def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
+def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool, clock: Clock):
     """Generator of Progress: choose source and plan, and render the mean of the scene's sharp pictures.
 
     There is one sharp picture, unless depth of field or motion blurs the scene.
     """
-    clock = Clock()
-    kept = StageCache(0) if cache is None else cache
-    with clock.running():
-        # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
-        # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
-        source = choose_source(scene, quality)
-        # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and where single
-        # rays replace the sheets. A preset of quality takes the cheapest plan that is expected to keep its error.
-        with clock.stage("plan"):
-            source = choose_plan(source, kept)
-        scenes = list_exposures(source.scene)
-        if cache is None and len(scenes) > 1:  # sharp pictures have most stages in common
-            kept = StageCache()
+    # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
+    # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
+    source = choose_source(scene, quality)
+    scenes = list_exposures(source.scene)
+    if cache is None:
+        cache = StageCache() if len(scenes) > 1 else StageCache(0)  # sharp pictures have most stages in common
+    # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and where single
+    # rays replace the sheets. A preset of quality takes the cheapest plan that is expected to keep its error.
+    with clock.stage("plan"):
+        source = choose_plan(source, cache)
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
-    clocks = [clock]  # that of the first picture has counted the choices, too
 
     def sharp_steps(sharp: Scene):
-        own = clocks.pop() if clocks else Clock()
-        return step_within(_sharp_steps(replace(source, scene=sharp), kept, refuse, own), own.running)
+        return _sharp_steps(replace(source, scene=sharp), cache, refuse, clock)
 
     return (yield from exposure_steps(source.scene, scenes, sharp_steps))
 

@@ -104,7 +104,7 @@ class Strip:
     """
 
     def __init__(self, region, tile):
-        self._left, self._top = region[0], tile[1]
+        self._left = region[0]
         shape = tile[3] - tile[1], region[2] - region[0]
         self.rgba, self.depth = np.empty((*shape, 4), np.float32), np.empty(shape, np.float32)
 
