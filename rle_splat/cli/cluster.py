@@ -23,7 +23,7 @@ from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_section, make_tile
 from .dask_option import LOCAL
-from .made import delete_abandoned, mark_of, outputs_of, report_kept, scene_made, source_hash, write_mark
+from .made import delete_abandoned, find_scene_hash, mark_of, outputs_of, report_kept, source_hash, write_mark
 from .report import write_report
 from .rows import row_writer_for
 
@@ -403,7 +403,7 @@ def _tile_task(tile, sections: int | None):
 
 def _frame_task(args, own: Namespace):
     """The task of a frame, as ``Cluster.results`` takes it."""
-    made = None if args.again else scene_made(outputs_of(own))
+    made = None if args.again else find_scene_hash(outputs_of(own))
     return lambda submit: submit(make_frame, _absolute(own), made)
 
 

@@ -101,10 +101,10 @@ def write_mark(mark, scene_hash: str, picture) -> None:
 
 def is_made(paths, scene_hash: str) -> bool:
     """Whether all pictures are complete and of the scene with this hash."""
-    return scene_made(paths) == scene_hash
+    return find_scene_hash(paths) == scene_hash
 
 
-def scene_made(paths) -> str | None:
+def find_scene_hash(paths) -> str | None:
     """The hash of the scene that all pictures show; None where one is missing, incomplete or of another scene."""
     found = {_scene_of(path) for path in paths}
     return found.pop() if len(found) == 1 else None

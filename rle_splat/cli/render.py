@@ -398,7 +398,7 @@ def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, star
 
 def _say(report: dict) -> None:
     """Print a summary of the report."""
-    from ..pipeline.single_rays import rays_lines
+    from ..pipeline.single_rays import describe_rays
 
     for remark in report["remarks"]:
         print(remark)
@@ -408,7 +408,7 @@ def _say(report: dict) -> None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
         print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
-    for line in rays_lines(report["rays"]):
+    for line in describe_rays(report["rays"]):
         print(line)
     _say_outputs(report)
 

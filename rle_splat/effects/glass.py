@@ -18,7 +18,7 @@ from ..scene.changed import change
 from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
 from . import reference
-from .camera_clip import slab_depths
+from .camera_clip import find_volume_depths
 from .kind import Kind
 from .mesh_depth import BAND, SAMPLE_COLUMNS, SAMPLE_ROWS, depth_at, edge_functions
 from .ray_pass import RayEffect
@@ -112,7 +112,7 @@ class Glass(RayEffect):
         self._shares = scene.pane_shares[kept].astype(np.float32)
         self._nearest, self._threads = scene.camera.clip_start, quality.threads
         # A ray that never loses half of its light counts by the middle of the volume.
-        self._middle = np.float32(sum(slab_depths(scene, view, quality)) / 2.0)
+        self._middle = np.float32(sum(find_volume_depths(scene, view, quality)) / 2.0)
 
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality) -> Glass | None:
@@ -138,7 +138,7 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
         return False, "the scene has no glass"
     row, view = depth_row(scene.camera), index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     nearest = float((np.asarray(scene.panes, np.float64) @ row[:3]).min() + row[3])
-    if nearest > slab_depths(scene, view, quality)[1]:
+    if nearest > find_volume_depths(scene, view, quality)[1]:
         return False, BEHIND
     return True, "glass is in or in front of the volume"
 

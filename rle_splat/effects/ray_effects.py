@@ -1,8 +1,8 @@
 """The effects on a picture's rays: the one interface by which clipping, meshes, clip objects and glass attach.
 
-An effect on rays is a RayEffect: it gives the ray intervals of a base plane, whether the planes are drawn
-more than once, and how the pictures of these passes are mixed.  ``RAY_EFFECTS`` lists them in the order in which they
-shorten rays; a new one is a module with a subclass and a row there.
+An effect on rays is a RayEffect: it gives the ray intervals of a base plane, whether the planes are drawn more than
+once, how the pictures of these passes are mixed, and how the finished picture is tinted.  ``RAY_EFFECTS`` lists them in
+the order in which they shorten rays; a new one is a module with a subclass and a row there.
 """
 
 from __future__ import annotations

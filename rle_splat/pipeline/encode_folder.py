@@ -50,8 +50,8 @@ from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
 from .lighting import scene_lighting
 from .scalar_light import light_of, smoothness_of
-from .scalar_source import value_ends
-from .scan_source import LitVolume, scan_source
+from .scalar_source import find_value_ends
+from .scan_source import LitVolume, make_scan_source
 from .shadows import shadow_count
 
 VOXEL_WORK = 96  # bytes that a visible voxel of a chunk takes at most while it is encoded
@@ -290,7 +290,7 @@ class _ClassifiedChunks(_Chunks):
 
     def __init__(self, scene: Scene, quality: Quality, axes):
         super().__init__(scene, quality, axes)
-        self.source = scan_source(scene, quality)
+        self.source = make_scan_source(scene, quality)
         self.length = unit_length(scene.volume, scene.index_to_world)
         self.decoding = None
 
@@ -372,7 +372,7 @@ class _ScalarChunks(_Chunks):
             )
         self.blocks = yield from block_steps(volume, threads=self.threads)
         self.reach = Reach.of_values(volume, find_shown_values(scene.transfer_function, scene.mode))
-        self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
+        self.ends, self.infinite = find_value_ends(volume, scene.transfer_function, self.blocks)
         self.center = center_of(volume.voxels.dtype, self.ends)
         light_of(scene, self.falling)  # which refuses light that is too bright
         # Clip objects are not those of the folder, but of whoever draws it.

@@ -114,11 +114,12 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # Splat on to the base planes, sheet by sheet, front to back, adding the footprints within a sheet, until pixels are
     # opaque; warp the base planes to the picture.
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
-    # Rays: where the quality asks for it, the pixels that differ most from their neighbors are integrated one by one.
+    # Rays: where the plan asks for it, the pixels that differ most from their neighbors are integrated one by one.  A
+    # crop has been splatted with its neighbors then, and is cut out here.
     rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
     # Glass of the scene tints what is seen through it.
     rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])
-    # Report: what was made, how, and in which time.
+    # Report: what was made, how, and in which time.  The stage cache takes what was made, now that all of it is.
     report = make_report(picture, medium, tables, (rgba, depth), traced)
     picture.work.job.keep()
     yield Progress(1.0, "Done")
@@ -138,7 +139,7 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
 
     There is one part, unless a parallel view lies between two or three principal axes: then these are blended.
     """
-    picture.ray_effects.leave_out_idle(picture.view.planes)
+    picture.ray_effects.leave_out_idle(picture.view.planes)  # such as a mesh that is behind the whole volume
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
@@ -149,8 +150,10 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
 def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, begin: float, share: float):
     """Generator of Progress: splat the base planes of a part of the view and warp them; returns (rgba, depth).
 
-    Rays may begin and end inside the volume (clip distances, meshes, clip objects); silhouettes of meshes take a second
-    pass.  ``begin``, ``share``: how much of the work is done before, and how much this is.
+    Rays may begin and end inside the volume (clip distances, meshes, clip objects): ``intervals`` says where.
+    Silhouettes of meshes, behind which a pixel shows more of the volume, take a second pass; ``complete`` copies what
+    both have in common, and ``mix`` puts them together.  ``begin``, ``share``: how much of the work is done before, and
+    how much this is.
     """
     effects, clock, largest = picture.ray_effects, picture.work.clock, medium.most_color(tables.values())
     passes = effects.passes(fade.planes)
@@ -170,7 +173,7 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
         steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, largest)
         at = begin + share * done / count
         found = yield from announce(time_steps(steps, clock, "warp"), at, at, "Warping")
-        with clock.stage("warp"):
+        with clock.stage("warp"):  # ``finish`` colors pictures of values (MIP and the like)
             mixed = effects.mix(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
     return rgba, effects.clamp_to_clip(depth)

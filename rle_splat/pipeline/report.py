@@ -35,7 +35,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     quality = source.quality
     with clock.stage("report"):
         report = {
-            "image": image_report(wanted.crop, wanted.width, wanted.height),
+            "image": report_image(wanted.crop, wanted.width, wanted.height),
             "volume": _volume_report(wanted.volume.shape_xyz, medium),
             "memory_bytes": _memory_report(tables),
             "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
@@ -55,7 +55,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     return report
 
 
-def image_report(crop, width: int, height: int) -> dict:
+def report_image(crop, width: int, height: int) -> dict:
     """The report's ``image``: the size of the picture; of a crop also ``width`` x ``height``, that of the frame."""
     if crop is None:
         return {"width": width, "height": height}

@@ -67,7 +67,7 @@ def center_ends(reach: Reach, center: float) -> np.ndarray:
         return np.clip(reach.ends.astype(np.float64) - center, -LARGEST, LARGEST)
 
 
-def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
+def find_value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity.
 
     These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.
@@ -87,6 +87,6 @@ def join_values(channels) -> np.ndarray:
     return np.stack([channel.scalars() for channel in channels], axis=1, dtype=np.float32, casting="unsafe")
 
 
-def channel_table(grid, volume, function, ends, length: float) -> LookupTable:
+def make_channel_table(grid, volume, function, ends, length: float) -> LookupTable:
     """The lookup table of a channel on a volume's ``grid``, whose spacing opacities refer to by themselves."""
     return lookup_table(volume, function, ends, opacity_distance(grid, function, length))

@@ -50,7 +50,7 @@ from ..volume.gradient_size import gradient_sizes
 from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
-from .scalar_channels import ScalarChannel, center_ends, channel_table, join_values, value_ends
+from .scalar_channels import ScalarChannel, center_ends, find_value_ends, join_values, make_channel_table
 from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
@@ -301,7 +301,7 @@ class ScalarSource(Source):
             work, volume, blocks, further, voxels_key, falling is not None
         )  # fmt: skip
         with clock.stage("classify"):
-            ends, infinite = value_ends(volume, scene.transfer_function, blocks)
+            ends, infinite = find_value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
             channels = self._channels(work, relevant, further, length)
         key = voxels_key, relevant.key
@@ -325,10 +325,10 @@ class ScalarSource(Source):
         found = []
         for number, (channel, own, (reach, voxels)) in enumerate(zip(self.scene.channels, blocks, relevant.further)):
             volume, function = channel.volume, channel.transfer_function
-            ends, infinite = value_ends(volume, function, own)
+            ends, infinite = find_value_ends(volume, function, own)
             key = (volume.key if work.job.cache.keeps else number, function.classification_key, length, "further")
             given = self.scene.volume, volume, function, ends, length
-            table = work.job.get("table", key, partial(channel_table, *given))
+            table = work.job.get("table", key, partial(make_channel_table, *given))
             found.append(ScalarChannel(volume, function, voxels, reach, ends, infinite, table))
         return tuple(found)
 
@@ -438,7 +438,7 @@ class ScalarSource(Source):
         if self.shows_values:
             return value_map(volume, tf, self.scene.mode, ends)
         key = (voxels_key, tf.classification_key, length)
-        return work.job.get("table", key, lambda: channel_table(volume, volume, tf, ends, length))
+        return work.job.get("table", key, lambda: make_channel_table(volume, volume, tf, ends, length))
 
     def _hide_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""

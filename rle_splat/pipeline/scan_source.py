@@ -263,7 +263,7 @@ class MixedSource(ScanSource):
         return np.float32
 
 
-def scan_source(scene: Scene, quality: Quality, *more) -> ScanSource:
+def make_scan_source(scene: Scene, quality: Quality, *more) -> ScanSource:
     """The source of a scene's own voxels, classified before they are splatted; ``more``: see Source."""
     kind = MixedSource if scene.labels is not None or scene.channels else ScanSource
     return kind(scene, quality, *more)
@@ -278,7 +278,7 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     (m, 3) float32
         The lit colors of its visible voxels, scene-linear.
     """
-    source = scan_source(scene, quality)
+    source = make_scan_source(scene, quality)
     lit = drain(source.medium_steps(Work(StageCache(0).job(), clock))).voxels
     with clock.stage("shade"):
         colors = shaded_colors(lit.classified, lit.normals, lit.falling, threads=source.threads)
