@@ -20,7 +20,7 @@ from rle_splat.accuracy.planner.measure_plans import CROP_SIDE, TOLERANCES, fron
 from rle_splat.accuracy.planner.plans import possible, same_plan, sensible_plans
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, save, sweep_plot
+from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, plot_sweep, save
 from rle_splat.cli.flip import mean_flip
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.figures import figure_text
@@ -384,7 +384,7 @@ def main(arguments) -> int:
         own = ladder(sweep.report)
         fronts = {t: front([e for e in own if e["truth"] == t]) for t in sorted({e["truth"] for e in own})}
         sweep = replace(sweep, report={**sweep.report, "plans": own, "fronts": fronts})
-        sweep_plot(sweep, images / "accuracy-sweep.png", ".png", f"{subject.name}, {subject.function.name}")
+        plot_sweep(sweep, images / "accuracy-sweep.png", ".png", f"{subject.name}, {subject.function.name}")
     else:
         print("matplotlib is not installed, so the figures were not changed.", file=sys.stderr)
     return 0

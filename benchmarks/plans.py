@@ -15,7 +15,7 @@ import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner.tolerance import render_within
-from rle_splat.accuracy.probes import stratified_pixels
+from rle_splat.accuracy.probes import draw_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.roughness import LEVELS
 from rle_splat.classify.transfer_function import Shade, TransferFunction
@@ -60,7 +60,7 @@ class Judge:
     """The truth of a scene at probe pixels."""
 
     def __init__(self, scene: Scene, probes: int):
-        self.columns, self.rows = stratified_pixels(scene.width, scene.height, probes)
+        self.columns, self.rows = draw_pixels(scene.width, scene.height, probes)
         centers = self.columns + 0.5, self.rows + 0.5
         self._true, _ = truth(scene, "T2", pixels=centers, tolerance=TOLERANCE, **shading_of(scene, "T2"))
 

@@ -15,7 +15,7 @@ from statistics import median
 
 import numpy as np
 
-from rle_splat.accuracy.probes import stratified_pixels
+from rle_splat.accuracy.probes import draw_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality
@@ -64,7 +64,7 @@ def main(arguments) -> int:
     print(f"\n{'volume':<20}{'projection':<14}{'quality':<18}{'ms':>7}{'RMSE':>9}  share of the worst {WORST:.1%}")
     qualities = {name: Quality.preset(name, threads=options.threads) for name in QUALITY_PRESETS}
     alone = {name: replace(qualities["standard"], **knobs) for name, knobs in ALONE.items()}
-    places, rows = stratified_pixels(SIZE, SIZE, PROBES), []
+    places, rows = draw_pixels(SIZE, SIZE, PROBES), []
     for name, volume, function in subjects(options.scene):
         for perspective in (False, True):
             views = [view_scene(volume, function, view, SIZE, perspective, shaded=False) for view in VIEWS]

@@ -21,9 +21,9 @@ from rle_splat.accuracy.planner.tolerance import render_within
 from rle_splat.accuracy.probes import (
     PROBES,
     STEEP_SHARE,
+    draw_pixels,
     probe_errors,
     steep_pixels,
-    stratified_pixels,
     truth_tolerance,
 )
 from rle_splat.accuracy.truths import truth
@@ -47,7 +47,7 @@ def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -
     """The largest error of a picture in levels, at pixels that the planner has not used."""
     height, width = rgba.shape[:2]
     steep = round(STEEP_SHARE * count)
-    columns, rows = stratified_pixels(width, height, count - steep, OTHER_SEED)
+    columns, rows = draw_pixels(width, height, count - steep, OTHER_SEED)
     some = np.random.default_rng(OTHER_SEED).permutation(round(STEEPEST * width * height))[:steep]
     places = [np.concatenate((one, more[some])) for one, more in
               zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]

@@ -16,7 +16,7 @@ from unittest.mock import patch
 import numpy as np
 
 from rle_splat.accuracy.metrics import LEVEL, difference
-from rle_splat.accuracy.probes import stratified_pixels
+from rle_splat.accuracy.probes import draw_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
@@ -116,7 +116,7 @@ class Turn:
         apart = difference(pictures[0], pictures[1])
         alpha = difference(pictures[0][..., 3], pictures[1][..., 3])
         scene = self._scene(azimuth)
-        columns, rows = stratified_pixels(scene.width, scene.height, probes, 0)
+        columns, rows = draw_pixels(scene.width, scene.height, probes, 0)
         true, _ = truth(scene, truth_of(self._quality), pixels=(columns + 0.5, rows + 0.5))
         errors = [np.abs(picture[rows, columns] - true).max() / LEVEL for picture in pictures]
         steps = [

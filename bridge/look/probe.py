@@ -9,7 +9,7 @@ import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 from mathutils import Vector
 
-from ...rle_splat.pipeline.first_surface import Surface, first_surface
+from ...rle_splat.pipeline.first_surface import Surface, find_surface
 from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ...rle_splat.volume.orientation import LETTERS
 from ...rle_splat.volume.volume import PATIENT
@@ -103,7 +103,7 @@ def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
     nearest = None
     for owner in owners:
         plain = render_scene.seen_by(owner, depsgraph, ANY_VIEW, with_shadows=False)
-        surface = first_surface(plain, ray.origin, ray.direction, ray.nearest, furthest)
+        surface = find_surface(plain, ray.origin, ray.direction, ray.nearest, furthest)
         if surface is not None and (nearest is None or surface.distance < nearest.surface.distance):
             nearest = ProbeHit(surface, owner, plain)
     return nearest

@@ -15,7 +15,7 @@ import bpy
 from bpy.props import PointerProperty, StringProperty
 
 from ...rle_splat.accuracy.planner.table import TRUTH_TEXTS
-from ...rle_splat.pipeline.single_rays import rays_lines
+from ...rle_splat.pipeline.single_rays import describe_rays
 from .. import versions
 from ..data import effects
 from ..render import compositor
@@ -250,7 +250,7 @@ def note_report(settings, report: dict) -> None:
              if isinstance(value, (int, float))]
     settings.last_report = "\n".join((
         *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),
-        *rays_lines(report.get("rays")), *lines
+        *describe_rays(report.get("rays")), *lines
     ))
     settings.last_report_json = json.dumps(report, default=str)
     effects.note_report(settings, report)

@@ -15,7 +15,7 @@ from ...rle_splat.read.formats import RAW, format_of
 from ...rle_splat.read.labels import read_label_steps
 from ...rle_splat.runtime.steps import announce, drain, rescale
 from ...rle_splat.scene import Labels, RleSplatError
-from ...rle_splat.volume.counts import counts_values, stored_values
+from ...rle_splat.volume.counts import counts_values, list_stored_values
 from ...rle_splat.volume.measure import measure_steps
 from ...rle_splat.volume.volume import Volume
 from ..data.decimals import typed
@@ -254,7 +254,7 @@ def value_steps(volume):
     """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
     MOST_LABELS of them."""
     if counts_values(volume.voxels.dtype):
-        return stored_values(volume.voxels.dtype)[volume.value_counts > 0]
+        return list_stored_values(volume.voxels.dtype)[volume.value_counts > 0]
     found = np.zeros(0, volume.voxels.dtype)
     for z, plane in enumerate(volume.voxels):
         found = np.union1d(found, plane)

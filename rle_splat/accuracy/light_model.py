@@ -137,7 +137,7 @@ class PostLight:
             (one.volume, one.transfer_function, NormalField(one.volume.voxels, one.volume.affine, sigma))
             for one in (scene, *scene.channels)
         ]
-        self._lamps, self._faces = ReferenceLamps(scene), Faces(scene)
+        self._lamps, self._faces = ReferenceLamps(scene), CutFaces(scene)
         self._casting = [n for n, light in enumerate(scene.lights) if scene.volume_shadows and light.casts_shadow]
         self._opened = scene.ambient_occlusion > 0.0
         self._indirect = scene.indirect_light * INDIRECT if self._casting else 0.0
@@ -255,7 +255,7 @@ class PostLight:
         return light, highlight
 
 
-class Faces:
+class CutFaces:
     """The faces of the box of voxel centers and of clip objects, whose normals replace the field's near them."""
 
     def __init__(self, scene: Scene):

@@ -17,7 +17,7 @@ RULE_OF_THREE = 3.0
 STEEP_SHARE = 0.25  # of the probes are the steepest pixels
 
 
-def stratified_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def draw_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Draw about ``count`` distinct pixels, at most ``count``: one at random from each cell of a grid.
 
     Parameters
@@ -85,7 +85,7 @@ def choose_probes(rgba, count: int, seed: int = 0) -> Probes:
     """Choose about ``count`` probes for a picture (H, W, C): three quarters random ones, a quarter steepest ones."""
     height, width = np.shape(rgba)[:2]
     steep = steep_pixels(rgba, round(STEEP_SHARE * count))
-    drawn = stratified_pixels(width, height, count - len(steep[0]), seed)
+    drawn = draw_pixels(width, height, count - len(steep[0]), seed)
     return Probes(*(np.concatenate(both) for both in zip(drawn, steep)), random=len(drawn[0]))
 
 

@@ -72,7 +72,7 @@ def default_transfer_function_steps(volume: Volume):
         return _inside(volume), "The values are signed distances, so the inside of the surface is shown."
     for name, reason in _proposals(volume, spread):
         function, _ = yield from fit_preset_steps(name, volume)
-        if VISIBLE_SHARE <= _shown_share(function, spread) <= CROWDED_SHARE:
+        if VISIBLE_SHARE <= _measure_shown_share(function, spread) <= CROWDED_SHARE:
             return function, f"The preset {name} was chosen because {reason}."
     return _from_histogram(volume, spread)
 
@@ -130,7 +130,7 @@ def _spread_steps(volume: Volume):
     return (yield from histogram_steps(volume, BINS, (low, high)))
 
 
-def _shown_share(function: TransferFunction, spread: Histogram) -> float:
+def _measure_shown_share(function: TransferFunction, spread: Histogram) -> float:
     """Share of the voxels that are more than faint."""
     shown = int(spread.counts[function.alpha_at(spread.centers) >= FAINT].sum())
     return shown / max(1, spread.total)

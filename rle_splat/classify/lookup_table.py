@@ -99,7 +99,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
         shown = (np.clip(positive_intervals(pieces(tf.opacity)), -LARGEST, LARGEST) - volume.intercept) / volume.slope
     least, most = (float(end) for end in value_range)
     first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
-    points = _stored_points(volume, tf)
+    points = _list_stored_points(volume, tf)
     slack = ROUNDING * min(max(abs(least), abs(most)), LARGEST_SUM * max(map(abs, points)))
     if not first <= last:  # no stored value is visible
         nothing = np.zeros((2, 4), np.float32)
@@ -172,7 +172,7 @@ def _look_up(table: LookupTable, values) -> np.ndarray:
     return table.entries[entry.astype(np.int64), 3]
 
 
-def _stored_points(volume, tf) -> list[float]:
+def _list_stored_points(volume, tf) -> list[float]:
     """Stored values of all points of a function."""
     return [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
 

@@ -49,7 +49,7 @@ class Reach:
     def of_values(cls, volume, shown) -> Reach:
         """Reach of ``shown``, (k, 2) ascending disjoint half-open intervals of physical values."""
         stored = volume.voxels.dtype, volume.slope, volume.intercept
-        found = [_stored_ends(*stored, begin, end) for begin, end in np.asarray(shown).tolist()]
+        found = [_find_stored_ends(*stored, begin, end) for begin, end in np.asarray(shown).tolist()]
         kept = [ends for ends in found if ends is not None]
         return cls(np.array(kept, volume.voxels.dtype).reshape(-1, 2))
 
@@ -109,7 +109,7 @@ class _Numbers:
 
 
 @lru_cache(maxsize=64)
-def _stored_ends(kind, slope: float, intercept: float, begin: float, end: float):
+def _find_stored_ends(kind, slope: float, intercept: float, begin: float, end: float):
     """Row of ``Reach.ends`` for physical values [begin, end); None if no cell can reach them.
 
     ``kind``, ``slope``, ``intercept``: of the volume.  Kept, since most frames ask for the previous one's.

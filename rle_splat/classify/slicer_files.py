@@ -115,7 +115,7 @@ def _property(texts: dict, name: str, what: str) -> FileFunction:
     lighting = {key: number(texts.get(key, default), f"{what}: {key}") for key, default in LIGHTING.items()}
     shades = number(texts.get("shade", 0), f"{what}: shade") != 0.0
     remarks = (NEAREST_REMARK,) if texts.get("interpolation") == NEAREST else ()
-    return _found(name, what, curves, lighting if shades else None, DISTANCE, remarks)
+    return _build(name, what, curves, lighting if shades else None, DISTANCE, remarks)
 
 
 def _points(text: str, width: int, what: str) -> list[tuple]:
@@ -136,7 +136,7 @@ def _points(text: str, width: int, what: str) -> list[tuple]:
     return points
 
 
-def _found(name: str, what: str, curves: dict, lighting: dict | None, distance: float, remarks: tuple) -> FileFunction:
+def _build(name: str, what: str, curves: dict, lighting: dict | None, distance: float, remarks: tuple) -> FileFunction:
     """The transfer function of points, by the names of LINES; ``lighting`` None: unshaded."""
     for key in ("scalarOpacity", "colorTransfer"):
         if key not in curves:
@@ -198,13 +198,13 @@ def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
     RleSplatError
         If one is incomplete or wrong.
     """
-    properties = _typed(mapping.get("volumeProperties"), list, f"{what}: volumeProperties")
+    properties = _check_type(mapping.get("volumeProperties"), list, f"{what}: volumeProperties")
     if not properties:
         raise RleSplatError(f"{what} has no volume properties; save the preset anew.")
     return [_json_property(one, name, what) for one in properties]
 
 
-def _typed(value, kind: type, what: str):
+def _check_type(value, kind: type, what: str):
     """``value``, which must be of a type of JSON's."""
     if not isinstance(value, kind):
         form = {list: "a list", dict: "an object"}[kind]
@@ -213,10 +213,11 @@ def _typed(value, kind: type, what: str):
 
 
 def _json_property(one, name: str, what: str) -> FileFunction:
-    components = _typed(_typed(one, dict, f"{what}: a volume property").get("components"), list, f"{what}: components")
+    found = _check_type(one, dict, f"{what}: a volume property")
+    components = _check_type(found.get("components"), list, f"{what}: components")
     if not components:
         raise RleSplatError(f"{what} has a volume property without components; save the preset anew.")
-    first = _typed(components[0], dict, f"{what}: a component")
+    first = _check_type(components[0], dict, f"{what}: a component")
     remarks = (COMPONENTS_REMARK,) if len(components) > 1 else ()
     if one.get("interpolationType") == "nearest":
         remarks = (*remarks, NEAREST_REMARK)
@@ -227,18 +228,18 @@ def _json_property(one, name: str, what: str) -> FileFunction:
         if named in first:
             curves[key], is_bent = _json_points(first[named], f"{what}: {named}")
             bent = bent or is_bent
-    given = _typed(first.get("lighting", {}), dict, f"{what}: lighting")
+    given = _check_type(first.get("lighting", {}), dict, f"{what}: lighting")
     lighting = {key: number(given.get(key, default), f"{what}: {key}") for key, default in LIGHTING.items()}
     distance = number(first.get("scalarOpacityUnitDistance", DISTANCE), f"{what}: scalarOpacityUnitDistance")
     remarks = (*remarks, *((BENT_REMARK,) if bent else ()))
-    return _found(name, what, curves, lighting if first.get("shade") else None, distance, remarks)
+    return _build(name, what, curves, lighting if first.get("shade") else None, distance, remarks)
 
 
 def _json_points(curve, what: str) -> tuple[list[tuple], bool]:
     """The points of a curve in JSON, by ascending values; and whether the file bends it between them."""
     points, bent = [], False
-    for one in _typed(_typed(curve, dict, what).get("points"), list, f"{what}: points"):
-        one = _typed(one, dict, f"{what}: a point")
+    for one in _check_type(_check_type(curve, dict, what).get("points"), list, f"{what}: points"):
+        one = _check_type(one, dict, f"{what}: a point")
         heights = one.get("color", (one.get("y"),))
         if not isinstance(heights, (list, tuple)) or len(heights) not in (1, 3):
             raise RleSplatError(f"{what}: the color of a point must be three numbers; correct the file.")

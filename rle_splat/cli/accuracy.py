@@ -10,7 +10,7 @@ from ..accuracy.probes import PROBES
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
-from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, sweep_plot
+from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, plot_sweep
 from .appearance import choose_transfer_function, read_transfer_function
 from .flip import mean_flip
 from .images import writer_for
@@ -100,7 +100,7 @@ def run(args) -> None:
                     writer(part, sweep.chosen.rgba, sweep.chosen.depth)
             if plots:
                 title = f"{Path(args.volume).name}, {function.name}"
-                sweep_plot(sweep, parts[-1], Path(args.plot).suffix.lower(), title)
+                plot_sweep(sweep, parts[-1], Path(args.plot).suffix.lower(), title)
             if args.json:
                 write_report(parts[len(args.output)], report)
     for remark in report["remarks"]:

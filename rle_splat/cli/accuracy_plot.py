@@ -30,7 +30,7 @@ def can_plot() -> bool:
     return find_spec("matplotlib") is not None
 
 
-def sweep_plot(sweep, path, suffix: str, title: str) -> None:
+def plot_sweep(sweep, path, suffix: str, title: str) -> None:
     """Plot a sweep: all plans, the front of each truth, and crops of the plans along one front.
 
     Parameters

@@ -23,7 +23,7 @@ from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_section, make_tile
 from .dask_option import LOCAL
-from .made import delete_abandoned, kept_report, mark_of, outputs_of, scene_made, source_hash, write_mark
+from .made import delete_abandoned, find_scene_hash, mark_of, outputs_of, report_kept, source_hash, write_mark
 from .report import write_report
 from .rows import row_writer_for
 
@@ -70,7 +70,7 @@ class Cluster:
 
         # The scheduler unpacks what it hands on, and need not have this package: tasks are bytes to it, and a function
         # within a function is sent as it is.
-        def unpacked(packed: bytes, *inputs):
+        def run_packed(packed: bytes, *inputs):
             from distributed.protocol.pickle import loads
 
             function, job, task = loads(packed)
@@ -82,7 +82,7 @@ class Cluster:
             workers = sorted(self.client.nthreads())
             own = workers[number * len(workers) // count :][:1]  # none while all are lost
             where = {"workers": own, "allow_other_workers": True} if own else {}
-        return self.client.submit(unpacked, dumps((function, job, task)), *inputs, pure=False, **where)
+        return self.client.submit(run_packed, dumps((function, job, task)), *inputs, pure=False, **where)
 
     def results(self, job: Command, tasks, count: int, line, what: str, parts: int = 1):
         """Yield (number of the task, Made) as tasks end.
@@ -134,11 +134,11 @@ class Cluster:
     def forget_killed(self) -> None:
         """Let the workers drop what they kept for commands that were killed: the scheduler knows who is connected."""
 
-        def connected_clients(dask_scheduler):
+        def list_clients(dask_scheduler):
             return set(dask_scheduler.clients)
 
         kept = set().union(*self.client.run(list_jobs, on_error="ignore").values())
-        if killed := kept and kept - self.client.run_on_scheduler(connected_clients):
+        if killed := kept and kept - self.client.run_on_scheduler(list_clients):
             self.client.run(forget, killed, on_error="ignore")
 
     def _result(self, future):
@@ -403,7 +403,7 @@ def _tile_task(tile, sections: int | None):
 
 def _frame_task(args, own: Namespace):
     """The task of a frame, as ``Cluster.results`` takes it."""
-    made = None if args.again else scene_made(outputs_of(own))
+    made = None if args.again else find_scene_hash(outputs_of(own))
     return lambda submit: submit(make_frame, _absolute(own), made)
 
 
@@ -435,7 +435,7 @@ def frames_on_cluster(args, frames, checked, line, write) -> list[dict]:
         try:
             for number, made in cluster.results(job, tasks, len(frames), line, "frame"):
                 own = frames[number]
-                reports[number] = kept_report(own) if made.rendering is None else _write(own, made, write)
+                reports[number] = report_kept(own) if made.rendering is None else _write(own, made, write)
         finally:
             cluster.forget(job)
     return [reports[number] for number in sorted(reports)]

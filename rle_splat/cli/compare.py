@@ -16,7 +16,7 @@ from .options import (
     add_volume_argument,
     quality_from,
     read_input,
-    removed_remarks,
+    remark_on_removed,
     scene_inputs,
 )
 from .output import check_outputs
@@ -68,7 +68,7 @@ def run(args) -> None:
         report = {
             "command": "compare", "input": {"path": str(args.volume)}, **report,
             "transfer_function": {"name": function.name, "reason": reason},
-            "remarks": [*volume.remarks, *removed_remarks(args)],
+            "remarks": [*volume.remarks, *remark_on_removed(args)],
             "total_ms": 1e3 * (perf_counter() - start),
         }
         with whole_files(outputs) as parts:

@@ -21,7 +21,7 @@ from .options import (
     add_volume_argument,
     encoding_quality,
     read_input,
-    removed_remarks,
+    remark_on_removed,
     scene_inputs,
 )
 from .output import check_outputs
@@ -67,7 +67,7 @@ def run(args) -> None:
         _run_folder(args, axes, start)
         return
     outputs = [args.output, *reports]
-    quality, given = encoding_quality(args), _given(args)
+    quality, given = encoding_quality(args), _read_options(args)
     from ..encode.store import write
     from ..pipeline.encode_scene import encode_scene_steps
 
@@ -93,14 +93,14 @@ def run(args) -> None:
                 },
                 "transfer_function": {"name": function.name, "reason": reason},
                 "lighting": stored.lighting,
-                "remarks": [*volume.remarks, *removed_remarks(args)],
+                "remarks": [*volume.remarks, *remark_on_removed(args)],
             }
             if args.json:
                 write_report(parts[1], report)
     _say(report)
 
 
-def _given(args) -> tuple:
+def _read_options(args) -> tuple:
     """What the options name beside the volume: placement, transfer function, lights; read before the volume."""
     return read_placement(args), read_transfer_function(args), read_lights(args)
 
@@ -149,7 +149,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
     """Encode into the folder of a FolderWriter; return the report."""
     from ..pipeline.encode_folder import write_folder_steps
 
-    quality, given = encoding_quality(args), _given(args)
+    quality, given = encoding_quality(args), _read_options(args)
     with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
         level = {"level": 0} if args.level is None else {}
         scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
@@ -160,7 +160,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
         report = {
             "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
             **report, "transfer_function": {"name": function.name, "reason": reason},
-            "remarks": [*scene.volume.remarks, *removed_remarks(args)],
+            "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
         }  # fmt: skip
         report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
         if args.json:

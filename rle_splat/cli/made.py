@@ -101,10 +101,10 @@ def write_mark(mark, scene_hash: str, picture) -> None:
 
 def is_made(paths, scene_hash: str) -> bool:
     """Whether all pictures are complete and of the scene with this hash."""
-    return scene_made(paths) == scene_hash
+    return find_scene_hash(paths) == scene_hash
 
 
-def scene_made(paths) -> str | None:
+def find_scene_hash(paths) -> str | None:
     """The hash of the scene that all pictures show; None where one is missing, incomplete or of another scene."""
     found = {_scene_of(path) for path in paths}
     return found.pop() if len(found) == 1 else None
@@ -140,7 +140,7 @@ def delete_abandoned(paths) -> None:
                     part.unlink()
 
 
-def kept_report(own) -> dict:
+def report_kept(own) -> dict:
     """The report of a frame that is there already."""
     return {"command": "render", "outputs": outputs_of(own), "kept": True}
 
@@ -150,7 +150,7 @@ def outputs_of(args) -> list:
     return [*args.output, *([] if args.shadow_pass is None else [args.shadow_pass])]
 
 
-def kept_lines(reports: list[dict]) -> list[str]:
+def describe_kept(reports: list[dict]) -> list[str]:
     """How many pictures were kept, as lines for people."""
     count = sum(len(report["outputs"]) for report in reports if report.get("kept"))
     if not count:

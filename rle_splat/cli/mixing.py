@@ -91,7 +91,7 @@ def _read_styles(path) -> tuple | None:
     return read_label_styles(path)
 
 
-def _named_styles(path, labels) -> tuple:
+def _style_labels(path, labels) -> tuple:
     """The styles of the labels that a label file names."""
     if not labels.named_labels:
         raise RleSplatError(f"{Path(path).name} does not name its labels; give their colors with --label-functions.")
@@ -149,7 +149,7 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
     labels = None
     if further.labels is not None:
         if styles is None:
-            styles = _named_styles(args.labels, further.labels)
+            styles = _style_labels(args.labels, further.labels)
         smooth = args.label_edges == LABEL_EDGES[0]
         labels = labels_of(further.labels, styles, scene.volume, scene.transfer_function, smooth)
     given = functions or (None,) * len(further.channels)

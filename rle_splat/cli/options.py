@@ -342,7 +342,7 @@ def quality_from(args, usual: str | None = None) -> Quality:
     RleSplatError
         If options contradict each other, or a value is out of range.
     """
-    knobs, removed = without_removed(_given_knobs(args))
+    knobs, removed = without_removed(_list_given_knobs(args))
     machine = {"threads": args.threads, "record": knobs.pop("record", RECORDS[0])}
     if args.refinement is not None and not removed:
         raise RleSplatError("--refinement has no effect; remove it.")
@@ -365,7 +365,7 @@ def quality_from(args, usual: str | None = None) -> Quality:
     return Quality.preset(args.quality or DEFAULT_QUALITY, classification, **knobs, **machine, **custom)
 
 
-def _given_knobs(args) -> dict:
+def _list_given_knobs(args) -> dict:
     """Field of Quality -> value, of those knobs that the command has and that are given, and the record."""
     names = (*(name for name, _, _ in KNOBS.values()), "record")
     return {name: value for name in names if (value := getattr(args, name, None)) is not None}
@@ -380,10 +380,10 @@ def _default_classification(args) -> str:
     return default_classification()
 
 
-def removed_remarks(args) -> tuple[str, ...]:
+def remark_on_removed(args) -> tuple[str, ...]:
     """A remark for the report for each option, or value of one, that is given and was removed."""
     backend = () if getattr(args, "backend", None) is None else (f"The option --backend {REMOVED_BACKEND}.",)
-    return *without_removed(_given_knobs(args))[1], *backend
+    return *without_removed(_list_given_knobs(args))[1], *backend
 
 
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
@@ -401,7 +401,7 @@ def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
     tuple of str
         Sentences.
     """
-    removed, of_pre = removed_remarks(args), not_in_post(asdict(quality))
+    removed, of_pre = remark_on_removed(args), not_in_post(asdict(quality))
     if args.classification is not None or args.paper or not of_pre:
         return removed
     option, value = f"--{of_pre[0]}", getattr(quality, of_pre[0])
@@ -424,7 +424,7 @@ def _check_tolerance(args, knobs) -> None:
 
 def encoding_quality(args) -> Quality:
     """The knobs that encoding depends on: classification, model, record and threads."""
-    knobs, _ = without_removed(_given_knobs(args))
+    knobs, _ = without_removed(_list_given_knobs(args))
     return Quality(**knobs, threads=args.threads)
 
 

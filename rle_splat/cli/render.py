@@ -23,7 +23,7 @@ from .light_options import (
     with_light_effects,
 )
 from .lighting import check_lighting
-from .made import kept_lines, mark_of, outputs_of, write_mark
+from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
 from .options import (
     add_clip_option,
@@ -38,7 +38,7 @@ from .options import (
     quality_from,
     quality_remarks,
     read_input,
-    removed_remarks,
+    remark_on_removed,
     scene_inputs,
     volume_options,
 )
@@ -176,7 +176,7 @@ def run(args) -> None:
     made = [report for report in reports if not report.get("kept")]
     for say, report in zip((_say, *[_say_outputs] * len(made)), made):
         say(report)
-    for line in kept_lines(reports):
+    for line in describe_kept(reports):
         print(line)
 
 
@@ -378,7 +378,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
     described = {"name": function.name, "reason": "stored in the .rle file"}
-    return PreparedScene(scene, quality, read_ms, described, (*removed_remarks(args), remark))
+    return PreparedScene(scene, quality, read_ms, described, (*remark_on_removed(args), remark))
 
 
 def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, start: float) -> dict:
@@ -398,7 +398,7 @@ def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, star
 
 def _say(report: dict) -> None:
     """Print a summary of the report."""
-    from ..pipeline.single_rays import rays_lines
+    from ..pipeline.single_rays import describe_rays
 
     for remark in report["remarks"]:
         print(remark)
@@ -408,7 +408,7 @@ def _say(report: dict) -> None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
         print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
-    for line in rays_lines(report["rays"]):
+    for line in describe_rays(report["rays"]):
         print(line)
     _say_outputs(report)
 

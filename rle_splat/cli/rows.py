@@ -178,15 +178,15 @@ class TiffRows(_Rows):
         for number, kind, values in tags:
             packed = struct.pack(f"<{len(values)}{letters[kind]}", *values)
             if len(packed) > room:
-                packed, data = struct.pack(self._next, self._aligned()), packed
+                packed, data = struct.pack(self._next, self._align()), packed
                 self._file.write(data)
             directory += struct.pack(self._tag, number, kind, len(values)) + packed.ljust(room, b"\0")
-        begin = self._aligned()
+        begin = self._align()
         self._file.write(directory + struct.pack(self._next, 0))
         self._file.seek(0)
         self._file.write(struct.pack(self._header, *self._first, begin))
 
-    def _aligned(self) -> int:
+    def _align(self) -> int:
         """The end of the file, which begins at a multiple of 8 bytes."""
         self._file.write(b"\0" * (-self._file.tell() % 8))
         return self._file.tell()

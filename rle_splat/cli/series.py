@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .frames import is_in_time
-from .made import SceneHashes, delete_abandoned, is_made, kept_report, outputs_of
+from .made import SceneHashes, delete_abandoned, is_made, outputs_of, report_kept
 from .render import Checked, Like, PreparedScene, RenderJob, prepare, render_prepared, see_anew
 
 
@@ -48,7 +48,7 @@ class FrameSeries:
         """
         prepared, scene_hash = self.ready(own)
         if not self.args.again and is_made(outputs_of(own), scene_hash):
-            return kept_report(own)
+            return report_kept(own)
         delete_abandoned(outputs_of(own))
         report = render_prepared(own, prepared, self.line, self.job(start, scene_hash))
         self._plan = report["plan"]

@@ -43,9 +43,9 @@ def side_of_tiles(args, scene, quality) -> int | None:
     """The side of the tiles in pixels; None for a picture that is made at once."""
     if args.tile is not None or args.memory_limit is None or args.tolerance is not None or args.shadow_pass is not None:
         return args.tile
-    from ..pipeline.tiles import tile_side
+    from ..pipeline.tiles import choose_tile_side
 
-    return tile_side(scene, quality)
+    return choose_tile_side(scene, quality)
 
 
 def render_tiles(args, prepared, side: int, parts, job):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..accuracy.integrate import integrate
 from ..accuracy.medium import ClassifiedField
-from ..accuracy.probes import stratified_pixels
+from ..accuracy.probes import draw_pixels
 from ..accuracy.rays import camera_rays
 from ..accuracy.transfer import extinction_and_color
 from ..accuracy.truths import world_opacity_distance
@@ -51,7 +51,7 @@ class SparseMedium(ClassifiedField):
 def probe_truth(medium: ShadedScene, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Columns and rows of about ``count`` random pixels, one in each cell of a grid, and their truth (N, 4) float64."""
     scene = medium.scene
-    columns, rows = stratified_pixels(scene.width, scene.height, count, seed)
+    columns, rows = draw_pixels(scene.width, scene.height, count, seed)
     rays = camera_rays(scene.camera, scene.width, scene.height, columns + 0.5, rows + 0.5)
     limits = (scene.camera.clip_start, scene.camera.clip_end)
     rgba, _ = integrate(SparseMedium(medium), rays, scene.index_to_world, *limits, TOLERANCE)

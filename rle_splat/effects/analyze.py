@@ -99,7 +99,7 @@ class EffectSet:
         """Names of those that are on."""
         return tuple(effect.name for effect in self.effects if effect.on)
 
-    def found_off(self, name: str, reason: str) -> EffectSet:
+    def turn_off(self, name: str, reason: str) -> EffectSet:
         """The same set with an effect off that a stage has found to change nothing.
 
         Parameters

@@ -14,7 +14,7 @@ from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
 
-def slab_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
+def find_volume_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
     """Planar depths between which all slabs lie, with half a voxel to spare.
 
     An end outside of these depths shortens no ray, so that the picture has the same bits with and without it.
@@ -46,7 +46,7 @@ def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:
     -------
     bool
     """
-    nearest, furthest = slab_depths(scene, view, quality)
+    nearest, furthest = find_volume_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
     return bool(
         (nearest < scene.camera.clip_start and not behind_eye) or furthest > scene.camera.clip_end or behind_eye

@@ -99,7 +99,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
     -------
     Rendering
         Depth and report are those of the scene without blur, as it stands, which takes one picture more; the report's
-        times are those of all.
+        times are those of all: a report has the times of the pictures before it, too.
     """
     if len(scenes) == 1:
         return (yield from sharp_steps(scenes[0]))
@@ -119,12 +119,11 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
 
 def _times(scene: Scene, reports: list[dict]) -> dict:
     """The stages' and the effects' milliseconds in all pictures; those after the first are counted for the blur."""
-    stages = {stage: sum(report["stages_ms"][stage] for report in reports) for stage in reports[0]["stages_ms"]}
+    stages = reports[-1]["stages_ms"]
     extra = stages["total"] - reports[0]["stages_ms"]["total"]
     blur = max(reversed(BLURS), key=lambda one: one.pictures(scene)).name  # the other shares its pictures
     effects = []
     for rows in zip(*(report["effects"] for report in reports)):
-        known = [row["ms"] for row in rows if row["ms"] is not None]
-        spent = sum(known) if known else None
+        spent = next((row["ms"] for row in reversed(rows) if row["ms"] is not None), None)
         effects.append({**rows[0], "ms": extra if rows[0]["name"] == blur else spent})
     return {"stages_ms": stages, "effects": effects}

@@ -15,12 +15,13 @@ import numpy as np
 from ..runtime.jit import compiled, kernel, parallel_call, prange
 from ..scene import NO_DEPTH, Quality, Scene
 from ..scene.changed import change
-from ..view.eye import index_view
+from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
 from . import reference
-from .camera_clip import slab_depths
+from .camera_clip import find_volume_depths
 from .kind import Kind
 from .mesh_depth import BAND, SAMPLE_COLUMNS, SAMPLE_ROWS, depth_at, edge_functions
+from .ray_pass import RayEffect
 
 BEHIND = "all glass is behind the volume"
 
@@ -93,51 +94,51 @@ def pass_through(edges, depths, bounds, shares, nearest, ends, sample_columns, s
                     _tint_pixel(passed[row - top, column], rgba[row, column])
 
 
-def tint(scene: Scene, quality: Quality, rgba: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Tint a picture by the panes of its scene; the picture itself where there are none.
+class Glass(RayEffect):
+    """Tints a picture by the panes that lie before the volume.
 
     Parameters
     ----------
     scene : Scene
+        With panes.
+    view : IndexView
     quality : Quality
-    rgba : (H, W, 4) ndarray of float32
-        The pixels of the scene's region, premultiplied.
-    depth : (H, W) ndarray of float32
-        As Rendering has it.
-
-    Returns
-    -------
-    (H, W, 4) ndarray of float32
     """
-    if scene.panes is None:
-        return rgba
-    left, top, _, _ = scene.region
-    edges, depths, bounds, kept = edge_functions(scene.panes, scene.camera, scene.width, scene.height)
-    shares = scene.pane_shares[kept].astype(np.float32)
-    # A ray that never loses half of its light counts by the middle of the volume.
-    ends = np.where(depth < NO_DEPTH, depth, np.float32(sum(_depths(scene, quality)) / 2.0)).astype(np.float32)
-    tinted = np.array(rgba, order="C")
-    samples = SAMPLE_COLUMNS, SAMPLE_ROWS
-    arguments = (edges, depths, bounds, shares, scene.camera.clip_start, ends, *samples, (left, top), tinted)
-    if compiled():
-        with parallel_call(quality.threads):
-            pass_through(*arguments)
-    else:
-        reference.pass_through(*arguments)
-    return tinted
 
+    stage, shortens_rays, moves_depth = "glass", False, False
 
-def _depths(scene: Scene, quality: Quality) -> tuple[float, float]:
-    """Planar depths between which the volume lies."""
-    return slab_depths(scene, index_view(scene.camera, scene.index_to_world, scene.width, scene.height), quality)
+    def __init__(self, scene: Scene, view: IndexView, quality: Quality):
+        *self._edges, kept = edge_functions(scene.panes, scene.camera, scene.width, scene.height)
+        self._shares = scene.pane_shares[kept].astype(np.float32)
+        self._nearest, self._threads = scene.camera.clip_start, quality.threads
+        # A ray that never loses half of its light counts by the middle of the volume.
+        self._middle = np.float32(sum(find_volume_depths(scene, view, quality)) / 2.0)
+
+    @classmethod
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> Glass | None:
+        """The effect, None where the scene has no panes; parameters as of ``RayEffects``."""
+        return None if scene.panes is None else cls(scene, view, quality)
+
+    def tint(self, rgba: np.ndarray, depth: np.ndarray, corner: tuple[int, int]) -> np.ndarray:
+        """See ``RayEffect.tint``."""
+        ends = np.where(depth < NO_DEPTH, depth, self._middle).astype(np.float32)
+        tinted = np.array(rgba, order="C")
+        samples = SAMPLE_COLUMNS, SAMPLE_ROWS
+        arguments = (*self._edges, self._shares, self._nearest, ends, *samples, corner, tinted)
+        if compiled():
+            with parallel_call(self._threads):
+                pass_through(*arguments)
+        else:
+            reference.pass_through(*arguments)
+        return tinted
 
 
 def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     if scene.panes is None or len(scene.panes) == 0:
         return False, "the scene has no glass"
-    row = depth_row(scene.camera)
+    row, view = depth_row(scene.camera), index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     nearest = float((np.asarray(scene.panes, np.float64) @ row[:3]).min() + row[3])
-    if nearest > _depths(scene, quality)[1]:
+    if nearest > find_volume_depths(scene, view, quality)[1]:
         return False, BEHIND
     return True, "glass is in or in front of the volume"
 

@@ -16,7 +16,7 @@ import numpy as np
 from ..scene import Camera, Quality, Scene
 from ..scene.changed import change
 from ..view.eye import index_view
-from ..view.projection import fitted_pixels
+from ..view.projection import find_fitted_side
 from ..view.ray_intervals import box_depths
 from .kind import Kind
 
@@ -129,7 +129,7 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
     across = camera.ortho_scale if camera.type == "ORTHO" else depth * sensor / camera.lens
     spread = 2.0 * camera.aperture_radius * max(1.0, 1.0 / camera.aperture_ratio)
     blur = spread * abs(depth - camera.focus_distance) / camera.focus_distance
-    return fitted_pixels(camera, width, height) / across * blur
+    return find_fitted_side(camera, width, height) / across * blur
 
 
 def widest_blur(scene: Scene) -> float:

@@ -11,7 +11,7 @@ from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
 from ..view.ray_intervals import pixels_read
-from .camera_clip import slab_depths
+from .camera_clip import find_volume_depths
 from .depth_layers import HALO, DepthLayers, depth_layers
 from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
 from .kind import Kind
@@ -97,7 +97,7 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
     region = _pixels_with_layers(scene, planes)
     samples = _depth_samples(scene, quality, region)
     nearest_mesh = float(samples.min())
-    if nearest_mesh > slab_depths(scene, view, quality)[1]:
+    if nearest_mesh > find_volume_depths(scene, view, quality)[1]:
         return None
     if scene.ray_ends is not None and quality.warp_filter == "bilinear":
         surface = samples[..., 0]
@@ -138,7 +138,7 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
         row = depth_row(scene.camera)
         nearest = min(nearest, float((np.asarray(scene.triangles, np.float64) @ row[:3]).min() + row[3]))
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    if nearest > slab_depths(scene, view, quality)[1]:
+    if nearest > find_volume_depths(scene, view, quality)[1]:
         return False, BEHIND
     return True, "meshes are in or in front of the volume"
 

@@ -36,12 +36,12 @@ def at_time(scene: Scene, time: float) -> Scene:
     first = min(int(position), len(scene.motion) - 2)
     part = position - first
     before, after = scene.motion[first], scene.motion[first + 1]
-    camera = change(scene.camera, matrix_world=_between(before.camera_matrix, after.camera_matrix, part))
-    placed = _between(before.volume_matrix, after.volume_matrix, part)
+    camera = change(scene.camera, matrix_world=_interpolate(before.camera_matrix, after.camera_matrix, part))
+    placed = _interpolate(before.volume_matrix, after.volume_matrix, part)
     return change(scene, camera=camera, volume_matrix=placed, motion=())
 
 
-def _between(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarray:
+def _interpolate(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarray:
     return (1.0 - part) * before + part * after
 
 

@@ -1,8 +1,8 @@
-"""How effects shorten rays: the one interface by which clipping, meshes and clip objects attach to the pipeline.
+"""The effects on a picture's rays: the one interface by which clipping, meshes, clip objects and glass attach.
 
-An effect on rays is a RayEffect: it gives the ray intervals of a base plane, whether the planes are drawn
-more than once, and how the pictures of these passes are mixed.  ``RAY_EFFECTS`` lists them in the order in which they
-shorten rays; a new one is a module with a subclass and a row there.
+An effect on rays is a RayEffect: it gives the ray intervals of a base plane, whether the planes are drawn more than
+once, how the pictures of these passes are mixed, and how the finished picture is tinted.  ``RAY_EFFECTS`` lists them in
+the order in which they shorten rays; a new one is a module with a subclass and a row there.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from ..warp.warp import warp_reach
 from .analyze import EffectSet
 from .camera_clip import CameraClip
 from .clips import ClipBodies
+from .glass import Glass
 from .mesh_occlusion import MeshSurfaces
 from .ray_pass import RayEffect, RayPass
 
-RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, MeshSurfaces.of, ClipBodies.of)
+RAY_EFFECTS: tuple[Callable, ...] = (CameraClip.of, MeshSurfaces.of, ClipBodies.of, Glass.of)
 
 
 class RayEffects:
@@ -48,7 +49,7 @@ class RayEffects:
     @property
     def shorten_rays(self) -> bool:
         """Whether any rays may be shortened; known before ``leave_out_idle``."""
-        return bool(self._chain)
+        return any(effect.shortens_rays for effect in self._chain)
 
     def leave_out_idle(self, planes: list[BasePlane]) -> None:
         """Drop the effects that do nothing to the rays of some base planes.
@@ -64,7 +65,7 @@ class RayEffects:
             if idle is None:
                 left.append(effect)
             elif effect.name is not None:
-                self.effects = self.effects.found_off(effect.name, idle)
+                self.effects = self.effects.turn_off(effect.name, idle)
         self._chain = left
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:
@@ -175,6 +176,13 @@ class RayEffects:
         np.clip(depth, min(camera.clip_start, largest), min(camera.clip_end, largest), out=depth)
         np.copyto(depth, none, where=missing)
         return depth
+
+    def tint(self, rgba: np.ndarray, depth: np.ndarray, corner: tuple[int, int]) -> np.ndarray:
+        """A picture as it is seen through the scene's glass, if there is any; see ``RayEffect.tint``."""
+        for effect in self._chain:
+            with self._clock.stage(effect.stage):
+                rgba = effect.tint(rgba, depth, corner)
+        return rgba
 
     def remarks(self, picture, some_visible: bool) -> list[str]:
         """Sentences for the report on a finished picture.

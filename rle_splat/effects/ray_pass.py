@@ -52,6 +52,8 @@ class RayEffect:
         Name in the table of effects, of an effect that ``inspect`` may find idle.
     stage : str
         The stage that its work is timed as.
+    shortens_rays : bool
+        Whether it may shorten any ray.
     moves_depth : bool
         Whether depths must be held to the camera's clip distances afterwards.
     nothing_left : str
@@ -60,6 +62,7 @@ class RayEffect:
 
     name: str | None = None
     stage = "clipping"
+    shortens_rays = True
     moves_depth = True
     nothing_left = ""
 
@@ -151,3 +154,21 @@ class RayEffect:
         (rgba, depth)
         """
         return picture
+
+    def tint(self, rgba: np.ndarray, depth: np.ndarray, corner: tuple[int, int]) -> np.ndarray:
+        """The finished picture as the effect colors it.
+
+        Parameters
+        ----------
+        rgba : (H, W, 4) ndarray of float32
+            Premultiplied, scene-linear.
+        depth : (H, W) ndarray of float32
+            As Rendering has it.
+        corner : (int, int)
+            Column and row in the frame of the first pixel.
+
+        Returns
+        -------
+        (H, W, 4) ndarray of float32
+        """
+        return rgba

@@ -35,7 +35,7 @@ FAR = 1000.0
 LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value is not known well enough
 
 
-def shown_values(tf, mode: str) -> np.ndarray:
+def find_shown_values(tf, mode: str) -> np.ndarray:
     """The values that may decide a pixel.
 
     Parameters
@@ -49,12 +49,12 @@ def shown_values(tf, mode: str) -> np.ndarray:
     (k, 2) ndarray of float64
         Half-open intervals of physical values: a cell with any of them may decide a pixel in this mode.
     """
-    return _shown_values(tf.opacity, mode)
+    return _find_shown_values(tf.opacity, mode)
 
 
 @lru_cache(maxsize=8)
-def _shown_values(opacity: tuple, mode: str) -> np.ndarray:
-    """As ``shown_values``; kept, since most frames ask for the previous one's."""
+def _find_shown_values(opacity: tuple, mode: str) -> np.ndarray:
+    """As ``find_shown_values``; kept, since most frames ask for the previous one's."""
     if mode == "average":
         return np.array(((-np.inf, np.inf),))
     shown = positive_intervals(pieces(opacity))
@@ -154,7 +154,7 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
     low, high = sorted(min(max((sign or 1.0) * end, nearest), furthest) for end in ends)
     slack = 1e-6 * max(abs(low), abs(high), 1e-30)
     with np.errstate(over="ignore"):
-        shown = (np.clip(shown_values(tf, mode), -LARGEST, LARGEST) - volume.intercept) / volume.slope
+        shown = (np.clip(find_shown_values(tf, mode), -LARGEST, LARGEST) - volume.intercept) / volume.slope
     begin = float(((sign or 1.0) * shown).min(initial=np.inf))
     origin = low - max(slack, 1e-3 * (high - low))
     if begin > low:

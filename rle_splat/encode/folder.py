@@ -23,14 +23,14 @@ from .members import HEADER, JOURNAL, VERSION, bytes_of, make_header
 STOPS = KeyboardInterrupt, GeneratorExit
 
 
-def unfinished(path: Path) -> Path:
+def unfinished_path(path: Path) -> Path:
     """Where a folder is written until it is complete."""
     return path.with_name(f".{path.name}.unfinished")
 
 
 def can_go_on(path) -> bool:
     """Whether a job that was stopped before it had written the folder ``path`` has left its chunks."""
-    return (unfinished(Path(path)) / JOURNAL).is_file()
+    return (unfinished_path(Path(path)) / JOURNAL).is_file()
 
 
 def is_folder_form(path) -> bool:
@@ -84,7 +84,7 @@ class FolderWriter:
 
     def __init__(self, path):
         self.path = Path(path)
-        self.folder = unfinished(self.path)
+        self.folder = unfinished_path(self.path)
         self._aside = self.path.with_name(f".{self.path.name}.replaced")  # where the folder that is replaced is moved
         self.chunks: list[Chunk] = []
         self._job: str | None = None  # whose folder it is, from begin on

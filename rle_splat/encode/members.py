@@ -60,7 +60,7 @@ def reason_of(problem: Exception) -> str:
     return f" ({lines[0][:LONGEST_REASON]})" if lines else ""
 
 
-def damaged(path, what: str) -> RleSplatError:
+def make_damage_error(path, what: str) -> RleSplatError:
     """The error for members that do not fit together; ``what``: a clause."""
     return RleSplatError(f"The tables in {Path(path).name} are damaged: {what}; encode the volume again.")
 
@@ -122,7 +122,7 @@ class FileMembers:
     def size(self, name: str) -> int:
         """Bytes of a member now."""
         if self._mapping.size() < len(self._mapping):
-            raise damaged(self.path, "it was cut while it was open")
+            raise make_damage_error(self.path, "it was cut while it was open")
         return self._place(name)[1]
 
     def array(self, name: str, dtype) -> np.ndarray:
@@ -197,13 +197,13 @@ def read_header(members) -> dict:
             ) from None
         raise unreadable(path, problem) from None
     except ValueError:
-        raise damaged(path, "its header is not text") from None
+        raise make_damage_error(path, "its header is not text") from None
     try:
         header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
     except (ValueError, RecursionError):
         header = None
     if not isinstance(header, dict) or header.get("format") not in [name for name, _ in READ]:
-        raise damaged(path, "its header is not complete")
+        raise make_damage_error(path, "its header is not complete")
     if (header["format"], header.get("version")) not in READ:
         raise RleSplatError(
             f"{path} has the format version {header.get('version')}, and this program reads version {VERSION}; encode "

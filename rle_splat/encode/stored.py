@@ -28,8 +28,8 @@ from .members import (
     RUNS,
     SURFACE,
     bytes_of,
-    damaged,
     find_members,
+    make_damage_error,
     read_header,
     reason_of,
     unreadable,
@@ -94,7 +94,7 @@ class MappedTables:
         names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
         size, held = sum(int(chunk[one][0]) for chunk in self._chunks for one in names), self._members.size(name)
         if held != size:
-            raise damaged(self._members.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
+            raise make_damage_error(self._members.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
         return size
 
     def _map(self, name: str, dtype: np.dtype) -> np.ndarray:
@@ -110,7 +110,7 @@ class MappedTables:
         try:
             yield
         except FileNotFoundError:
-            raise damaged(path, f"{name} is missing") from None
+            raise make_damage_error(path, f"{name} is missing") from None
         except OSError as problem:
             raise RleSplatError(f"Cannot read {path / name}: {problem.strerror}; check its permissions.") from None
 
@@ -135,7 +135,7 @@ class MappedTables:
                 part = row[begin:end]
                 if zlib.crc32(bytes_of(part)) != self._chunks[number][f"{name}.{piece}" if pieces else name][1]:
                     what = f"the checksum of {name} does not fit in planes {first} to {last - 1}"
-                    raise damaged(self._members.path, what)
+                    raise make_damage_error(self._members.path, what)
             parts[name] = part.reshape(-1, words) if words else part
         return first, last, parts
 
@@ -327,7 +327,7 @@ class StoredVolume:
                 chunks = yield from self._chunks_steps(ORDER_OF[axis], wanted or (0, self.shape_xyz[2]))
                 made = self._of_axis(axis, chunks)
             except DAMAGE as problem:
-                raise damaged(self.path, f"they do not fit together ({problem})") from None
+                raise make_damage_error(self.path, f"they do not fit together ({problem})") from None
             self.opened[axis] = wanted, made  # shared with ``of_planes``, which other threads may draw meanwhile
         elif self.mapped is not None:
             self.mapped.check_sizes()
@@ -374,9 +374,9 @@ class StoredVolume:
         table = next(iter(of_voxels.values()))
         counted = n_runs, n_voxels
         if counted != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
-            raise damaged(self.path, "the counts do not fit the tables")
+            raise make_damage_error(self.path, "the counts do not fit the tables")
         if not np.array_equal(made, starts):
-            raise damaged(self.path, "the counts of voxels do not fit the runs")
+            raise make_damage_error(self.path, "the counts of voxels do not fit the runs")
         if self.classification == "pre":
             check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
         else:
@@ -453,5 +453,5 @@ def _open(members) -> tuple[StoredVolume, bool]:
     except OSError as problem:
         raise unreadable(path, problem) from None
     except DAMAGE as problem:
-        raise damaged(path, f"its header says something impossible{reason_of(problem)}") from None
+        raise make_damage_error(path, f"its header says something impossible{reason_of(problem)}") from None
     return volume, bool(header.get(COARSE))

@@ -60,7 +60,7 @@ class PageDraft:
         functions = {panel.scene.transfer_function.key for panel in self.figure.panels}
         self.several_functions = len(functions) > 1
 
-    def snapped(self, place: float) -> float:
+    def snap(self, place: float) -> float:
         """The nearest whole pixel, in mm."""
         return round(place * self.per_mm) / self.per_mm
 
@@ -97,7 +97,7 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
     for first in range(0, len(figure.panels), columns):
         row = range(first, min(first + columns, len(figure.panels)))
         y = _row(draft, row, pictures, bars, y)
-    y = _shared_bar(draft, y)
+    y = _add_shared_bar(draft, y)
     y = _caption(draft, y)
     height = math.ceil((y + MARGIN) * draft.per_mm)
     page = Page(figure.style.width, height, figure.style.dpi, draft.background, tuple(draft.items))
@@ -151,11 +151,11 @@ def _row(draft: PageDraft, row: range, pictures: list, bars: list, y: float) -> 
     wide, tall = draft.tile
     titles = [_title_lines(draft, n) for n in row]
     lines = max(map(len, titles))
-    top = draft.snapped(y + LEADING * size * lines + (0.35 * size if lines else 0.0))
+    top = draft.snap(y + LEADING * size * lines + (0.35 * size if lines else 0.0))
     strip = max(_strip_lines(draft, n, bars[n]) for n in row)
     below = top + tall + LEADING * size * strip + (0.4 * size if strip else 0.0)
     for place, n in enumerate(row):
-        x = draft.snapped(MARGIN + place * (wide + draft.snapped(GUTTER)))
+        x = draft.snap(MARGIN + place * (wide + draft.snap(GUTTER)))
         for number, line in enumerate(titles[place]):
             _title(draft, n, line, number, x, y + size + LEADING * size * number)
         draft.items.append(Tile(x, top, pictures[n]))
@@ -252,7 +252,7 @@ def _color_bar(draft: PageDraft, scene: Scene, x: float, y: float, width: float)
         draft.remark("The color bar is that of the volume; labels and channels have further colors.")
 
 
-def _shared_bar(draft: PageDraft, y: float) -> float:
+def _add_shared_bar(draft: PageDraft, y: float) -> float:
     """Add one color bar for a figure with one transfer function; return where it ends."""
     if draft.several_functions or not draft.figure.style.color_bar:
         return y

@@ -7,10 +7,10 @@ from ..scene import Quality, Scene
 from .file_source import FileSource
 from .scalar_file_source import ScalarFileSource
 from .scalar_source import ScalarSource
-from .scan_source import scan_source
+from .scan_source import make_scan_source
 from .source import Source
 
-SOURCES = {"pre": scan_source, "post": ScalarSource}
+SOURCES = {"pre": make_scan_source, "post": ScalarSource}
 
 
 def choose_source(scene: Scene, quality: Quality) -> Source:

@@ -19,7 +19,7 @@ from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import Visibility, VisibleVoxels, mark_steps
 from ..effects.analyze import analyze_effects
 from ..effects.mixing import is_mixed
-from ..effects.ray_values import shown_values
+from ..effects.ray_values import find_shown_values
 from ..encode.encode import record_steps, reorder_steps, run_tables
 from ..encode.folder import FolderWriter, is_folder_form
 from ..encode.members import (
@@ -50,8 +50,8 @@ from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
 from .lighting import scene_lighting
 from .scalar_light import light_of, smoothness_of
-from .scalar_source import value_ends
-from .scan_source import LitVolume, scan_source
+from .scalar_source import find_value_ends
+from .scan_source import LitVolume, make_scan_source
 from .shadows import shadow_count
 
 VOXEL_WORK = 96  # bytes that a visible voxel of a chunk takes at most while it is encoded
@@ -290,7 +290,7 @@ class _ClassifiedChunks(_Chunks):
 
     def __init__(self, scene: Scene, quality: Quality, axes):
         super().__init__(scene, quality, axes)
-        self.source = scan_source(scene, quality)
+        self.source = make_scan_source(scene, quality)
         self.length = unit_length(scene.volume, scene.index_to_world)
         self.decoding = None
 
@@ -302,7 +302,7 @@ class _ClassifiedChunks(_Chunks):
         planes = _planes_at_once(self.volume.voxels[0].size)
         for first in range(0, nz, planes):  # the scales of short records are those of the whole volume
             yield first / nz
-            local, lit = self._lit(first, min(first + planes, nz))
+            local, lit = self._light_chunk(first, min(first + planes, nz))
             bound = lit.color_bound
             if bound is None:
                 raise RleSplatError(
@@ -315,7 +315,7 @@ class _ClassifiedChunks(_Chunks):
             most_color = max(most_color, bound)
         self.decoding = decoding_of(self.quality.record, most_density, most_color)
 
-    def _lit(self, first: int, last: int):
+    def _light_chunk(self, first: int, last: int):
         """The visible voxels of a chunk, and the same as a LitVolume."""
         shown = Visibility(self.part(first, last), self.scene.transfer_function)
         blocks = drain(block_steps(shown.volume, threads=self.threads))
@@ -330,7 +330,7 @@ class _ClassifiedChunks(_Chunks):
 
     def encode_chunk(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""
-        local, lit = self._lit(first, last)
+        local, lit = self._light_chunk(first, last)
         model, record, write = self.quality.model, self.quality.record, lit.write_records(self.quality.model)
 
         def write_chunk(positions, records):
@@ -371,8 +371,8 @@ class _ScalarChunks(_Chunks):
                 "it out."
             )
         self.blocks = yield from block_steps(volume, threads=self.threads)
-        self.reach = Reach.of_values(volume, shown_values(scene.transfer_function, scene.mode))
-        self.ends, self.infinite = value_ends(volume, scene.transfer_function, self.blocks)
+        self.reach = Reach.of_values(volume, find_shown_values(scene.transfer_function, scene.mode))
+        self.ends, self.infinite = find_value_ends(volume, scene.transfer_function, self.blocks)
         self.center = center_of(volume.voxels.dtype, self.ends)
         light_of(scene, self.falling)  # which refuses light that is too bright
         # Clip objects are not those of the folder, but of whoever draws it.

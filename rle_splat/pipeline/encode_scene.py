@@ -10,7 +10,7 @@ from ..scene.plain import plain
 from ..view.projection import depth_row
 from ..volume.axes import AXES, AXIS_NAMES
 from .lighting import eye_of
-from .scan_source import scan_source
+from .scan_source import make_scan_source
 from .source import Work
 from .stage_cache import StageCache
 
@@ -41,7 +41,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     quality = quality.classified("pre")
     scene = analyze_effects(scene, quality)[1]
     clock = Clock()
-    scan, work = scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
+    scan, work = make_scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))
     lit = (yield from scan.medium_steps(work)).voxels
     classified = lit.classified
     encoded, begun, share = {}, 0.1, 0.9 / len(axes)

@@ -115,7 +115,7 @@ def _gradients(volume, indices) -> np.ndarray:
     return np.linalg.norm(np.stack(per_voxel, axis=1) @ np.linalg.inv(volume.affine[:3, :3]), axis=1)
 
 
-def first_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest: float = math.inf) -> Surface | None:
+def find_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest: float = math.inf) -> Surface | None:
     """Find the first visible surface of a scene's volume along a ray.
 
     Parameters

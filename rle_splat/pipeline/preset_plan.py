@@ -51,10 +51,10 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     said = f"{name} aims at an error of at most {aim:g} levels {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
-    why_not = _why_not(source.scene) if is_known else "it has one plan for all scenes"
+    why_not = _explain_no_choice(source.scene) if is_known else "it has one plan for all scenes"
     if why_not:
         return replace(source, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
-    rough = _roughness(source.scene, cache)
+    rough = _measure_roughness(source.scene, cache)
     if rough is None:
         why = f"{said}; too little of the volume is visible to tell more, so it takes its usual plan."
         return replace(source, plan={"why": why, "aim": aim, "expected": None})
@@ -73,7 +73,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     return replace(source, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 
 
-def _roughness(scene: Scene, cache: StageCache) -> float | None:
+def _measure_roughness(scene: Scene, cache: StageCache) -> float | None:
     """The roughness of the roughest channel of a scene; None where too little is visible of all of them."""
     job, found = cache.job(), []
     for one in (scene, *scene.channels):
@@ -149,7 +149,7 @@ def hold_plan_of(scene: Scene, quality: Quality, cache: StageCache | None = None
     return replace(quality, held=True, **{knob: getattr(source.quality, knob) for knob in PRESET_KNOBS})
 
 
-def _why_not(scene: Scene) -> str:
+def _explain_no_choice(scene: Scene) -> str:
     """Why a scene's plan cannot be chosen; empty where it can."""
     if not scene.volume.holds_values:
         return "for tables in a folder it has one plan for all scenes"

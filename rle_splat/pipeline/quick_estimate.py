@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..scene import Quality
-from ..volume.counts import counts_values, stored_values
+from ..volume.counts import counts_values, list_stored_values
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 
 SAMPLED_PLANES = 32  # at most, and of large planes fewer
@@ -65,7 +65,7 @@ def count_in_planes(volume, tf) -> VoxelCount:
     share = len(volume.voxels) / len(planes)
     count, pieces, lines = round(share * count), round(share * pieces), round(share * lines)
     if counts_values(volume.voxels.dtype):
-        values = volume.physical(stored_values(volume.voxels.dtype))
+        values = volume.physical(list_stored_values(volume.voxels.dtype))
         count = int(volume.value_counts[tf.alpha_at(values) > 0.0].sum())
     return VoxelCount(volume.shape_xyz, volume.voxels.dtype, count, pieces, lines, volume.voxels.nbytes)
 

@@ -21,7 +21,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
-from ..effects.glass import tint
 from ..runtime.steps import Clock, Progress, announce, drain, step_within, time_steps
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
@@ -30,7 +29,7 @@ from .medium import Medium
 from .picture import Picture, begin_picture
 from .preset_plan import choose_plan
 from .report import make_report
-from .single_rays import NO_PIXELS, steep_steps, traces_steep_pixels
+from .single_rays import NO_PIXELS, steep_steps
 from .source import Source
 from .stage_cache import StageCache
 from .views import Fade
@@ -71,35 +70,31 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; nothing
     half-made stays in ``cache``.
     """
-    steps = _average_steps(scene, quality, cache, refuse_empty_view)
-    rendering, compiled = yield from watch_steps(steps, scene, quality)
+    clock = Clock()
+    steps = step_within(_average_steps(scene, quality, cache, refuse_empty_view, clock), clock.running)
+    rendering, compiled = yield from watch_steps(steps, scene)
     return replace(rendering, report={**rendering.report, "kernels": compiled})
 
 
-def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool):
+def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool, clock: Clock):
     """Generator of Progress: choose source and plan, and render the mean of the scene's sharp pictures.
 
     There is one sharp picture, unless depth of field or motion blurs the scene.
     """
-    clock = Clock()
-    kept = StageCache(0) if cache is None else cache
-    with clock.running():
-        # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
-        # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
-        source = choose_source(scene, quality)
-        # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and where single
-        # rays replace the sheets. A preset of quality takes the cheapest plan that is expected to keep its error.
-        with clock.stage("plan"):
-            source = choose_plan(source, kept)
-        scenes = list_exposures(source.scene)
-        if cache is None and len(scenes) > 1:  # sharp pictures have most stages in common
-            kept = StageCache()
+    # Source: what the volume is (a scan, a scan with labels or channels, or stored tables), whether its voxels are
+    # classified before they are interpolated, as in the paper, or afterwards, and which effects the scene has.
+    source = choose_source(scene, quality)
+    scenes = list_exposures(source.scene)
+    if cache is None:
+        cache = StageCache() if len(scenes) > 1 else StageCache(0)  # sharp pictures have most stages in common
+    # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and where single
+    # rays replace the sheets. A preset of quality takes the cheapest plan that is expected to keep its error.
+    with clock.stage("plan"):
+        source = choose_plan(source, cache)
     refuse = refuse_empty_view and not source.scene.motion  # what moves may come into view
-    clocks = [clock]  # that of the first picture has counted the choices, too
 
     def sharp_steps(sharp: Scene):
-        own = clocks.pop() if clocks else Clock()
-        return step_within(_sharp_steps(replace(source, scene=sharp), kept, refuse, own), own.running)
+        return _sharp_steps(replace(source, scene=sharp), cache, refuse, clock)
 
     return (yield from exposure_steps(source.scene, scenes, sharp_steps))
 
@@ -119,12 +114,12 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # Splat on to the base planes, sheet by sheet, front to back, adding the footprints within a sheet, until pixels are
     # opaque; warp the base planes to the picture.
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
-    # Rays: where the quality asks for it, the pixels that differ most from their neighbors are integrated one by one.
+    # Rays: where the plan asks for it, the pixels that differ most from their neighbors are integrated one by one.  A
+    # crop has been splatted with its neighbors then, and is cut out here.
     rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
     # Glass of the scene tints what is seen through it.
-    with clock.stage("glass"):
-        rgba = tint(picture.wanted, picture.source.quality, rgba, depth)
-    # Report: what was made, how, and in which time.
+    rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])
+    # Report: what was made, how, and in which time.  The stage cache takes what was made, now that all of it is.
     report = make_report(picture, medium, tables, (rgba, depth), traced)
     picture.work.job.keep()
     yield Progress(1.0, "Done")
@@ -144,7 +139,7 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
 
     There is one part, unless a parallel view lies between two or three principal axes: then these are blended.
     """
-    picture.ray_effects.leave_out_idle(picture.view.planes)
+    picture.ray_effects.leave_out_idle(picture.view.planes)  # such as a mesh that is behind the whole volume
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
@@ -155,8 +150,10 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
 def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade, begin: float, share: float):
     """Generator of Progress: splat the base planes of a part of the view and warp them; returns (rgba, depth).
 
-    Rays may begin and end inside the volume (clip distances, meshes, clip objects); silhouettes of meshes take a second
-    pass.  ``begin``, ``share``: how much of the work is done before, and how much this is.
+    Rays may begin and end inside the volume (clip distances, meshes, clip objects): ``intervals`` says where.
+    Silhouettes of meshes, behind which a pixel shows more of the volume, take a second pass; ``complete`` copies what
+    both have in common, and ``mix`` puts them together.  ``begin``, ``share``: how much of the work is done before, and
+    how much this is.
     """
     effects, clock, largest = picture.ray_effects, picture.work.clock, medium.most_color(tables.values())
     passes = effects.passes(fade.planes)
@@ -176,7 +173,7 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
         steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, largest)
         at = begin + share * done / count
         found = yield from announce(time_steps(steps, clock, "warp"), at, at, "Warping")
-        with clock.stage("warp"):
+        with clock.stage("warp"):  # ``finish`` colors pictures of values (MIP and the like)
             mixed = effects.mix(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
     return rgba, effects.clamp_to_clip(depth)
@@ -184,7 +181,7 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
 
 def retrace_steps(picture: Picture, medium: Medium, rgba, depth):
     """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
-    if not traces_steep_pixels(picture.source):
+    if not picture.traced:
         return rgba, depth, NO_PIXELS
     steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
     return (yield from announce(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

@@ -8,7 +8,6 @@ from ..effects.clips import NOTHING_LEFT
 from ..encode.tables import TABLES
 from ..runtime.jit import NUMBA_PROBLEM, PLAIN_NUMBA, compiled, shipped_problem, thread_count
 from ..scene import NO_DEPTH, truth_of
-from ..view.ray_intervals import box_depths
 from ..volume.axes import AXIS_NAMES
 from .medium import Medium
 from .picture import Picture
@@ -36,7 +35,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     quality = source.quality
     with clock.stage("report"):
         report = {
-            "image": image_report(wanted.crop, wanted.width, wanted.height),
+            "image": report_image(wanted.crop, wanted.width, wanted.height),
             "volume": _volume_report(wanted.volume.shape_xyz, medium),
             "memory_bytes": _memory_report(tables),
             "memory_estimate_bytes": None if medium.estimate is None else medium.estimate.report(),
@@ -56,7 +55,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     return report
 
 
-def image_report(crop, width: int, height: int) -> dict:
+def report_image(crop, width: int, height: int) -> dict:
     """The report's ``image``: the size of the picture; of a crop also ``width`` x ``height``, that of the frame."""
     if crop is None:
         return {"width": width, "height": height}
@@ -86,7 +85,7 @@ def _memory_report(held: dict) -> dict:
 
 def _plan_report(source: Source, view: View) -> dict:
     knobs = dict(vars(source.quality))  # flat; ``asdict`` would copy every value in depth
-    knobs["quality"] = knobs.pop("name") + ", held" * knobs.pop("held")
+    knobs["quality"] = knobs.pop("name")
     knobs["backend"] = "numba" if compiled() else "numpy"
     knobs["base_planes"] = [
         {
@@ -100,11 +99,10 @@ def _plan_report(source: Source, view: View) -> dict:
 
 def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
     remarks = list(source.remarks_on(medium))
-    furthest = box_depths(view.index_view, source.scene.volume.shape_xyz)[1]
-    if furthest >= NO_DEPTH:
+    if view.furthest >= NO_DEPTH:
         remarks.append(
-            f"The volume reaches {furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more stand "
-            "for none; give the scene a smaller scale where depths are wanted."
+            f"The volume reaches {view.furthest:.3g} world units from the camera, and depths of {NO_DEPTH:g} or more "
+            "stand for none; give the scene a smaller scale where depths are wanted."
         )
     if medium.nan_voxels:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")

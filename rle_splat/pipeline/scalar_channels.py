@@ -61,13 +61,13 @@ class ScalarChannel:
         return scalars_of(self.voxels, self.volume.voxels.dtype, *self.values_key)
 
 
-def shown_ends(reach: Reach, center: float) -> np.ndarray:
+def center_ends(reach: Reach, center: float) -> np.ndarray:
     """(k, 2) float64: ``reach.ends`` less ``center``, finite."""
     with np.errstate(over="ignore"):
         return np.clip(reach.ends.astype(np.float64) - center, -LARGEST, LARGEST)
 
 
-def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
+def find_value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     """Smallest and largest stored value that is splatted, and what stands for minus and plus infinity.
 
     These are the transfer function's ends, beyond which nothing changes; empty where nothing is infinite.
@@ -82,11 +82,11 @@ def value_ends(volume, tf, blocks: Blocks) -> tuple[tuple, tuple]:
     return (least, most) if least <= most else (0.0, 0.0), infinite
 
 
-def joined_values(channels) -> np.ndarray:
+def join_values(channels) -> np.ndarray:
     """(m, channels) float32: the scalars of each."""
     return np.stack([channel.scalars() for channel in channels], axis=1, dtype=np.float32, casting="unsafe")
 
 
-def channel_table(grid, volume, function, ends, length: float) -> LookupTable:
+def make_channel_table(grid, volume, function, ends, length: float) -> LookupTable:
     """The lookup table of a channel on a volume's ``grid``, whose spacing opacities refer to by themselves."""
     return lookup_table(volume, function, ends, opacity_distance(grid, function, length))

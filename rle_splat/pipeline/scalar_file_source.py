@@ -9,7 +9,7 @@ import numpy as np
 from ..classify.classification import opacity_distance, unit_length
 from ..classify.lookup_table import lookup_table
 from ..classify.transfer_function import TransferFunction
-from ..encode.members import SURFACE, damaged
+from ..encode.members import SURFACE, make_damage_error
 from ..encode.scalars import ScalarVolume
 from ..scene import Environment, Light, Quality, RleSplatError, Scene, as_color
 from ..shade.lighting import lighting
@@ -97,5 +97,5 @@ class ScalarFileSource(FileSource):
                 environment=None if around is None else Environment(**around),
             )  # fmt: skip
         except (LookupError, TypeError, ValueError):
-            raise damaged(stored.path, "its lights are not described") from None
+            raise make_damage_error(stored.path, "its lights are not described") from None
         return None if falling is None else sample_light(falling, stored.shape_xyz)

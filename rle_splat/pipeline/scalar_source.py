@@ -33,7 +33,7 @@ from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_mode import OF_VALUES
-from ..effects.ray_values import ValueMap, shown_values, value_map
+from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
 from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
 from ..raycast.scalar_rays import ChannelVoxels, RowVoxels, bricks_of
@@ -51,7 +51,7 @@ from ..volume.gradient_size import gradient_sizes
 from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
-from .scalar_channels import ScalarChannel, channel_table, joined_values, shown_ends, value_ends
+from .scalar_channels import ScalarChannel, center_ends, find_value_ends, join_values, make_channel_table
 from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
@@ -215,7 +215,7 @@ class LitScalars:
         placed = yield from time_steps(steps, clock, "encode")
         values = codes = None
         if self.channels:
-            steps = job.steps("values", (self.values_key, order), lambda: place_steps(joined_values(self.channels)))
+            steps = job.steps("values", (self.values_key, order), lambda: place_steps(join_values(self.channels)))
             values = yield from time_steps(steps, clock, "mixing")
         if self.codes is not None:
             steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
@@ -232,8 +232,8 @@ class LitScalars:
         scalars = job.get("scalars", key, lambda: scalars_of(voxels, scene.volume.voxels.dtype, *ends))
         codes = None if self.codes is None else read_only(self.codes)
         # Of the function as it is: what is kept may be more.
-        reach = Reach.of_values(scene.volume, shown_values(scene.transfer_function, scene.mode))
-        shown = shown_ends(reach, self.center)
+        reach = Reach.of_values(scene.volume, find_shown_values(scene.transfer_function, scene.mode))
+        shown = center_ends(reach, self.center)
         rows = RowVoxels(
             voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
         )
@@ -247,8 +247,8 @@ class LitScalars:
         if not self.channels:
             return None
         key = (self.values_key, IN_ROWS)
-        values = self.work.job.get("values", key, lambda: joined_values(self.channels))
-        shown = [shown_ends(channel.reach, channel.center) for channel in self.channels]
+        values = self.work.job.get("values", key, lambda: join_values(self.channels))
+        shown = [center_ends(channel.reach, channel.center) for channel in self.channels]
         begins = np.cumsum([0, *map(len, shown)])
         return ChannelVoxels(*map(read_only, (values, np.concatenate(shown), begins)))
 
@@ -302,7 +302,7 @@ class ScalarSource(Source):
             work, volume, blocks, further, voxels_key, falling is not None
         )  # fmt: skip
         with clock.stage("classify"):
-            ends, infinite = value_ends(volume, scene.transfer_function, blocks)
+            ends, infinite = find_value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
             channels = self._channels(work, relevant, further, length)
         key = voxels_key, relevant.key
@@ -326,10 +326,10 @@ class ScalarSource(Source):
         found = []
         for number, (channel, own, (reach, voxels)) in enumerate(zip(self.scene.channels, blocks, relevant.further)):
             volume, function = channel.volume, channel.transfer_function
-            ends, infinite = value_ends(volume, function, own)
+            ends, infinite = find_value_ends(volume, function, own)
             key = (volume.key if work.job.cache.keeps else number, function.classification_key, length, "further")
             given = self.scene.volume, volume, function, ends, length
-            table = work.job.get("table", key, partial(channel_table, *given))
+            table = work.job.get("table", key, partial(make_channel_table, *given))
             found.append(ScalarChannel(volume, function, voxels, reach, ends, infinite, table))
         return tuple(found)
 
@@ -383,7 +383,7 @@ class ScalarSource(Source):
         ``further_blocks``: the Blocks of each further channel.
         """
         job, clock = work.job, work.clock
-        reach = Reach.of_values(volume, shown_values(self.scene.transfer_function, self.scene.mode))
+        reach = Reach.of_values(volume, find_shown_values(self.scene.transfer_function, self.scene.mode))
 
         channels = self.scene.channels
         further = [Reach.of(channel.volume, channel.transfer_function) for channel in channels]
@@ -391,7 +391,7 @@ class ScalarSource(Source):
         thinned = self.scene.transfer_function.gradient_opacity is not None
         tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels))
 
-        def needed_by(found: VoxelCount) -> MemoryEstimate:
+        def estimate_for(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)
 
         # Between sheets both ends of a slab count, so that voxels which need not be kept would change what is seen
@@ -412,7 +412,7 @@ class ScalarSource(Source):
             key = found
         if job.has("relevant", key):
             relevant = job.get("relevant", key, None)
-            return relevant, needed_by(relevant.found)
+            return relevant, estimate_for(relevant.found)
         steps = time_steps(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
         bits = yield from announce(steps, 0.02, 0.08, "Finding the voxels that matter")
         for channel, own, shown in zip(channels, further_blocks, further, strict=True):
@@ -425,7 +425,7 @@ class ScalarSource(Source):
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
             counted = count_kept(bits, threads=self.threads)
         counts = VoxelCount.in_rows(volume, counted)
-        needed = needed_by(counts)
+        needed = estimate_for(counts)
         work.claim(needed)
         yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
         with clock.stage("classify"):
@@ -443,7 +443,7 @@ class ScalarSource(Source):
         if self.shows_values:
             return value_map(volume, tf, self.scene.mode, ends)
         key = (voxels_key, tf.classification_key, length)
-        return work.job.get("table", key, lambda: channel_table(volume, volume, tf, ends, length))
+        return work.job.get("table", key, lambda: make_channel_table(volume, volume, tf, ends, length))
 
     def _hide_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""

@@ -188,11 +188,11 @@ class ScanSource(Source):
         if voxels.falling is None:
             lit = replace(voxels, key=(voxels.key, "unshaded"))
         else:
-            lit = yield from self._lit_steps(voxels, work)
+            lit = yield from self._light_steps(voxels, work)
         length = found.opacity_distance if quality.model == "opacity" else 1.0
         return ClassifiedVoxels(lit, quality, scene.mist, length)
 
-    def _lit_steps(self, unlit: LitVolume, work: Work):
+    def _light_steps(self, unlit: LitVolume, work: Work):
         """Generator of Progress: the LitVolume with its normals and its shadows."""
         scene, job, voxels = self.scene, work.job, unlit.classified.voxels
         matrix, visible_key = scene.index_to_world, unlit.visible_key
@@ -219,20 +219,20 @@ class ScanSource(Source):
         shadows = shadow_count(scene) if shaded else 0
         tables = PlannedTables(self.quality.record, work.axes, shaded, shadows, self.mixed)
 
-        def needed_by(counted) -> MemoryEstimate:
+        def estimate_for(counted) -> MemoryEstimate:
             voxels = VoxelCount.in_rows(scene.volume, counted, self.record_type)
             return estimate_tables(voxels, tables, work.picture)
 
         if job.has("visible", visible_key):
             voxels = job.get("visible", visible_key, None)
-            return voxels, needed_by((np.diff(voxels.row_start), voxels.row_pieces))
+            return voxels, estimate_for((np.diff(voxels.row_start), voxels.row_pieces))
         blocks_of = partial(block_steps, scene.volume, threads=self.threads)
         steps = time_steps(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
         blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         steps = time_steps(self.mark_steps(shown, blocks), clock, self.stage)
         bits = yield from announce(steps, 0.02, 0.06, "Counting")
         counted = count_kept(bits, threads=self.threads)
-        needed = needed_by(counted)
+        needed = estimate_for(counted)
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
@@ -263,7 +263,7 @@ class MixedSource(ScanSource):
         return np.float32
 
 
-def scan_source(scene: Scene, quality: Quality, *more) -> ScanSource:
+def make_scan_source(scene: Scene, quality: Quality, *more) -> ScanSource:
     """The source of a scene's own voxels, classified before they are splatted; ``more``: see Source."""
     kind = MixedSource if scene.labels is not None or scene.channels else ScanSource
     return kind(scene, quality, *more)
@@ -278,7 +278,7 @@ def classify_and_shade(scene: Scene, quality: Quality, clock: Clock):
     (m, 3) float32
         The lit colors of its visible voxels, scene-linear.
     """
-    source = scan_source(scene, quality)
+    source = make_scan_source(scene, quality)
     lit = drain(source.medium_steps(Work(StageCache(0).job(), clock))).voxels
     with clock.stage("shade"):
         colors = shaded_colors(lit.classified, lit.normals, lit.falling, threads=source.threads)

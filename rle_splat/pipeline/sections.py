@@ -71,7 +71,7 @@ def section_steps(scene: Scene, quality: Quality, number: int, count: int):
     """
     picture = _begin(scene, quality)
     steps = step_within(_section_steps(picture, number, count), picture.work.clock.running)
-    (pixels, most_color), kernels = yield from watch_steps(steps, scene, quality)
+    (pixels, most_color), kernels = yield from watch_steps(steps, scene)
     return SectionImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
 
 
@@ -87,7 +87,7 @@ def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
     """
     picture = _begin(scene, quality)
     steps = step_within(_composite_steps(picture, sections), picture.work.clock.running)
-    rendering, kernels = yield from watch_steps(steps, scene, quality)
+    rendering, kernels = yield from watch_steps(steps, scene)
     report = dict(rendering.report)
     del report["memory_bytes"]  # here are no tables
     times = _sum(report["stages_ms"], sections.stages_ms)
@@ -140,7 +140,7 @@ def _section_steps(picture: Picture, number: int, count: int):
                     continue
                 steps = medium.splat_steps(tables[plane.axis], section, intervals)
                 image = yield from watch_splat_steps(steps, clock, 0.2, 0.8)
-                pixels.append(None if image.filled_part(0) is None else image.pixels)
+                pixels.append(None if image.find_filled_part(0) is None else image.pixels)
     return tuple(pixels), medium.most_color(tables.values())
 
 

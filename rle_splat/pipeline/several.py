@@ -77,7 +77,7 @@ class _Layer:
     def __init__(self, scenes: list[Scene], numbers: list[int], most_spans: int):
         self._scenes = scenes
         self._order = sorted(numbers, key=lambda n: float(_depths(scenes[n]).mean()))
-        self._shared = shared_pixels([scenes[n] for n in numbers]) if most_spans and len(numbers) > 1 else None
+        self._shared = find_shared_pixels([scenes[n] for n in numbers]) if most_spans and len(numbers) > 1 else None
         self._spans = cut_spans([scenes[n] for n in numbers], numbers, most_spans) if self._shared else []
         if self._shared == scenes[0].region:
             self._order = []
@@ -112,7 +112,7 @@ class _Layer:
         return whole
 
 
-def shared_pixels(scenes: list[Scene]) -> tuple[int, int, int, int] | None:
+def find_shared_pixels(scenes: list[Scene]) -> tuple[int, int, int, int] | None:
     """The pixels that may show more than one of several volumes.
 
     Parameters

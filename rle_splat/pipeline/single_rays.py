@@ -149,7 +149,7 @@ def _slabs_of(quality: Quality) -> int:
     return max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
 
 
-def rays_lines(rays: dict | None) -> list[str]:
+def describe_rays(rays: dict | None) -> list[str]:
     """A report's ``rays`` as lines for people."""
     if not rays or not rays["pixels"]:
         return []

@@ -132,14 +132,14 @@ class Job:
         """
         entry = (stage, key)
         if not self._find(entry):
-            self._made(entry, make(), size)
+            self._note_made(entry, make(), size)
         return self._used[entry][0]
 
     def steps(self, stage: str, key, make_steps, size=None):
         """Generator form of ``get``: ``make_steps()`` is a generator of fractions done that returns the result."""
         entry = (stage, key)
         if not self._find(entry):
-            self._made(entry, (yield from make_steps()), size)
+            self._note_made(entry, (yield from make_steps()), size)
         return self._used[entry][0]
 
     def latest(self, stage: str, serves) -> object:
@@ -166,6 +166,6 @@ class Job:
             self._used[entry] = held  # the last of them now
         return held is not None
 
-    def _made(self, entry, result, size) -> None:
+    def _note_made(self, entry, result, size) -> None:
         self.cache.made[entry[0]] = self.cache.made.get(entry[0], 0) + 1
         self._used[entry] = (result, result.nbytes if size is None else size(result))

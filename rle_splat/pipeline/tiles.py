@@ -16,7 +16,7 @@ from ..scene import Quality, Rendering, RleSplatError, Scene
 from .choose_source import choose_source
 from .memory_estimate import PICTURE_PIXEL, WRITTEN
 from .render import render_steps
-from .report import image_report
+from .report import report_image
 from .single_rays import add_neighbors, traces_steep_pixels
 from .source import Source
 from .stage_cache import StageCache
@@ -47,7 +47,7 @@ def tiles_of(region, side: int) -> list[tuple[int, int, int, int]]:
     ]  # fmt: skip
 
 
-def tile_side(scene: Scene, quality: Quality) -> int | None:
+def choose_tile_side(scene: Scene, quality: Quality) -> int | None:
     """The side of the largest tiles that fit into the free memory; None where the picture fits as a whole.
 
     Parameters
@@ -104,7 +104,7 @@ class Strip:
     """
 
     def __init__(self, region, tile):
-        self._left, self._top = region[0], tile[1]
+        self._left = region[0]
         shape = tile[3] - tile[1], region[2] - region[0]
         self.rgba, self.depth = np.empty((*shape, 4), np.float32), np.empty(shape, np.float32)
 
@@ -171,7 +171,7 @@ class Total:
     """
 
     def __init__(self, crop, size, side: int):
-        self._image, self._side, self._count = image_report(crop, *size), side, 0
+        self._image, self._side, self._count = report_image(crop, *size), side, 0
         self._fullest, self._most, self._traced = {}, -1.0, 0
         self._stages: dict[str, float] = {}
         self._effects: dict[str, dict] = {}

@@ -41,10 +41,21 @@ class Fade:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """How a source is seen: its voxels' indices from the eye, and the parts that the picture is mixed from."""
+    """How a source is seen.
+
+    Attributes
+    ----------
+    index_view : IndexView
+        Its voxels' indices from the eye.
+    fades : list of Fade
+        The parts that the picture is mixed from.
+    furthest : float
+        The largest planar depth of the volume, in world units.
+    """
 
     index_view: IndexView
     fades: list[Fade]
+    furthest: float
 
     @property
     def planes(self) -> list[BasePlane]:
@@ -90,4 +101,4 @@ def choose_view(source: Source, refuse_empty: bool) -> View:
         raise RleSplatError(
             "The camera does not see the volume; point it at the volume, or move the volume between its clip distances."
         )
-    return View(view, [fade.window(scene, quality) for fade in fades])
+    return View(view, [fade.window(scene, quality) for fade in fades], furthest)

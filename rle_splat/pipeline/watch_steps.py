@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
 from ..runtime.steps import Clock, Progress, forward, map_steps, step_within
-from ..scene import Quality, RleSplatError, Scene
+from ..scene import RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..volume.mapped_files import whole_steps
 
@@ -12,7 +12,7 @@ LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
 
 
-def watch_steps(steps, scene: Scene, quality: Quality):
+def watch_steps(steps, scene: Scene):
     """Generator of Progress that never falls: what ``steps`` returns, and the sorted names of the kernels that ran.
 
     Raises

@@ -13,7 +13,7 @@ from .streaming import Part
 MOST_FILES = 20_000
 
 
-def named_files(path: Path, given: str, listed) -> list[Path]:
+def find_data_files(path: Path, given: str, listed) -> list[Path]:
     """The data files of a header.
 
     Parameters

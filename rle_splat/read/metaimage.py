@@ -15,7 +15,7 @@ import numpy as np
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import PATIENT, Volume
-from .datafiles import named_files, part_of
+from .datafiles import find_data_files, part_of
 from .format import GZIP_MAGIC, Head
 from .header import (
     MILLIMETERS,
@@ -114,7 +114,7 @@ def _parts(path: Path, fields: dict, listed, end: int, size: int) -> list:
     skip = int(_numbers(path, fields, ("headersize",), 1, (0,))[0])
     is_packed = fields.get("compresseddata", "false").lower() == "true"
     given = fields["elementdatafile"]
-    files = [path] if given.upper() == "LOCAL" else named_files(path, given, listed)
+    files = [path] if given.upper() == "LOCAL" else find_data_files(path, given, listed)
     parts = []
     for file in files:
         offset = end if file == path else 0

@@ -39,7 +39,6 @@ MAGICS = {b"n+1\0": 1, b"ni1\0": 1, b"n+2\0": 2, b"ni2\0": 2}  # at byte 344 of 
 SINGLE = (b"n+1\0", b"n+2\0")  # voxels in the same file
 SIZES = {1: 348, 2: 540}  # bytes of a header
 LENGTH_UNITS = {1: "m", 2: "mm", 3: "um"}
-TIME_UNITS = (8, 16, 24)
 MOST_EXTENSION = 1 << 24  # bytes between header and voxels that are searched for names of labels
 LABEL = re.compile(rb"<Label\b([^>]*)>(?:\s*<!\[CDATA\[(.*?)\]\]>\s*|([^<]*))</Label>", re.DOTALL)
 ATTRIBUTE = re.compile(rb'(\w+)\s*=\s*"([^"]*)"')

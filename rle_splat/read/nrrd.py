@@ -14,7 +14,7 @@ from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..scene.color import linear, to_display
 from ..volume.volume import PATIENT, NamedLabel, Volume
-from .datafiles import named_files, part_of
+from .datafiles import find_data_files, part_of
 from .format import Head
 from .header import (
     MILLIMETERS,
@@ -175,7 +175,7 @@ def _data_parts(path: Path, header: dict, names: list, end: int, size: int) -> l
         raise RleSplatError(f"{path.name} is encoded as {encoding}, which cannot be read; save it as raw or gzip.")
     packing = PACKINGS[encoding]
     given = header.get("data file", header.get("datafile"))
-    files = [path] if given is None else named_files(path, given, names)
+    files = [path] if given is None else find_data_files(path, given, names)
     lines = int(header.get("line skip", header.get("lineskip", 0)))
     skip = int(header.get("byte skip", header.get("byteskip", 0)))
     if skip < -1 or not 0 <= lines <= MOST_HEADER:

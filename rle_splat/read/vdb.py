@@ -218,7 +218,7 @@ def _needs_double(volume: Volume) -> bool:
     return volume.voxels.dtype == np.float64 or not exact_as_float or (scaled and volume.voxels.dtype.kind != "f")
 
 
-def rounded_on_writing(volume: Volume) -> str | None:
+def remark_on_rounding(volume: Volume) -> str | None:
     """Sentence on what ``write_vdb`` rounds, or None. Some builds of OpenVDB's module (Debian's) lack DoubleGrid."""
     if not _needs_double(volume) or hasattr(load_openvdb(), "DoubleGrid"):
         return None
@@ -232,7 +232,7 @@ def lost_in_vdb(volume: Volume) -> list[str]:
         lost.append("Physical values were written; the stored values, slope and intercept are lost.")
     if volume.voxels.dtype.kind != "f":
         lost.append(f"The type {volume.voxels.dtype.name} is lost; a floating-point grid was written.")
-    rounded = rounded_on_writing(volume)
+    rounded = remark_on_rounding(volume)
     return lost + [rounded] if rounded else lost
 
 
@@ -254,7 +254,7 @@ def write_vdb_steps(volume: Volume, path):
     Notes
     -----
     Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
-    DoubleGrid, they are stored as float too; see ``rounded_on_writing``.
+    DoubleGrid, they are stored as float too; see ``remark_on_rounding``.
     """
     openvdb = load_openvdb()
     double = _needs_double(volume) and hasattr(openvdb, "DoubleGrid")

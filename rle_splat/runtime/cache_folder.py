@@ -34,13 +34,13 @@ def cache_folder() -> Path:
     if numbas and _are_usable(Path(numbas), Path(numbas, "rle_splat")):
         return _resolve(Path(numbas, "rle_splat"))
     with suppress(RuntimeError):  # a user without a home
-        preferred = _preferred_folders()
+        preferred = _list_preferred_folders()
         if _are_usable(*preferred):
             return _resolve(preferred[-1])
     return _temporary_folder()
 
 
-def _preferred_folders() -> tuple[Path, ...]:
+def _list_preferred_folders() -> tuple[Path, ...]:
     """Return the folder for kernels, preceded by the folder of the user's that contains it, if there is one."""
     if os.environ.get(CACHE_VARIABLE):
         return (Path(os.environ[CACHE_VARIABLE]),)

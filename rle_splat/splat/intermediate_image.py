@@ -39,7 +39,7 @@ class IntermediateImage:
         """Find ``filled`` again, of pixels that were changed."""
         note_filled(self.pixels, self.filled)
 
-    def filled_part(self, reach: int) -> tuple[slice, slice] | None:
+    def find_filled_part(self, reach: int) -> tuple[slice, slice] | None:
         """The rows and columns of the smallest rectangle that holds all there is, and ``reach`` on either side as far
         as the image goes; None where there is nothing."""
         first, last = self.filled

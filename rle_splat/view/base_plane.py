@@ -232,7 +232,7 @@ def _sides(polygon: list) -> list:
     return [(-dy, dx, dy * x - dx * y) for x, y, dx, dy in edges if math.hypot(dx, dy) > SHORT * longest]
 
 
-def _slanted_sides(one: list, two: list) -> list:
+def _find_slanted_sides(one: list, two: list) -> list:
     """Half-planes, as of ``_sides``, of the slanted sides of the convex hull of two axis-aligned rectangles.
 
     Each rectangle is given by its four corners, in the same order.
@@ -405,7 +405,7 @@ def _outline(eye: list, axes, sign: int, reference: float, sheets: Sheets, count
         left, top = (move - radius * scale for move in moves)
         right, bottom = (move + (count - 1.0 + radius) * scale for move, count in zip(moves, counts))
         rectangles.append([(left, top), (right, top), (right, bottom), (left, bottom)])
-    return _slanted_sides(*rectangles)
+    return _find_slanted_sides(*rectangles)
 
 
 def _density(homography: list, polygon: list, sheet_density: float) -> list:

@@ -32,7 +32,7 @@ def depth_row(camera: Camera) -> np.ndarray:
     return -world_to_camera(camera)[2]
 
 
-def fitted_pixels(camera: Camera, width: int, height: int) -> float:
+def find_fitted_side(camera: Camera, width: int, height: int) -> float:
     """Length of the side of the picture that determines the scale, in pixel widths; shifts are fractions of it.
 
     For a vertical fit, rows are weighted by the height of a pixel.
@@ -66,7 +66,7 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     """
     aspect_x, aspect_y = camera.pixel_aspect
     tallness = aspect_y / aspect_x  # height of a pixel in widths of a pixel
-    fitted = fitted_pixels(camera, width, height)
+    fitted = find_fitted_side(camera, width, height)
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
     across = camera.ortho_scale if camera.type == "ORTHO" else sensor / camera.lens
     pixel = across / fitted  # width of a pixel: world units, or per unit of depth

@@ -13,7 +13,7 @@ def counts_values(dtype) -> bool:
     return np.dtype(dtype).kind in "iu" and np.dtype(dtype).itemsize <= 2
 
 
-def stored_values(dtype) -> np.ndarray:
+def list_stored_values(dtype) -> np.ndarray:
     """All stored values of an integer type, ascending; (256,) or (65536,)."""
     limits = np.iinfo(dtype)
     return np.arange(limits.min, limits.max + 1).astype(dtype)
@@ -34,7 +34,7 @@ def count_steps(voxels: np.ndarray):
     Returns
     -------
     (256,) or (65536,) ndarray of int64
-        In the order of ``stored_values``.
+        In the order of ``list_stored_values``.
     """
     unsigned = np.dtype(f"u{voxels.dtype.itemsize}")
     counts = np.zeros(1 << 16, np.int64)

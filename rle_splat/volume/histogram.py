@@ -11,7 +11,7 @@ import numpy as np
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
-from .counts import counts_values, stored_values
+from .counts import counts_values, list_stored_values
 from .volume import LARGEST_VALUE, Volume
 
 DIGIT_BITS = 16  # bits per pass of the radix selection; 2^16 counters fit in the cache
@@ -112,7 +112,7 @@ def histogram_steps(volume: Volume, bins: int = 256, limits: tuple[float, float]
 def _from_counts(volume: Volume, edges: np.ndarray) -> Histogram:
     """Histogram from the counts of stored values, without reading the voxels again."""
     occurs = volume.value_counts
-    values = volume.physical(stored_values(volume.voxels.dtype))
+    values = volume.physical(list_stored_values(volume.voxels.dtype))
     counts = np.histogram(values, bins=edges.size - 1, range=(edges[0], edges[-1]), weights=occurs)[0]
     below, above = int(occurs[values < edges[0]].sum()), int(occurs[values > edges[-1]].sum())
     return Histogram(counts.astype(np.int64), edges, below, above)

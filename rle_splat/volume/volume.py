@@ -12,7 +12,7 @@ import numpy as np
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
-from .counts import count_steps, counts_values, stored_values
+from .counts import count_steps, counts_values, list_stored_values
 
 # Larger physical values count as infinite and are clamped; a quarter of the largest float64 keeps differences finite.
 LARGEST_VALUE = float(np.finfo(np.float64).max) / 4.0
@@ -182,7 +182,7 @@ class Volume:
 def range_steps(volume: Volume):
     """Generator of fractions done: ``Volume.value_range``."""
     if counts_values(volume.voxels.dtype):
-        seen = stored_values(volume.voxels.dtype)[volume.value_counts > 0]
+        seen = list_stored_values(volume.voxels.dtype)[volume.value_counts > 0]
         return volume._range(seen[0], seen[-1])
     low, high = np.inf, -np.inf
     for z, stored in enumerate(volume.voxels):  # slice by slice, so that a large volume is not copied

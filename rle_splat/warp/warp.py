@@ -59,7 +59,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
     with_kernels, prefiltered = compiled(), is_prefiltered(name)
     # Pixels farther than this from everything that an image holds are transparent and are skipped.
     reach = TAPS + 1 + MARGIN * prefiltered
-    parts = [(image, image.filled_part(reach)) for image in images]
+    parts = [(image, image.find_filled_part(reach)) for image in images]
     parts = [(image, part) for image, part in parts if part is not None]
     if not parts:
         clear(rgba, depth)

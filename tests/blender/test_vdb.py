@@ -276,11 +276,11 @@ def test_a_module_without_doubles_rounds_and_says_so(formats, core, tmp_path, mo
     vdb = core("read.vdb")
     volume = core("volume.volume").Volume(np.full((3, 3, 3), 1.0 / 3.0), np.eye(4))
     monkeypatch.delattr(openvdb, "DoubleGrid", raising=False)
-    assert "rounded to float32" in vdb.rounded_on_writing(volume)
+    assert "rounded to float32" in vdb.remark_on_rounding(volume)
     formats.write_volume(volume, tmp_path / "out.vdb")
     assert formats.read_volume(tmp_path / "out.vdb").voxels[1, 1, 1] == np.float32(1.0 / 3.0)
     narrow = core("volume.volume").Volume(np.ones((3, 3, 3), np.uint8), np.eye(4))
-    assert vdb.rounded_on_writing(narrow) is None
+    assert vdb.remark_on_rounding(narrow) is None
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_a_memory_limit_chooses_tiles(raw, raw_options, call, tmp_path, monkeypa
     words = ("render", raw, *raw_options, "--preset", "x-ray", "-o", tmp_path / "a.npy", "--json", tmp_path / "r.json")
     assert call(*words, "--size", "32", "--memory-limit", "4GiB").code == 0
     assert "tiles" not in json.loads((tmp_path / "r.json").read_text())
-    monkeypatch.setattr(tiles, "tile_side", lambda *_: 16)
+    monkeypatch.setattr(tiles, "choose_tile_side", lambda *_: 16)
     assert call(*words, "--size", "32", "--memory-limit", "4GiB").code == 0
     assert json.loads((tmp_path / "r.json").read_text())["tiles"] == {"side": 16, "count": 4}
 

@@ -124,9 +124,9 @@ def test_overlaps_do_not_depend_on_the_order_of_decoding(tmp_path: Path, kind: s
     """Child processes decode compressed frames, which come in any order."""
     path = write_seg(tmp_path / "seg.dcm", GEOMETRIES["axial"], truth(GEOMETRIES["axial"], 3), kind)
     volumes = [read_volume(path)]
-    planes = segmentation.stored_planes
+    planes = segmentation.decode_planes
     for seed in range(3):
-        monkeypatch.setattr(segmentation, "stored_planes", lambda pictures, seed=seed: shuffled(planes(pictures), seed))
+        monkeypatch.setattr(segmentation, "decode_planes", lambda pictures, seed=seed: shuffled(planes(pictures), seed))
         volumes.append(read_volume(path))
         np.testing.assert_array_equal(volumes[-1].voxels, volumes[0].voxels)
         assert volumes[-1].remarks == volumes[0].remarks

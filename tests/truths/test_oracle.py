@@ -8,7 +8,7 @@ from benchmarks.phantoms import FIELDS, radius_from_center
 from rle_splat.accuracy.integrate import integrate
 from rle_splat.accuracy.medium import ClassifiedField, ScalarField
 from rle_splat.accuracy.metrics import difference
-from rle_splat.accuracy.probes import steep_pixels, stratified_pixels
+from rle_splat.accuracy.probes import draw_pixels, steep_pixels
 from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color, piecewise_linear
 from rle_splat.scene import Camera
@@ -225,7 +225,7 @@ def test_metrics_and_probes():
     found = difference(image, reference)
     assert np.isclose(found.largest, 2.0) and np.isclose(found.rmse, 2.0 / np.sqrt(800.0)) and found.count == 800
     assert np.isclose(found.bias, 2.0 / 800.0) and difference(image, image).psnr == np.inf
-    columns, rows = stratified_pixels(640, 480, 1000)
+    columns, rows = draw_pixels(640, 480, 1000)
     assert 900 <= len(columns) <= 1000 and columns.max() < 640 and rows.max() < 480
     assert len(set(zip(columns.tolist(), rows.tolist()))) == len(columns)
     assert (3, 4) in set(zip(*(a.tolist() for a in steep_pixels(image, 5)[::-1])))

@@ -7,7 +7,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render_steps
-from rle_splat.pipeline.several import several_steps, shared_pixels
+from rle_splat.pipeline.several import find_shared_pixels, several_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import NO_DEPTH, Camera, Pose, Quality
 from rle_splat.view.box_order import box_of, near_to_far
@@ -117,7 +117,7 @@ def test_the_depth_of_a_mixture(box):
 
 def test_only_pixels_that_show_both_are_mixed(box):
     one, other = box((0, -4, 0), 0.2, RED), box((0, 4, 3), 0.1, BLUE)
-    left, top, right, bottom = shared_pixels([one, other])
+    left, top, right, bottom = find_shared_pixels([one, other])
     assert (left, right) == (0, 16) and 0 < top < bottom < 16
     found = picture([one, other])
     assert found.report["volumes"]["mixed"]
@@ -125,7 +125,7 @@ def test_only_pixels_that_show_both_are_mixed(box):
         alone = drain(render_steps(scene, QUALITY, None))
         np.testing.assert_array_equal(found.rgba[rows], alone.rgba[rows])
     far = box((0, -40, 0), 0.2, RED)
-    assert shared_pixels([far, other]) is None
+    assert find_shared_pixels([far, other]) is None
 
 
 def test_one_of_two_volumes_is_the_picture_of_it_alone(box):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rle_splat.volume.counts import counts_values, stored_values
+from rle_splat.volume.counts import counts_values, list_stored_values
 from rle_splat.volume.histogram import histogram, percentiles
 from rle_splat.volume.volume import Volume
 
@@ -18,7 +18,7 @@ def test_every_value_is_counted(dtype, shape):
     counts = volume.value_counts
     assert counts.sum() == voxels.size and len(counts) == limits.max - limits.min + 1
     values, times = np.unique(voxels, return_counts=True)
-    assert stored_values(dtype)[counts > 0].tolist() == values.tolist()
+    assert list_stored_values(dtype)[counts > 0].tolist() == values.tolist()
     assert counts[counts > 0].tolist() == times.tolist()
 
 

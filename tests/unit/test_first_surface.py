@@ -8,7 +8,7 @@ import pytest
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, TransferFunction
-from rle_splat.pipeline.first_surface import first_surface
+from rle_splat.pipeline.first_surface import find_surface
 from rle_splat.scene import Camera, Channel, Clip, Labels, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.sample import values_at
@@ -64,7 +64,7 @@ def rays_to_sphere():
 def test_a_sphere_in_a_box_within_half_a_voxel():
     scene = scene_of(sphere())
     for origin, direction, known in rays_to_sphere():
-        found = first_surface(scene, origin, direction)
+        found = find_surface(scene, origin, direction)
         assert abs(found.distance - known) < 0.5
         np.testing.assert_allclose(found.index, origin + found.distance * direction, atol=1e-9)
         assert 499.0 < found.value < 700.0 and found.opacity >= 0.5 and found.label is None
@@ -77,7 +77,7 @@ def test_the_value_is_exact_where_the_field_is_trilinear(spacing):
         scene = scene_of(volume, function((threshold - 1e-6, 0.0), (threshold, 1.0)))
         for direction in ((1.0, 0.6, 0.4), (0.2, 1.0, 0.1), (-0.3, 0.5, 1.0)):
             origin = np.array((0.5, 0.45, 0.5)) * (SIDE - 1) * spacing - 100.0 * np.array(direction)
-            found = first_surface(scene, origin, direction)
+            found = find_surface(scene, origin, direction)
             assert found.value == pytest.approx(2.0 * trilinear(*found.index) - 10.0, rel=1e-12)
             np.testing.assert_allclose(found.position, found.index * spacing, rtol=1e-12)
             assert found.value >= threshold - 1e-6
@@ -107,7 +107,7 @@ def test_the_depth_is_that_of_the_truth_in_a_translucent_volume(perspective):
     halved = (rgba[:, 3] > 0.5) & clear
     assert halved.sum() > 8 and (rgba[:, 3] < 0.004).sum() > 8
     for n in np.flatnonzero(clear):
-        found = first_surface(scene, rays.origin[n], rays.direction[n])
+        found = find_surface(scene, rays.origin[n], rays.direction[n])
         if halved[n]:
             assert abs(found.distance - depth[n] * rays.length_per_depth[n]) < 0.5 * 0.5  # half a voxel in the world
         elif rgba[n, 3] < 0.003:
@@ -118,19 +118,19 @@ def test_the_depth_is_that_of_the_truth_in_a_translucent_volume(perspective):
 
 def test_a_faint_ray_gives_its_most_opaque_sample():
     scene = scene_of(sphere(), function((0.0, 0.0), (1000.0, 0.01)))
-    found = first_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    found = find_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert 0.004 < found.opacity < 0.2 and found.value == pytest.approx(1000.0)
 
 
 def test_nothing_is_found_where_nothing_is_visible():
     scene = scene_of(sphere())
-    assert first_surface(scene, CENTER - (40.0, RADIUS + 2.0, 0.0), (1.0, 0.0, 0.0)) is None  # beside the sphere
-    assert first_surface(scene, CENTER - (40.0, 99.0, 0.0), (1.0, 0.0, 0.0)) is None  # beside the box
-    assert first_surface(scene, CENTER - (40.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) is None  # behind
-    assert first_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0), furthest=30.0) is None  # a mesh before it
-    within = first_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0), nearest=38.0)
+    assert find_surface(scene, CENTER - (40.0, RADIUS + 2.0, 0.0), (1.0, 0.0, 0.0)) is None  # beside the sphere
+    assert find_surface(scene, CENTER - (40.0, 99.0, 0.0), (1.0, 0.0, 0.0)) is None  # beside the box
+    assert find_surface(scene, CENTER - (40.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) is None  # behind
+    assert find_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0), furthest=30.0) is None  # a mesh before it
+    within = find_surface(scene, CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0), nearest=38.0)
     assert within.distance == pytest.approx(38.0, abs=0.5)
-    behind = first_surface(scene, CENTER, (1.0, 0.0, 0.0), nearest=-math.inf)
+    behind = find_surface(scene, CENTER, (1.0, 0.0, 0.0), nearest=-math.inf)
     assert behind.distance == pytest.approx(-RADIUS, abs=0.5)
 
 
@@ -139,19 +139,19 @@ def test_labels_and_channels_count():
     x, _, _ = indices()
     labels = Volume(np.where(x < CENTER[0], 1, 2).astype(np.uint8), np.eye(4))
     origin, direction = CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    hidden = first_surface(scene_of(volume, labels=Labels(labels, {1: None})), origin, direction)
+    hidden = find_surface(scene_of(volume, labels=Labels(labels, {1: None})), origin, direction)
     assert hidden.label == 2 and hidden.index[0] == pytest.approx(CENTER[0] - 0.5, abs=0.5)
     own = {1: function((5000.0, 0.0), (6000.0, 1.0))}
-    assert first_surface(scene_of(volume, labels=Labels(labels, own)), origin, direction).label == 2
-    assert first_surface(scene_of(volume, labels=Labels(labels)), origin, direction).label == 1
+    assert find_surface(scene_of(volume, labels=Labels(labels, own)), origin, direction).label == 2
+    assert find_surface(scene_of(volume, labels=Labels(labels)), origin, direction).label == 1
     further = Channel(Volume(np.full((SIDE,) * 3, 1000.0, np.float32), np.eye(4)), SOLID)
-    found = first_surface(scene_of(volume, channels=(further,)), origin, direction)
+    found = find_surface(scene_of(volume, channels=(further,)), origin, direction)
     assert found.index[0] == pytest.approx(0.0, abs=0.5) and found.value == 0.0  # the value is the volume's own
 
 
 def test_gradient_opacity_leaves_the_surface_alone():
     even = function((499.0, 0.0), (500.0, 0.02), gradient_opacity=GradientOpacity(400.0, 450.0))
-    found = first_surface(scene_of(sphere(), even), CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    found = find_surface(scene_of(sphere(), even), CENTER - (40.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert abs(abs(found.index[0] - CENTER[0]) - RADIUS) < 1.5  # not in the even middle
 
 
@@ -159,8 +159,8 @@ def test_modes_of_values_give_the_value_that_is_shown():
     volume = Volume(trilinear(*indices()).astype(np.float64), np.eye(4))
     shown = function((0.0, 1.0), (1.0, 1.0))
     origin, direction = (-40.0, 10.2, 9.6), (1.0, 0.0, 0.0)
-    largest = first_surface(scene_of(volume, shown, mode="mip"), origin, direction)
-    smallest = first_surface(scene_of(volume, shown, mode="minip"), origin, direction)
+    largest = find_surface(scene_of(volume, shown, mode="mip"), origin, direction)
+    smallest = find_surface(scene_of(volume, shown, mode="minip"), origin, direction)
     assert largest.value == pytest.approx(trilinear(SIDE - 1.0, 10.2, 9.6))
     assert smallest.value == pytest.approx(trilinear(0.0, 10.2, 9.6))
 
@@ -168,7 +168,7 @@ def test_modes_of_values_give_the_value_that_is_shown():
 def test_voxels_without_a_number_are_transparent():
     voxels = np.full((SIDE,) * 3, 1000.0, np.float32)
     voxels[:, :, :10] = np.nan
-    found = first_surface(scene_of(Volume(voxels, np.eye(4))), (-40.0, 10.2, 9.6), (1.0, 0.0, 0.0))
+    found = find_surface(scene_of(Volume(voxels, np.eye(4))), (-40.0, 10.2, 9.6), (1.0, 0.0, 0.0))
     assert found.index[0] == pytest.approx(10.0, abs=0.5) and found.value == 1000.0
 
 
@@ -179,5 +179,5 @@ def test_a_large_volume_is_read_along_the_ray_only(monkeypatch):
     read = []
     name = "rle_splat.pipeline.first_surface.values_at"
     monkeypatch.setattr(name, lambda volume, at: read.append(len(at)) or values_at(volume, at))
-    assert first_surface(scene, (-10.0, -9.0, -11.0), (1.0, 1.0, 1.0)) is None
+    assert find_surface(scene, (-10.0, -9.0, -11.0), (1.0, 1.0, 1.0)) is None
     assert sum(read) <= 4 * 255 * math.sqrt(3.0) + 2

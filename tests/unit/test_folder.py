@@ -14,7 +14,7 @@ import pytest
 import rle_splat
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode import folder as folder_form
-from rle_splat.encode.folder import FolderWriter, unfinished
+from rle_splat.encode.folder import FolderWriter, unfinished_path
 from rle_splat.encode.store import load
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.encode_folder import encode_folder_steps
@@ -170,10 +170,10 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     assert here.rgba[..., 3].max() > 0.5
     np.testing.assert_array_equal(from_folder(path / "coarse", coarse, quality).rgba, here.rgba)
     made = (path / "coarse" / folder_form.HEADER).stat().st_mtime_ns
-    path.rename(unfinished(path))
-    steps = encode_folder._coarse_steps(scene, quality, unfinished(path) / "coarse", (0, 1, 2), "")
-    assert list(steps) == [] and (unfinished(path) / "coarse" / folder_form.HEADER).stat().st_mtime_ns == made
-    unfinished(path).rename(path)
+    path.rename(unfinished_path(path))
+    steps = encode_folder._coarse_steps(scene, quality, unfinished_path(path) / "coarse", (0, 1, 2), "")
+    assert list(steps) == [] and (unfinished_path(path) / "coarse" / folder_form.HEADER).stat().st_mtime_ns == made
+    unfinished_path(path).rename(path)
     (path / "coarse" / folder_form.HEADER).unlink()
     with pytest.raises(RleSplatError, match="Cannot read"):
         load(path)
@@ -233,7 +233,7 @@ def test_a_killed_job_goes_on(tmp_path, few_planes, monkeypatch):
         report = encoded(path, scene, quality)
         went_on.add(report["folder"]["resumed_at_plane"])
         assert {file.name: file.read_bytes() for file in path.iterdir()} == wanted
-        assert not unfinished(path).exists()
+        assert not unfinished_path(path).exists()
     assert len(went_on) == 3
 
 

@@ -110,11 +110,11 @@ def test_the_side_follows_the_free_memory():
     try:
         for free in (1 << 30, 1 << 28, 1 << 27):
             limit_to(free)
-            sides.append(tiles.tile_side(scene, POST))
+            sides.append(tiles.choose_tile_side(scene, POST))
         limit_to(1 << 24)
         with pytest.raises(RleSplatError, match="make the picture narrower"):
-            tiles.tile_side(scene, POST)
+            tiles.choose_tile_side(scene, POST)
     finally:
         limit_to(None)
     assert sides == sorted(sides, reverse=True) and len(set(sides)) > 1 and set(sides) <= set(tiles.SIDES)
-    assert tiles.tile_side(scene_of("perspective"), POST) is None
+    assert tiles.choose_tile_side(scene_of("perspective"), POST) is None

@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from ...effects.analyze import analyze, analyze_effects
-from ...effects.glass import GLASS, tint
+from ...effects.glass import GLASS, Glass
 from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Clock, Progress, drain, forward
 from ...scene import Quality, Rendering, Scene, truth_of
+from ...view.eye import index_view
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
 from .checks import check_tolerance_applies
@@ -123,17 +124,18 @@ def _tolerance_steps(
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
     gave_up = len(rounds) > MOST_ESCALATIONS
-    return _tinted(with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier), through_glass, quality)
+    return _tint(with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier), through_glass, quality)
 
 
-def _tinted(rendering: Rendering, scene: Scene, quality: Quality) -> Rendering:
+def _tint(rendering: Rendering, scene: Scene, quality: Quality) -> Rendering:
     """The rendering of a scene without its glass, seen through it."""
     effects, seen = analyze_effects(scene, quality)
     if not effects["glass"].on:
         return rendering
     clock = Clock()
     with clock.running(), clock.stage("glass"):
-        rgba = tint(seen, quality, rendering.rgba, rendering.depth)
+        view = index_view(seen.camera, seen.index_to_world, seen.width, seen.height)
+        rgba = Glass(seen, view, quality).tint(rendering.rgba, rendering.depth, seen.region[:2])
     (row,) = (row for row in effects.report(clock) if row["name"] == "glass")
     rows = [row if other["name"] == "glass" else other for other in rendering.report["effects"]]
     return replace(rendering, rgba=rgba, report={**rendering.report, "effects": rows})

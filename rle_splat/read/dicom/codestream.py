@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-START_OF_IMAGE, START_OF_SCAN = 0xD8, 0xDA
+START_OF_SCAN = 0xDA
 # Frame headers: ITU T.81 table B.1 (SOF0 to SOF15 without DHT, JPG, DAC) and T.87 (SOF55, JPEG-LS).
 FRAME_MARKERS = {*range(0xC0, 0xD0), 0xF7} - {0xC4, 0xC8, 0xCC}
 J2K_START = b"\xff\x4f\xff\x51"  # SOC and SIZ, ITU T.800 annex A

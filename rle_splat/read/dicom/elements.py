@@ -42,7 +42,6 @@ LONG_SEQUENCES = (0x00041220, 0x52009230)
 CONTOURS = 0x30060039  # ROIContourSequence, read item by item where contours are wanted; else reading ends there
 DIRECTORY_CLASS = "1.2.840.10008.1.3.10"
 VOXEL_TAGS = {0x7FE00008: "float", 0x7FE00009: "double", 0x7FE00010: "integer"}
-ITEM_TAG, SEQUENCE_END = 0xFFFEE000, 0xFFFEE0DD
 UNDEFINED = 0xFFFFFFFF
 DEFLATED = ("1.2.840.10008.1.2.1.99",)
 BIG_ENDIAN = "1.2.840.10008.1.2.2"

@@ -13,14 +13,14 @@ from .codestream import code_header
 from .decoders import Order, decode_frames
 from .pictures import JPEG, RLE, ImageFrame, Storage
 from .refusals import breaks_off, damage_error, frame_damage_error, wrong_frame
-from .values import stored_dtype, stored_values
+from .values import choose_dtype, extract_stored_values
 
 CODE_HEAD = 1 << 16  # bytes of a compressed frame that its header is looked for in
 STARTS = (b"\xff\xd8", b"\xff\x4f")  # of JPEG and JPEG 2000 codestreams
 RLE_RATIO = 64  # run-length encoding cannot shrink data more than this many times
 
 
-def stored_planes(pictures):
+def decode_planes(pictures):
     """Generator: decode pictures.
 
     Parameters
@@ -101,7 +101,7 @@ def _plane(words: np.ndarray, storage: Storage, bits: int, high: int) -> np.ndar
     if not words.dtype.isnative:
         words = words.byteswap().view(words.dtype.newbyteorder("="))
     if storage.kind == "integer":
-        words = stored_values(words, bits, high, storage.signed, stored_dtype(storage))
+        words = extract_stored_values(words, bits, high, storage.signed, choose_dtype(storage))
     return words.reshape(storage.rows, storage.columns)
 
 
@@ -151,8 +151,8 @@ def _decode_plane(picture: ImageFrame, data: bytes, places) -> np.ndarray:
     precision = _header(storage, places[storage.path][picture.number]).precision
     bits = min(storage.stored, precision, 8 * size)
     words = np.frombuffer(data, f"u{size}")
-    dtype = stored_dtype(storage)
-    stored = stored_values(words, bits, bits - 1, storage.signed, np.dtype(f"{dtype.kind}{size}"))
+    dtype = choose_dtype(storage)
+    stored = extract_stored_values(words, bits, bits - 1, storage.signed, np.dtype(f"{dtype.kind}{size}"))
     return stored.astype(dtype, copy=False).reshape(storage.rows, storage.columns)
 
 

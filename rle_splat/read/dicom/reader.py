@@ -17,7 +17,7 @@ from . import elements
 from .discovery import FoundPictures, find_pictures
 from .grouping import ENOUGH_SLICES, Group, choose_group, groups_of, has_geometry
 from .pictures import check_size
-from .pixels import stored_planes, voxel_hash
+from .pixels import decode_planes, voxel_hash
 from .refusals import contours_alone, damage_error, segmentation_alone
 from .segmentation import read_segmentation_steps
 from .stacking import Stack
@@ -26,7 +26,7 @@ from .suv import UNIT as SUV
 from .suv import suv_factor
 from .titles import group_title, volume_name
 from .values import (
-    between,
+    blend,
     common_dtype,
     common_mapping,
     lower_padding,
@@ -183,10 +183,10 @@ def _voxel_steps(pictures, stack: Stack, mapping):
     if apart:
         refuse_beyond(2 * needed, f"{what} with irregular distances need", "choose a smaller series")
     read = np.empty((len(pictures), *shape[1:]), dtype=dtype) if apart else voxels[stack.slices - len(pictures) :]
-    padded = yield from rescale(_stored_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
+    padded = yield from rescale(_decode_steps(pictures, read, mapping), 0.0, 0.9, f"Reading {what}")
     for k in range(stack.slices if stack.kind != "even" else 0):
         j, weight = int(stack.below[k]), float(stack.weight[k])
-        voxels[k] = between(read[j], read[j + 1], weight) if weight > 0.0 else read[j]
+        voxels[k] = blend(read[j], read[j + 1], weight) if weight > 0.0 else read[j]
         yield Progress(0.9 + 0.1 * k / stack.slices, "Filling missing slices")
     return voxels, padded
 
@@ -196,11 +196,11 @@ def _fits_in_place(stack: Stack, count: int) -> bool:
     return bool(np.all(np.arange(stack.slices) <= stack.slices - count + stack.below))
 
 
-def _stored_steps(pictures, target: np.ndarray, mapping):
+def _decode_steps(pictures, target: np.ndarray, mapping):
     """Generator of Progress: decode pictures into ``target``; returns how many padding voxels were lowered."""
     done, lowest, paddings = 0, None, {}
     has_padding = any(padding_of(picture) is not None for picture in pictures)
-    for answer in stored_planes(pictures):
+    for answer in decode_planes(pictures):
         yield Progress(done / len(pictures), "")
         if answer is None:
             continue

@@ -13,7 +13,7 @@ from ...volume.volume import PATIENT, NamedLabel, Volume
 from . import elements as read
 from .grouping import collect_planes, has_geometry, parallel_parts
 from .pictures import check_size, frame_steps
-from .pixels import stored_planes
+from .pixels import decode_planes
 from .refusals import Refused, damage_error, no_positions
 from .stacking import Stack, axes, common_orientation, places, sort_along, stack
 
@@ -65,7 +65,7 @@ def read_segmentation_steps(found: read.Elements):
     yield Progress(0.0, doing)
     refuse_beyond(needed, f"{what} need", "choose a smaller segmentation")
     merged, overlaps, done = np.zeros(shape, dtype), 0, 0
-    for answer in stored_planes(pictures):
+    for answer in decode_planes(pictures):
         if answer is not None:
             i, plane = answer
             for k in at[i]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...scene import RleSplatError
 from .grouping import Group
-from .pixels import stored_planes
+from .pixels import decode_planes
 
 THUMBNAIL_SIDE = 128
 WINDOW_PERCENT = (1.0, 99.0)  # of a slice's values, shown black and white where the file has no window
@@ -106,7 +106,7 @@ def thumbnail(group: Group) -> np.ndarray:
         If the slice cannot be decoded.
     """
     picture = group.frames[0][group.slices // 2]
-    plane = next(answer[1] for answer in stored_planes([picture]) if answer is not None)
+    plane = next(answer[1] for answer in decode_planes([picture]) if answer is not None)
     step = max(1, -(-max(plane.shape) // THUMBNAIL_SIDE))
     values = plane[::step, ::step].astype(np.float64) * picture.slope + picture.intercept
     if picture.series.window is not None and picture.series.window[1] > 0.0:

@@ -9,7 +9,7 @@ from .pictures import ImageFrame, Storage
 SIZES = (8, 16, 32)
 
 
-def stored_dtype(storage: Storage) -> np.dtype:
+def choose_dtype(storage: Storage) -> np.dtype:
     """Type that holds the stored voxels of a file."""
     if storage.kind != "integer":
         return np.dtype(np.float32 if storage.kind == "float" else np.float64)
@@ -19,11 +19,11 @@ def stored_dtype(storage: Storage) -> np.dtype:
 
 def common_dtype(pictures) -> np.dtype:
     """Type that holds the stored voxels of all pictures."""
-    found = np.result_type(*{stored_dtype(picture.storage) for picture in pictures})
+    found = np.result_type(*{choose_dtype(picture.storage) for picture in pictures})
     return np.dtype(np.float64) if found == np.int64 else found  # of signed and unsigned ones of 32 bits
 
 
-def stored_values(words: np.ndarray, bits: int, high: int, signed: bool, dtype: np.dtype) -> np.ndarray:
+def extract_stored_values(words: np.ndarray, bits: int, high: int, signed: bool, dtype: np.dtype) -> np.ndarray:
     """Stored voxels from allocated words: bits ``high - bits + 1`` to ``high``, the sign extended.
 
     Parameters
@@ -73,7 +73,7 @@ def padding_of(picture: ImageFrame) -> tuple | None:
     found = []
     for value in picture.padding:
         if storage.signed and value >= 1 << (storage.stored - 1):  # written as an unsigned word
-            value -= 1 << (8 * stored_dtype(storage).itemsize if value >= 1 << storage.stored else storage.stored)
+            value -= 1 << (8 * choose_dtype(storage).itemsize if value >= 1 << storage.stored else storage.stored)
         found.append(value)
     return min(found), max(found)
 
@@ -99,7 +99,7 @@ def lower_padding(plane: np.ndarray, padding: tuple, lowest) -> int:
     return int(np.count_nonzero(above))
 
 
-def between(first: np.ndarray, second: np.ndarray, weight: float) -> np.ndarray:
+def blend(first: np.ndarray, second: np.ndarray, weight: float) -> np.ndarray:
     """(1 - weight) * first + weight * second, rounded if the type is an integer."""
     mixed = first * (1.0 - weight) + second * weight
     return np.rint(mixed).astype(first.dtype) if first.dtype.kind in "iu" else mixed.astype(first.dtype)
