@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
-from rle_splat.accuracy.probes import LIT_TOLERANCE, stratified_pixels
+from rle_splat.accuracy.probes import LIT_TOLERANCE, draw_pixels
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.roughness import LEVELS
@@ -76,7 +76,7 @@ def errors_of_light(scene: Scene, lights, qualities, count: int) -> list[dict]:
     count : int
         Pixels that are drawn; those in which nothing is seen are left out.
     """
-    cache, columns_rows = StageCache(), stratified_pixels(scene.width, scene.height, count)
+    cache, columns_rows = StageCache(), draw_pixels(scene.width, scene.height, count)
     own = {name: render(scene, quality, cache=cache).rgba for name, quality in qualities.items()}
     alpha = next(reversed(own.values()))[columns_rows[1], columns_rows[0], 3]
     columns, rows = (place[alpha > SEEN / LEVELS] for place in columns_rows)
