@@ -308,9 +308,17 @@ def test_contours_through_the_outermost_centers_fill_their_mask():
     assert contours.fill([outer - 0.5], mask.shape)[0].sum() < octagon.sum()
 
 
+def off_edges(x: float, y: float, polygon) -> float:
+    """Distance of a point from the nearest edge."""
+    begin, along = polygon, np.roll(polygon, -1, axis=0) - polygon
+    share = np.clip(((np.array((x, y)) - begin) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return float(np.hypot(*(begin + share[:, None] * along - (x, y)).T).min())
+
+
+@pytest.mark.extras
 @pytest.mark.parametrize("corners", [3, 7, 40])
 def test_polygons_are_filled_as_matplotlib_fills_them(corners: int):
-    """Points in a polygon by code that shares nothing with ours; polygons of random corners cross themselves."""
+    """Points in a polygon by code that shares nothing with ours; centers within 0.001 pixels of an edge are filled."""
     path = pytest.importorskip("matplotlib.path")
     random = np.random.default_rng(corners)
     y, x = np.mgrid[:40, :44]
@@ -320,4 +328,5 @@ def test_polygons_are_filled_as_matplotlib_fills_them(corners: int):
         radius = random.uniform(4.0, 25.0, corners)  # beyond the grid
         polygon = np.stack([21.3 + radius * np.cos(angles), 18.7 + radius * np.sin(angles)], axis=1)
         wanted = path.Path(polygon).contains_points(centers).reshape(x.shape)
-        np.testing.assert_array_equal(contours.fill([polygon], x.shape)[0], wanted)
+        found = contours.fill([polygon], x.shape)[0]
+        assert all(found[j, i] and off_edges(i, j, polygon) <= 1e-3 for j, i in np.argwhere(found != wanted))
