@@ -137,7 +137,7 @@ def test_filled_gaps_and_gaps_that_stay(tmp_path: Path):
     found = labels_of(write(tmp_path / "s.dcm", scan(), {1: shapes}), scan())
     assert np.flatnonzero(found.voxels.any(axis=(1, 2))).tolist() == [5, 6, 7, 8, 9, 10, 30, 31, 32]
     np.testing.assert_array_equal(found.voxels[8], found.voxels[7])
-    assert found.remarks == ("1 slices of regions lie between contours and were interpolated.",)
+    assert found.remarks == ("Slices of regions that lie between contours were interpolated (1).",)
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.5, 2.0)])
@@ -174,7 +174,7 @@ def test_crossing_contours_are_filled_even_odd_and_stated(tmp_path: Path):
     eight[:, 1] = MIDDLE[1] + 8.0 * np.sin(2 * ANGLES)
     pair = [circle(8.0, 10.0), circle(8.0, 10.0) + (5.0, 0.0, 0.0)]
     labels = labels_of(write(tmp_path / "s.dcm", scan(), {1: [eight], 2: pair}), scan())
-    assert labels.remarks == ("s.dcm holds 2 contours that cross, filled even-odd.",)
+    assert labels.remarks == ("s.dcm holds contours that cross and are filled even-odd (2).",)
     one, other = (labels_of(write(tmp_path / "s.dcm", scan(), {1: [each]}), scan()).voxels for each in pair)
     np.testing.assert_array_equal(labels.voxels[10], 2 * (one ^ other)[10])
 
@@ -201,7 +201,7 @@ def test_names_colors_and_overlaps(tmp_path: Path):
     inner = [np.count_nonzero(labels.voxels == number) for number in (7, 300)]
     overlap = sum(inner) - np.count_nonzero(labels.voxels[21]) + inner[1]
     assert labels.remarks == (
-        "s.dcm holds 1 regions without a voxel in the scan.",
+        "s.dcm holds regions without a voxel in the scan (1).",
         f"Regions overlap in {overlap} voxels, which show the region with the highest number.",
     )
 
@@ -233,12 +233,12 @@ class TestBadInput:
         path = write(tmp_path / "s.dcm", scan(), {1: [circle(5.0, 20)], 2: [circle(5.0, 20)]}, change=change)
         labels = labels_of(path, scan())
         assert set(np.unique(labels.voxels)) == {0, 1}
-        assert labels.remarks == ("s.dcm holds 1 regions of another frame of reference.",)
+        assert labels.remarks == ("s.dcm holds regions of another frame of reference (1).",)
 
     def test_no_contours(self, tmp_path: Path):
         assert "no closed contours; export" in refusal(write(tmp_path / "s.dcm", scan(), {}), scan())
 
-    @pytest.mark.parametrize(("kind", "word"), [("POINT", "2 points"), ("OPEN_PLANAR", "2 open contours")])
+    @pytest.mark.parametrize(("kind", "word"), [("POINT", "points (2)"), ("OPEN_PLANAR", "open contours (2)")])
     def test_points_and_open_contours_alone(self, tmp_path: Path, kind: str, word: str):
         path = write(tmp_path / "s.dcm", scan(), {1: [circle(5.0, z) for z in (20, 21)]}, kind=kind)
         assert f"no closed contours, only {word};" in refusal(path, scan())
@@ -254,7 +254,7 @@ class TestBadInput:
         labels = labels_of(path, scan())
         assert np.flatnonzero(labels.voxels.any(axis=(1, 2))).tolist() == [20]
         assert labels.remarks == tuple(
-            f"s.dcm holds 1 {what}."
+            f"s.dcm holds {what} (1)."
             for what in ("open contours", "contours of fewer than 3 points", "damaged contours")
         )
 
