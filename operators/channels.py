@@ -70,6 +70,9 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
         name="Channels of the File", description="Add the other channels in the file of this volume",
         options={"SKIP_SAVE", "HIDDEN"})
 
+    use_dialog: BoolProperty(
+        name="Dialog", description="Ask for the file", default=True, options={"SKIP_SAVE", "HIDDEN"})
+
     nothing_chosen = "No file was chosen; set filepath."
     is_channel = True
     operator_again = "import_channel"
@@ -79,7 +82,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
         return super().poll(context) and has_editable_values(cls, context)
 
     def invoke(self, context, _event):
-        if self.of_file:
+        if self.of_file or not self.use_dialog:
             return self.begin(context)
         source_options.clear(self)
         self.is_confirmed = True
