@@ -1,12 +1,24 @@
-"""Add Selected Volumes and Remove Channel: volumes that are added to the picture of the active one."""
+"""Add File, Add Selected Volumes and Remove Channel: volumes that are added to the picture of the active one."""
+
+import os
 
 import bpy
-from bpy.props import IntProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
 
-from ..bridge.volumes import channels, loading, volumes
+from ..bridge.data import source_options
+from ..bridge.held import Held
+from ..bridge.loop import store
+from ..bridge.translations import told
+from ..bridge.volumes import channels, loading, new_volume, volumes
+from ..rle_splat.runtime.steps import rescale
 from ..rle_splat.scene import RleSplatError
+from .import_volume import LAST_SUFFIXES, ImportsVolumes
+from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_editable_values, has_editable_volume, refuse
+
+MOST_CHANNELS = 16  # of one file
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
@@ -46,6 +58,90 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
         return [one for one in context.selected_objects if channels.can_be_added(owner, one)]
 
 
+class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
+    """Add a file to the picture of this volume, with its own transfer function, such as a PET or a dose to a CT"""
+
+    bl_idname = "rle_splat.import_channel"
+    bl_label = "Add File"
+    bl_options = {"UNDO"}
+
+    filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
+    of_file: BoolProperty(
+        name="Channels of the File", description="Add the other channels in the file of this volume",
+        options={"SKIP_SAVE", "HIDDEN"})
+
+    use_dialog: BoolProperty(
+        name="Dialog", description="Ask for the file", default=True, options={"SKIP_SAVE", "HIDDEN"})
+
+    nothing_chosen = "No file was chosen; set filepath."
+    is_channel = True
+    operator_again = "import_channel"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and has_editable_values(cls, context)
+
+    def invoke(self, context, _event):
+        if self.of_file or not self.use_dialog:
+            return self.begin(context)
+        source_options.clear(self)
+        self.is_confirmed = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def draw(self, _context):
+        self.layout.prop(self, "preset", text="Preset")
+
+    def paths(self) -> list[str]:
+        return [bpy.path.abspath(self.filepath)] if self.filepath else []
+
+    def loading(self, context):
+        return loading.missing_steps(volumes.volume_object(context))
+
+    def prepare(self, context):
+        owner = volumes.volume_object(context)
+        self._owner, options = Held(owner), source_options.PlainOptions()
+        if self.of_file:
+            source_options.copy(owner.rle_splat, options)
+            numbers = [n for n in range(1, owner.rle_splat.frame_count + 1) if n != owner.rle_splat.data_frame]
+            if not 0 < len(numbers) < MOST_CHANNELS:
+                raise RleSplatError(
+                    f"The file of {owner.name!r} holds {owner.rle_splat.frame_count} volumes; 2 to {MOST_CHANNELS} can "
+                    "be shown as channels.")
+            path = volumes.resolved_path(owner)
+            sources = [(path, source_options.at_frame(options, number)) for number in numbers]
+        elif self.paths():
+            source_options.copy(self, options)
+            sources = [(path, options) for path in self.paths()]
+        else:
+            raise RleSplatError(self.nothing_chosen)
+        wish = store.wish_of(owner, None, self.bl_idname)
+        return self.with_thumbnails(self._placed_steps(sources, owner.name, volumes.load_volume(owner), wish))
+
+    def _placed_steps(self, sources, name: str, volume, wish):
+        """Generator of Progress: as ``_one_steps`` for each (path, options), and each on the grid of the volume."""
+        read = []
+        for i, (path, options) in enumerate(sources):
+            begin, end = i / len(sources), (i + 1) / len(sources)
+            read.append((yield from rescale(self._one_steps(path, options), begin, end)))
+            channel = read[-1][0].volume
+            placed = yield from rescale(channels.placed_steps(wish, channel, volume), end, end)
+            channels.check_grid(os.path.basename(path), placed, name, volume)
+        return read
+
+    def commit(self, context, results):
+        owner, added = self._owner.get(), []
+        for found, options, transfer_function, reason in results:
+            other, remark = new_volume.add_volume(context, found, options, transfer_function)
+            added.append(other)
+            for sentence in filter(None, (*found.remarks, remark)):
+                self.report({"WARNING"}, told(sentence))
+            self.report({"INFO"}, told(reason))
+        for remark in channels.add_channels(owner, added):
+            self.report({"INFO"}, told(remark))
+        make_active(self, context, owner, "shows the channels")
+
+
 class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
     """Remove this volume from the picture and keep its object"""
 
@@ -67,4 +163,4 @@ class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-CLASSES = (RLE_SPLAT_OT_add_channels, RLE_SPLAT_OT_remove_channel)
+CLASSES = (RLE_SPLAT_OT_add_channels, RLE_SPLAT_OT_import_channel, RLE_SPLAT_OT_remove_channel)

@@ -73,6 +73,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     """Mix-in: read the volumes at ``paths()`` and add an object for each."""
 
     nothing_chosen = "No file was chosen; set filepath, or directory and files."
+    is_channel = False  # whether the volumes are added to the picture of another one
 
     preset: EnumProperty(
         name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
@@ -165,7 +166,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             return found, options, None, encoded.STORED_VALUES
         source_options.keep_level(options, found.volume)
         transfer_function, reason = yield from rescale(
-            chosen_transfer_steps(self.preset, found.volume), CHOOSING, 1.0)
+            chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own
         return found, options, transfer_function, reason
 

@@ -29,8 +29,8 @@ from . import (
 )
 
 MODULES = (
-    volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, picture, scan,
-    playback, advanced, channels, diagnostics, effects, report, accuracy, about, clip_gizmos,
+    volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, channels,
+    picture, scan, playback, advanced, diagnostics, effects, report, accuracy, about, clip_gizmos,
 )  # fmt: skip
 
 

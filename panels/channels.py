@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..bridge.data.playback import FIXED
 from ..bridge.presence import is_deleted
 from ..bridge.volumes import volumes
 from .places import OfVolume, paragraph
@@ -10,12 +11,13 @@ from .places import OfVolume, paragraph
 class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
     bl_label = "Channels"
     bl_idname = "RLE_SPLAT_PT_channels"
-    bl_parent_id = "RLE_SPLAT_PT_advanced"
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
         layout = self.layout
-        for index, channel in enumerate(volumes.volume_object(context).rle_splat.channels):
+        properties = volumes.volume_object(context).rle_splat
+        for index, channel in enumerate(properties.channels):
             deleted = channel.source is not None and is_deleted(channel.source)
             row = layout.row(align=True)
             row.alert = deleted
@@ -25,6 +27,9 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
             if deleted:
                 sentence = f"The volume {channel.source.name} was deleted; remove this channel."
                 paragraph(context, layout, sentence, icon="ERROR")
+        layout.operator("rle_splat.import_channel", icon="FILE_FOLDER").of_file = False
+        if properties.frame_count > 1 and properties.playback == FIXED:
+            layout.operator("rle_splat.import_channel", text="Add Channels of the File", icon="COLOR").of_file = True
         layout.operator("rle_splat.add_channels", icon="ADD")
 
 

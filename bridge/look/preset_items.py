@@ -1,13 +1,13 @@
 """The transfer function presets as enum items, and the transfer function of an item."""
 
-from ...rle_splat.classify.default import default_transfer_function_steps
+from ...rle_splat.classify.default import default_channel_function_steps, default_transfer_function_steps
 from ...rle_splat.classify.presets import PRESETS, fit_preset_steps
 from ...rle_splat.runtime.steps import announce, drain
 
 SUGGESTED = "AUTO"
 CHOOSING = "choosing a transfer function"
 IMPORT_ITEMS = [(SUGGESTED, "Suggested", "Choose from the values and the modality; the picture is never blank")] + [
-    (row.name, row.label, row.description.capitalize()) for row in PRESETS.values()
+    (row.name, row.label, row.description[0].upper() + row.description[1:]) for row in PRESETS.values()
 ]
 
 # Kinds of scan in the order of the menu, with the names of their presets.
@@ -24,7 +24,7 @@ def chosen_transfer(item: str, volume):
     return drain(chosen_transfer_steps(item, volume))
 
 
-def chosen_transfer_steps(item: str, volume):
+def chosen_transfer_steps(item: str, volume, is_channel: bool = False):
     """Generator of Progress: the transfer function of an enum item, in the values of a volume.
 
     Parameters
@@ -33,6 +33,8 @@ def chosen_transfer_steps(item: str, volume):
         Identifier in IMPORT_ITEMS.
     volume : Volume
         The volume.
+    is_channel : bool
+        Whether it is added to the picture of another one.
 
     Returns
     -------
@@ -42,5 +44,6 @@ def chosen_transfer_steps(item: str, volume):
         Why it was chosen or how it was fitted, or "".
     """
     if item == SUGGESTED:
-        return (yield from announce(default_transfer_function_steps(volume), 0.0, 1.0, CHOOSING))
+        suggest = default_channel_function_steps if is_channel else default_transfer_function_steps
+        return (yield from announce(suggest(volume), 0.0, 1.0, CHOOSING))
     return (yield from announce(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))

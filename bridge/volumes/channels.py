@@ -102,17 +102,22 @@ def add_channels(owner, others) -> tuple[str, ...]:
             raise RleSplatError(f"{other.name!r} is already a channel of {owner.name!r}; choose another volume.")
         channel = volumes.load_volume(other)
         placed = drain(placed_steps(wish_of(owner, other), channel, volume))
-        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, placed))
-        if mine != its:
-            raise RleSplatError(
-                f"{other.name!r} has {its} voxels and {owner.name!r} {mine}; choose a volume on the same grid, or "
-                "files that say how they lie in the patient."
-            )
+        check_grid(other.name, placed, owner.name, volume)
         remarks += placed.remarks[len(channel.remarks) :]
     for other in others:
         row = owner.rle_splat.channels.add()
         row.name, row.source = uuid.uuid4().hex, other
     return tuple(remarks)
+
+
+def check_grid(name: str, placed, owner_name: str, volume) -> None:
+    """RleSplatError if the channel ``name``, the Volume ``placed``, has other voxels than the volume that it is for."""
+    mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, placed))
+    if mine != its:
+        raise RleSplatError(
+            f"{name!r} has {its} voxels and {owner_name!r} {mine}; choose a volume on the same grid, or "
+            "files that say how they lie in the patient."
+        )
 
 
 def remove_channel(owner, index: int) -> None:

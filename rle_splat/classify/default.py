@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -70,6 +71,9 @@ def default_transfer_function_steps(volume: Volume):
         return _ramp(0.0, 1.0), "The volume holds no finite value; there is nothing to show."
     if volume.value_unit == "signed distance":
         return _inside(volume), "The values are signed distances, so the inside of the surface is shown."
+    if volume.color is not None:
+        function = replace(_from_histogram(volume, spread)[0], color=((0.0, *volume.color),), shade=None)
+        return function, "The volume is a channel of several, so it is shown in the channel's color."
     for name, reason in _proposals(volume, spread):
         function, _ = yield from fit_preset_steps(name, volume)
         if VISIBLE_SHARE <= _measure_shown_share(function, spread) <= CROWDED_SHARE:

@@ -19,6 +19,7 @@ from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from .channel_colors import color_of, hex_colors
 from .format import Head
 from .header import (
     MILLIMETERS,
@@ -59,6 +60,8 @@ class Pyramid:
         Path of each level inside the folder, the finest first.
     scales, offsets : tuple of (axes,) tuple of float
         Of each level: length of a voxel and place of the first one's center along each axis, in its unit.
+    colors : tuple of (3,) tuple or None
+        sRGB color of each channel, as far as it is stated.
     """
 
     path: Path
@@ -67,6 +70,7 @@ class Pyramid:
     levels: tuple
     scales: tuple
     offsets: tuple
+    colors: tuple = ()
 
 
 def recognizes_ome_zarr(head: Head) -> bool:
@@ -126,10 +130,12 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
     differ_in = " and ".join(several) or "time"
     affine, unit, remarks = _geometry(pyramid, chosen)
     remarks += _level_remarks(shapes, sizes, chosen, level, quick)
-    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, place_of_frame(number, others), scratch)
+    place = place_of_frame(number, others)
+    voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, place, scratch)
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), frames=frames, frame_axis=differ_in,
         remarks=(*remarks, *frame_remark(number, frames, differ_in)), levels=tuple(shapes),
+        color=color_of(place.get("c", 0), others.get("c", 1), pyramid.colors),
     )  # fmt: skip
 
 
@@ -160,7 +166,9 @@ def read_pyramid(path: Path) -> Pyramid:
     for name in levels:
         if Path(name).is_absolute() or ".." in Path(name).parts:
             raise damage_error(path, f"the level {name!r} lies outside of it")
-    return Pyramid(path, names, units, levels, *zip(*placed))
+    channels = facts.get("omero", {}).get("channels", ()) if isinstance(facts.get("omero"), dict) else ()
+    colors = hex_colors(one.get("color") for one in channels if isinstance(one, dict))
+    return Pyramid(path, names, units, levels, *zip(*placed), colors)
 
 
 def _metadata(path: Path) -> dict:

@@ -15,6 +15,7 @@ import numpy as np
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from .channel_colors import color_of, ome_colors
 from .format import Head
 from .header import (
     MILLIMETERS,
@@ -35,22 +36,25 @@ from .streaming import EXPANSION, Part, allocate, grid_text, plain_name, storabl
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 SUFFIXES = (".tif", ".tiff")
 DEPTH_AXES = "ZIQRHTC"  # the first of these that a series has is z; tifffile's letters
+CHANNELS = "C"
 COLORS = "S"  # samples of a pixel
 TIME_AXES = ("T",)
 MOST_FILES = 20_000
 PHYSICAL = re.compile(r'\bPhysicalSize([XYZ])(Unit)?="([^"]*)"')
 PIXELS = re.compile(r"<(?:\w+:)?Pixels\b[^>]*>")
+IMAGE = re.compile(r"<(?:\w+:)?Image\b.*?</(?:\w+:)?Image>", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class _TiffFacts:
-    """What a file says beside its pages: spacing (x, y, z) or None, its unit, frames and remarks."""
+    """What a file says beside its pages: spacing (x, y, z) or None, its unit, frames, remarks and a channel's color."""
 
     spacing: tuple | None = None
     unit: str | None = None
     frames: int = 1
     differ_in: str = "time"
     remarks: tuple = ()
+    color: tuple | None = None
 
 
 def recognizes_tiff(head: Head) -> bool:
@@ -152,6 +156,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
         index, series = max(enumerate(file.series), key=lambda pair: math.prod(pair[1].shape))
         pages, axes = list(series.pages), series.axes
         spacing, unit = _spacing(file, index)
+        stated = _colors(file, index)
     if not axes.endswith("YX") or COLORS in axes:
         raise RleSplatError(f"The pages of {path.name} are colors; export one number for each pixel.")
     lengths = dict(zip(axes[:-2], series.shape))
@@ -178,7 +183,8 @@ def _one_file_steps(path: Path, file, frame: int | None):
         remarks += ("The file says that its pages follow one another in time; they were taken as slices.",)
     kinds = ["time" if axis in TIME_AXES else "channel" for axis in others] or ["time"]
     differ_in = " and ".join(dict.fromkeys(kinds))
-    return voxels, _TiffFacts(spacing, unit, frames, differ_in, remarks)
+    color = color_of(fixed.get(CHANNELS, 0), longer.get(CHANNELS, 1) if CHANNELS in others else 1, stated)
+    return voxels, _TiffFacts(spacing, unit, frames, differ_in, remarks, color)
 
 
 def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
@@ -269,6 +275,15 @@ def _spacing(file, index: int) -> tuple[tuple | None, str | None]:
     return tuple(factor * float(length) for length in lengths[::-1]), "um"
 
 
+def _colors(file, index: int) -> tuple:
+    """sRGB colors of the channels of the ``index``-th series, as OME or ImageJ state them; () without."""
+    if file.is_ome and file.ome_metadata:
+        images = IMAGE.findall(file.ome_metadata)
+        return ome_colors(images[min(index, len(images) - 1)]) if images else ()
+    tables = (file.imagej_metadata or {}).get("LUTs") or ()
+    return tuple(tuple((np.asarray(table).reshape(3, -1)[:, -1] / 255.0).tolist()) for table in tables)
+
+
 def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     """Generator of Progress: read a stack of TIFF pages; return the Volume.
 
@@ -320,6 +335,6 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
         remarks += (f"The file states no spacing; 1 x 1 x 1 {unit or 'mm'} is assumed.",)
     return Volume(
         voxels=voxels, affine=np.diag((*check_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
-        frames=facts.frames, frame_axis=facts.differ_in,
+        frames=facts.frames, frame_axis=facts.differ_in, color=facts.color,
         remarks=remarks + frame_remark(frame or 1, facts.frames, facts.differ_in),
     )  # fmt: skip

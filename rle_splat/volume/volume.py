@@ -68,6 +68,8 @@ class Volume:
         How many volumes the source holds; this one is one of them.
     frame_axis : str
         What the volumes of the source differ in: "time", or another word for the reader, such as "echo time".
+    color : (3,) tuple of float or None
+        Scene-linear RGB in which the file, or a convention, shows this channel of several.
     named_labels : tuple of NamedLabel
         Names and colors of the labels of a label map; empty for other volumes.
     series : str
@@ -102,6 +104,7 @@ class Volume:
     space: str | None = None
     frames: int = 1
     frame_axis: str = "time"
+    color: tuple | None = None
     named_labels: tuple = ()
     series: str = ""
     place_key: str = ""

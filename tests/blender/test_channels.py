@@ -142,3 +142,63 @@ def test_channels_are_matched_by_their_places_in_the_patient(bridge, tmp_path, c
     np.testing.assert_array_equal(found["coarse"].voxels[::2, ::2, ::2], volume.voxels[::2, ::2, ::2])
     bridge("volumes.volumes").forget_all()
     assert loading.missing_steps(first) is not None and not loading.is_at_hand(first)
+
+
+def test_a_file_is_added_in_one_operator(bridge, tmp_path, capfd, refused):
+    """Read, brought onto the grid of the active volume, which stays active; nothing is left of one that is refused."""
+    nibabel = pytest.importorskip("nibabel")
+    values = np.random.default_rng(1).integers(0, 255, (9, 8, 7)).astype(np.uint8)
+    away = np.array([(1, 0, 0, 99), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1.0)])
+    for name, stored, affine in (
+        ("first", values, np.eye(4)), ("coarse", values[::2, ::2, ::2], np.diag((2.0, 2.0, 2.0, 1.0))),
+        ("away", values, away),
+    ):  # fmt: skip
+        nibabel.save(nibabel.Nifti1Image(stored, affine), tmp_path / f"{name}.nii")
+    assert not bpy.ops.rle_splat.import_channel.poll()
+    bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "first.nii"))
+    owner = bpy.context.view_layer.objects.active
+    before = set(bpy.data.objects)
+    add = bpy.ops.rle_splat.import_channel
+    refused(add, "lies elsewhere", filepath=str(tmp_path / "away.nii"))
+    refused(add, "No file was chosen")
+    refused(add, "holds 1 volumes", of_file=True)
+    assert set(bpy.data.objects) == before and not owner.rle_splat.channels
+    capfd.readouterr()
+    assert add(filepath=str(tmp_path / "coarse.nii")) == {"FINISHED"}
+    assert "another grid (5 x 4 x 4 voxels)" in capfd.readouterr().out
+    assert bpy.context.view_layer.objects.active == owner and [one.name for one in bpy.context.selected_objects] == [
+        owner.name]
+    row, = owner.rle_splat.channels
+    assert row.source.name == "coarse" and bridge("volumes.loading").is_at_hand(owner)
+
+
+def test_a_pet_that_is_added_is_hot(bridge, tmp_path):
+    scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
+    owner = bpy.context.view_layer.objects.active
+    np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "pet.raw")
+    assert bpy.ops.rle_splat.import_channel(
+        filepath=str(tmp_path / "pet.raw"), shape=(N, N, N), dtype="uint16", modality="PT") == {"FINISHED"}
+    function = bridge("look.transfer").read_transfer(owner.rle_splat.channels[0].source)
+    assert function.name == "PET hot" and function.span == (pytest.approx(0.01 * N**3, abs=2), pytest.approx(
+        0.999 * N**3, abs=2))
+
+
+def test_channels_of_one_file_are_added_in_their_colors(bridge, tmp_path):
+    """Green, magenta and cyan where the file says nothing; each with the window of its own values."""
+    tifffile = pytest.importorskip("tifffile")
+    values = np.random.default_rng(1).integers(0, 100, (N, 3, N, N)).astype(np.uint16)
+    values[2:6, :, 2:6, 2:6] += 2000
+    values[:, 1] *= 4
+    tifffile.imwrite(tmp_path / "cells.tif", values, imagej=True, metadata={"axes": "ZCYX"})
+    bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "cells.tif"))
+    owner = bpy.context.view_layer.objects.active
+    assert bpy.ops.rle_splat.import_channel(of_file=True) == {"FINISHED"}
+    sources = [owner, *(row.source for row in owner.rle_splat.channels)]
+    functions = [bridge("look.transfer").read_transfer(one) for one in sources]
+    assert [one.color[0][1:] for one in functions] == [(0, 1, 0), (1, 0, 1), (0, 1, 1)]
+    windows = [one.span for one in functions]
+    assert windows[1][1] == pytest.approx(4 * windows[0][1], rel=0.05) and windows[2] == pytest.approx(
+        windows[0], rel=0.1)
+    volume, depsgraph = bridge("volumes.volumes").load_volume(owner), bpy.context.evaluated_depsgraph_get()
+    for i, channel in enumerate(bridge("volumes.channels").read_channels(owner, depsgraph, volume), 1):
+        np.testing.assert_array_equal(channel.volume.voxels, values[:, i])

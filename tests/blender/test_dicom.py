@@ -83,3 +83,33 @@ def test_a_saved_scene_does_not_name_the_patient(tmp_path, capfd, phantoms, obli
     for word in (*words, *uids):
         assert not re.search(re.escape(word.encode()), saved), word
         assert word not in captured.out + captured.err
+
+
+def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refused):
+    from pydicom.dataset import Dataset
+
+    phantoms.write_classic(tmp_path / "scan", phantoms.geometries()["axial"], change=with_place)
+    bpy.ops.rle_splat.import_folder(directory=str(tmp_path / "scan"))
+    owner, volume = active(), loaded(bridge)
+    dataset, drawn = Dataset(), Dataset()
+    dataset.SOPClassUID = "1.2.840.10008.5.1.4.1.1.481.3"
+    dataset.SOPInstanceUID, dataset.Modality = "1.2.3.5", "RTSTRUCT"
+    dataset.StructureSetROISequence = phantoms.one(
+        ROINumber=3, ROIName="heart", ReferencedFrameOfReferenceUID="1.2.3.4")
+    drawn.ContourGeometricType, drawn.NumberOfContourPoints = "CLOSED_PLANAR", 4
+    corners = [(4.5, 6.5, 2, 1), (9.5, 6.5, 2, 1), (9.5, 12.5, 2, 1), (4.5, 12.5, 2, 1)]
+    drawn.ContourData = [f"{value:.5f}" for corner in corners for value in (volume.affine @ corner)[:3]]
+    dataset.ROIContourSequence = phantoms.one(
+        ReferencedROINumber=3, ROIDisplayColor=[255, 0, 0], ContourSequence=[drawn])
+    path = phantoms.save(dataset, tmp_path / "structures.dcm")
+    owner.rle_splat.label_file = str(path)
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert [(row.label, row.label_name) for row in owner.rle_splat.labels] == [(0, "Background"), (3, "heart")]
+    assert tuple(owner.rle_splat.labels[1].color) == (1.0, 0.0, 0.0)
+    found = bridge("volumes.labels").file_of(owner).key(volume)
+    assert (bridge("loop.store").find(found).volume.voxels == 3).sum() == 5 * 6
+    refused(bpy.ops.rle_splat.import_volume, "read the file as labels", filepath=str(path))
+
+
+def with_place(dataset, _number):
+    dataset.FrameOfReferenceUID = "1.2.3.4"

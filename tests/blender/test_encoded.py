@@ -187,6 +187,7 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
 NEEDS_VALUES = {
     "apply_preset": dict(preset="ct-bone"), "load_transfer": dict(filepath="any.json"), "window_level": dict(),
     "keyframe_transfer": dict(), "add_slice": dict(), "extract_surface": dict(), "add_channels": dict(),
+    "import_channel": dict(filepath="any.raw"),
     "measure_accuracy": dict(), "shadow_pass": dict(), "bake_volume": dict(filepath="any.vdb"),
     "save_figure": dict(filepath="any.svg"),
 }

@@ -210,6 +210,7 @@ def test_B40_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge,
         "keyframe_transfer": {}, "own_transfer": {},
         "load_transfer": {"filepath": str(tmp_path / "function.json")}, "apply_own_preset": {"name": "any"},
         "read_labels": {}, "solo_label": {"label": 1}, "add_channels": {}, "remove_channel": {"index": 0},
+        "import_channel": {"filepath": str(tmp_path / "work" / "other.raw")},
     }  # fmt: skip
     for name, options in edits.items():
         operator = getattr(bpy.ops.rle_splat, name)

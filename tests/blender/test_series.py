@@ -159,6 +159,19 @@ def test_an_import_is_undone(study, bridge, core, name, options):
     assert not any(one.rle_splat.is_volume for one in bpy.data.objects)
 
 
+def test_a_series_is_chosen_for_a_channel(study, bridge, core, refused):
+    """Of several in a folder: the list is shown, and the chosen one is added without asking for a file again."""
+    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    owner = active()
+    refused(bpy.ops.rle_splat.import_channel, "There are 2 series", filepath=str(study))
+    with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
+        bridge("volumes.volumes").read_file(str(study), {})
+    bridge("volumes.series").offer(
+        caught.value, [None, None], "import_channel", {"filepath": str(study), "use_dialog": False})
+    assert bpy.ops.rle_splat.choose_series(row=0) == {"FINISHED"}
+    assert len(owner.rle_splat.channels) == 1 and active() == owner
+
+
 def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
     volumes = bridge("volumes.volumes")
     bpy.ops.rle_splat.import_folder(directory=str(study / "first"))

@@ -127,6 +127,7 @@ EDITS = {
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
     "add_channels": ({}, two_volumes),
+    "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Clip Box"), clip_box),
     "reload": (dict(flip=(True, False, False)), None),

@@ -137,7 +137,7 @@ def test_filled_gaps_and_gaps_that_stay(tmp_path: Path):
     found = labels_of(write(tmp_path / "s.dcm", scan(), {1: shapes}), scan())
     assert np.flatnonzero(found.voxels.any(axis=(1, 2))).tolist() == [5, 6, 7, 8, 9, 10, 30, 31, 32]
     np.testing.assert_array_equal(found.voxels[8], found.voxels[7])
-    assert found.remarks == ("1 slices of regions lie between contours and were interpolated.",)
+    assert found.remarks == ("Slices of regions that lie between contours were interpolated (1).",)
 
 
 @pytest.mark.parametrize("spacing", [(1.0, 1.0), (0.5, 2.0)])
@@ -174,7 +174,7 @@ def test_crossing_contours_are_filled_even_odd_and_stated(tmp_path: Path):
     eight[:, 1] = MIDDLE[1] + 8.0 * np.sin(2 * ANGLES)
     pair = [circle(8.0, 10.0), circle(8.0, 10.0) + (5.0, 0.0, 0.0)]
     labels = labels_of(write(tmp_path / "s.dcm", scan(), {1: [eight], 2: pair}), scan())
-    assert labels.remarks == ("s.dcm holds 2 contours that cross, filled even-odd.",)
+    assert labels.remarks == ("s.dcm holds contours that cross and are filled even-odd (2).",)
     one, other = (labels_of(write(tmp_path / "s.dcm", scan(), {1: [each]}), scan()).voxels for each in pair)
     np.testing.assert_array_equal(labels.voxels[10], 2 * (one ^ other)[10])
 
@@ -201,7 +201,7 @@ def test_names_colors_and_overlaps(tmp_path: Path):
     inner = [np.count_nonzero(labels.voxels == number) for number in (7, 300)]
     overlap = sum(inner) - np.count_nonzero(labels.voxels[21]) + inner[1]
     assert labels.remarks == (
-        "s.dcm holds 1 regions without a voxel in the scan.",
+        "s.dcm holds regions without a voxel in the scan (1).",
         f"Regions overlap in {overlap} voxels, which show the region with the highest number.",
     )
 
@@ -233,12 +233,12 @@ class TestBadInput:
         path = write(tmp_path / "s.dcm", scan(), {1: [circle(5.0, 20)], 2: [circle(5.0, 20)]}, change=change)
         labels = labels_of(path, scan())
         assert set(np.unique(labels.voxels)) == {0, 1}
-        assert labels.remarks == ("s.dcm holds 1 regions of another frame of reference.",)
+        assert labels.remarks == ("s.dcm holds regions of another frame of reference (1).",)
 
     def test_no_contours(self, tmp_path: Path):
         assert "no closed contours; export" in refusal(write(tmp_path / "s.dcm", scan(), {}), scan())
 
-    @pytest.mark.parametrize(("kind", "word"), [("POINT", "2 points"), ("OPEN_PLANAR", "2 open contours")])
+    @pytest.mark.parametrize(("kind", "word"), [("POINT", "points (2)"), ("OPEN_PLANAR", "open contours (2)")])
     def test_points_and_open_contours_alone(self, tmp_path: Path, kind: str, word: str):
         path = write(tmp_path / "s.dcm", scan(), {1: [circle(5.0, z) for z in (20, 21)]}, kind=kind)
         assert f"no closed contours, only {word};" in refusal(path, scan())
@@ -254,7 +254,7 @@ class TestBadInput:
         labels = labels_of(path, scan())
         assert np.flatnonzero(labels.voxels.any(axis=(1, 2))).tolist() == [20]
         assert labels.remarks == tuple(
-            f"s.dcm holds 1 {what}."
+            f"s.dcm holds {what} (1)."
             for what in ("open contours", "contours of fewer than 3 points", "damaged contours")
         )
 
@@ -308,9 +308,17 @@ def test_contours_through_the_outermost_centers_fill_their_mask():
     assert contours.fill([outer - 0.5], mask.shape)[0].sum() < octagon.sum()
 
 
+def off_edges(x: float, y: float, polygon) -> float:
+    """Distance of a point from the nearest edge."""
+    begin, along = polygon, np.roll(polygon, -1, axis=0) - polygon
+    share = np.clip(((np.array((x, y)) - begin) * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+    return float(np.hypot(*(begin + share[:, None] * along - (x, y)).T).min())
+
+
+@pytest.mark.extras
 @pytest.mark.parametrize("corners", [3, 7, 40])
 def test_polygons_are_filled_as_matplotlib_fills_them(corners: int):
-    """Points in a polygon by code that shares nothing with ours; polygons of random corners cross themselves."""
+    """Points in a polygon by code that shares nothing with ours; centers within 0.001 pixels of an edge are filled."""
     path = pytest.importorskip("matplotlib.path")
     random = np.random.default_rng(corners)
     y, x = np.mgrid[:40, :44]
@@ -320,4 +328,5 @@ def test_polygons_are_filled_as_matplotlib_fills_them(corners: int):
         radius = random.uniform(4.0, 25.0, corners)  # beyond the grid
         polygon = np.stack([21.3 + radius * np.cos(angles), 18.7 + radius * np.sin(angles)], axis=1)
         wanted = path.Path(polygon).contains_points(centers).reshape(x.shape)
-        np.testing.assert_array_equal(contours.fill([polygon], x.shape)[0], wanted)
+        found = contours.fill([polygon], x.shape)[0]
+        assert all(found[j, i] and off_edges(i, j, polygon) <= 1e-3 for j, i in np.argwhere(found != wanted))

@@ -91,16 +91,16 @@ def read_structures_steps(path, volume: Volume):
             overlaps += np.count_nonzero(merged[k][mask])
             merged[k][mask] = region.number
             interpolated += between
-            skipped["contours that cross, filled even-odd"] += crossing
+            skipped["contours that cross and are filled even-odd"] += crossing
             yield Progress(number / len(here), f"Filling contours ({number + 1} of {len(here)} regions)")
         if voxels:
             labels.append(NamedLabel(region.number, region.name, region.color))
         skipped["regions without a voxel in the scan"] += not voxels
     if not labels:
         raise RleSplatError(f"No contour of {path.name} lies within the scan; choose the file of this scan.")
-    remarks = [f"{path.name} holds {count} {what}." for what, count in skipped.items() if count]
+    remarks = [f"{path.name} holds {what} ({count})." for what, count in skipped.items() if count]
     if interpolated:
-        remarks.append(f"{interpolated} slices of regions lie between contours and were interpolated.")
+        remarks.append(f"Slices of regions that lie between contours were interpolated ({interpolated}).")
     if overlaps:
         remarks.append(f"Regions overlap in {overlaps} voxels, which show the region with the highest number.")
     return Volume(
@@ -110,8 +110,8 @@ def read_structures_steps(path, volume: Volume):
 
 
 def _list_skipped(skipped: Counter) -> str:
-    """Such as ", only 2 points and 1 open contours"."""
-    found = " and ".join(f"{count} {what}" for what, count in skipped.items() if count)
+    """Such as ", only points (2) and open contours (1)"."""
+    found = " and ".join(f"{what} ({count})" for what, count in skipped.items() if count)
     return f", only {found}" if found else ""
 
 
