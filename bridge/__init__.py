@@ -8,11 +8,11 @@ from . import handlers, live, translations
 from .data import preferences, properties
 from .live import letters
 from .look import own_presets, previews, thumbnails
-from .volumes import source_paths
+from .volumes import segments, source_paths
 
 __all__ = [
     "handlers", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "source_paths", "thumbnails", "translations",
+    "properties", "register", "segments", "source_paths", "thumbnails", "translations",
     "unregister",
 ]
 
@@ -22,6 +22,7 @@ def register():
     preferences.register()
     properties.register()
     previews.register()
+    segments.register()  # before source_paths, whose handler makes paths relative
     source_paths.register()
     handlers.register()
     letters.register()
@@ -37,6 +38,7 @@ def unregister():
     letters.unregister()
     handlers.unregister()
     source_paths.unregister()
+    segments.unregister()
     previews.unregister()
     properties.unregister()
     preferences.unregister()

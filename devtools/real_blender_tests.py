@@ -32,6 +32,7 @@ WINDOW_SCRIPTS = {
     "window.py": USUAL_SCREEN,
     "window_panels.py": (800, 3600),  # every panel of the sidebar at once
     "window_import.py": USUAL_SCREEN,
+    "window_segments.py": USUAL_SCREEN,
     "window_dialogs.py": USUAL_SCREEN,
     "window_live.py": USUAL_SCREEN,
     "window_several.py": USUAL_SCREEN,

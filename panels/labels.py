@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge.volumes import encoded, volumes
+from ..operators.change_segment import TOOLS
 from .places import OfVolume, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the segment's name takes
@@ -30,6 +31,23 @@ class RLE_SPLAT_UL_labels(bpy.types.UIList):
         split.prop(item, "opacity", text="", emboss=False)
 
 
+class RLE_SPLAT_MT_segments(bpy.types.Menu):
+    bl_label = "Segment Tools"
+    bl_idname = "RLE_SPLAT_MT_segments"
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("rle_splat.remove_table", icon="USER")
+        layout.operator("rle_splat.pick_connected", icon="EYEDROPPER")
+        layout.operator("rle_splat.threshold_segment", text="Threshold to Segment…", icon="NODE_SOCKET_FLOAT")
+        layout.separator()
+        for tool, name, _description, icon in TOOLS:
+            layout.operator("rle_splat.change_segment", text=name, icon=icon).tool = tool
+        layout.separator()
+        layout.operator("rle_splat.export_segments", text="Export Segments…", icon="EXPORT")
+
+
 class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
     bl_label = "Segments"
     bl_idname = "RLE_SPLAT_PT_labels"
@@ -44,6 +62,7 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         if encoded.is_of(owner):
             paragraph(context, layout, NO_SEGMENTS, icon="INFO")
             return
+        layout.menu(RLE_SPLAT_MT_segments.bl_idname, icon="TOOL_SETTINGS")
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
         button = row.row(align=True)
@@ -61,4 +80,4 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         layout.prop(properties, "smooth_labels")
 
 
-CLASSES = (RLE_SPLAT_UL_labels, RLE_SPLAT_PT_labels)
+CLASSES = (RLE_SPLAT_UL_labels, RLE_SPLAT_MT_segments, RLE_SPLAT_PT_labels)

@@ -93,7 +93,7 @@ class LabelProperties(bpy.types.PropertyGroup):
 
 
 class LabelMap(NamedTuple):
-    """Content of a label file: its Volume, and its different values, ascending; see ``_value_steps``."""
+    """Content of a label file: its Volume, and its different values, ascending; see ``value_steps``."""
 
     volume: Volume
     values: np.ndarray
@@ -165,7 +165,7 @@ def _read_steps(file: LabelFile, volume):
             f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
         ) from problem
     yield from rescale(measure_steps(found), READING, COUNTING)
-    values = yield from announce(_value_steps(found), COUNTING, 1.0, "reading labels")
+    values = yield from announce(value_steps(found), COUNTING, 1.0, "reading labels")
     return LabelMap(found, values)
 
 
@@ -221,10 +221,7 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
         If the file is no label map on the volume's grid.
     """
     found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file_of(owner), volume))
-    Labels(found)  # checks for whole numbers
-    if found.shape_xyz != volume.shape_xyz:
-        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
-        raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
+    check_grid(found, volume)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
@@ -245,7 +242,15 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     return len(numbers), further, found.remarks
 
 
-def _value_steps(volume):
+def check_grid(found: Volume, volume: Volume) -> None:
+    """RleSplatError if a label map has values that are not whole, or another number of voxels than a volume."""
+    Labels(found)  # checks for whole numbers
+    if found.shape_xyz != volume.shape_xyz:
+        mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
+        raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
+
+
+def value_steps(volume):
     """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
     MOST_LABELS of them."""
     if counts_values(volume.voxels.dtype):

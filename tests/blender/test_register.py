@@ -25,7 +25,7 @@ LISTENERS = {
     "render_pre": ["over_render"], "render_write": ["over_render"],
     "save_post": ["source_paths", "mesh_shadows", "picture_files"],
     "save_post_fail": ["source_paths", "mesh_shadows", "picture_files"],
-    "save_pre": ["source_paths", "over_render", "mesh_shadows", "update", "picture_files"],
+    "save_pre": ["segments", "source_paths", "over_render", "mesh_shadows", "update", "picture_files"],
     "undo_post": ["update", "slice_pictures", "shown", "store"],
 }  # fmt: skip
 

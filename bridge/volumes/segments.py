@@ -1,0 +1,215 @@
+"""Label maps that segment tools make of a volume object: the file of each, and how the object shows it.
+
+Each change becomes a new file, so that undo finds the map of before and no file of the user is overwritten.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ...rle_splat.read.formats import write_steps
+from ...rle_splat.runtime.steps import announce, rescale
+from ...rle_splat.scene import RleSplatError
+from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, put_segment
+from ...rle_splat.volume.volume import NamedLabel, Volume
+from ..look import transfer
+from ..loop import store
+from ..pictures.file_names import is_reserved
+from ..pictures.picture_files import FOLDER
+from . import labels
+from .source_paths import resolved_path
+
+SUFFIX = ".nii.gz"
+LOADED, MADE, WRITTEN = 0.2, 0.8, 0.95  # shares of the time until the map is read, changed and written
+VISIBLE = 0.02  # share of the transfer function's largest opacity from which on a value counts as visible
+VALUES = 4096  # of the volume's range, at which the transfer function is looked up
+
+
+@dataclass(frozen=True)
+class MadeSegment:
+    """A label map with a new or changed segment, and its file."""
+
+    path: str
+    found: labels.LabelMap
+    number: int
+
+
+def change_steps(owner, volume: Volume, make_mask, number: int | None = None, name: str = "", over_others: bool = True):
+    """Generator of Progress: change the label map of a volume object and write it to a new file.
+
+    The object is read before the first step.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+        The volume object.
+    volume : Volume
+        Its voxels.
+    make_mask : callable
+        ``make_mask(labels, shown)`` is a generator of Progress that returns the segment's voxels, a (nz, ny, nx) array
+        of bool.  ``labels``: the map of before, a Volume.  ``shown``: which voxels belong to no hidden segment.
+    number : int or None
+        Label of the segment that is changed; None makes one.
+    name : str
+        Of a new segment.
+    over_others : bool
+        As of ``put_segment``.
+
+    Returns
+    -------
+    MadeSegment
+
+    Raises
+    ------
+    RleSplatError
+        If the label file cannot be read or is no label map of the volume, or the new file cannot be written.
+    """
+    properties = owner.rle_splat
+    file = labels.file_of(owner) if properties.label_file else None
+    wish = store.wish_of(owner, None, labels.PURPOSE)
+    hidden = [row.label for row in properties.labels if not row.show]
+    names = named_rows(owner)
+    path = _free_path(owner)
+
+    def steps():
+        if file is None:
+            before = empty_map(volume)
+        else:
+            before = (yield from rescale(labels.load_steps(wish, file, volume), 0.0, LOADED)).volume
+        labels.check_grid(before, volume)
+        shown = np.isin(before.voxels, hidden, invert=True)
+        mask = yield from rescale(make_mask(before, shown), LOADED, MADE)
+        chosen = free_number(before) if number is None else number
+        after = put_segment(before, chosen, mask, over_others)
+        named = {BACKGROUND: NamedLabel(BACKGROUND, "Background"), **{one.label: one for one in before.named_labels}}
+        named |= {one.label: one for one in names}
+        if number is None:
+            named[chosen] = NamedLabel(chosen, name)
+        after = replace(after, named_labels=tuple(named.values()), remarks=())
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        yield from rescale(write_steps(after, path), MADE, WRITTEN, "writing the segments")
+        values = yield from announce(labels.value_steps(after), WRITTEN, 1.0, "reading labels")
+        return MadeSegment(path, labels.LabelMap(after, values), chosen)
+
+    return steps()
+
+
+def show(owner, volume: Volume, made: MadeSegment, hide: str = "") -> None:
+    """Show a label map that was made as that of a volume object, with the segment chosen in the list.
+
+    Parameters
+    ----------
+    owner : bpy.types.Object
+    volume : Volume
+    made : MadeSegment
+    hide : {"", "BACKGROUND", "OTHERS"}
+        What is hidden: nothing more, what is in no segment, or all but the segment.
+    """
+    properties = owner.rle_splat
+    properties.label_file = made.path
+    store.put(store.wish_of(owner, None, labels.PURPOSE), labels.file_of(owner).key(volume), made.found)
+    labels.list_labels(owner, volume)
+    for index, row in enumerate(properties.labels):
+        if row.label == made.number:
+            properties.active_label, row.show = index, True
+        elif hide == "OTHERS" or (hide == "BACKGROUND" and row.label == BACKGROUND):
+            row.show = False
+
+
+def named_rows(owner) -> tuple[NamedLabel, ...]:
+    """Names and colors of the rows of a volume object's labels."""
+    return tuple(
+        NamedLabel(row.label, row.label_name, tuple(row.color) if row.use_color else None)
+        for row in owner.rle_splat.labels
+    )
+
+
+def chosen_row(owner):
+    """The row that is chosen in the list of segments; None without rows, or if it is that of the background."""
+    properties = owner.rle_splat
+    if properties.active_label >= len(properties.labels):
+        return None
+    row = properties.labels[properties.active_label]
+    return None if row.label == BACKGROUND else row
+
+
+def lowest_visible(owner, depsgraph=None) -> float:
+    """The lowest value that the transfer function of a volume object shows.
+
+    Raises
+    ------
+    RleSplatError
+        If it shows nothing.
+    """
+    properties = owner.rle_splat
+    values = np.linspace(properties.value_low, properties.value_high, VALUES)
+    opacities = transfer.read_transfer(owner, depsgraph).alpha_at(values)
+    if not opacities.any():
+        raise RleSplatError(f"All of {owner.name!r} is transparent; change its transfer function.")
+    return float(values[opacities >= VISIBLE * opacities.max()][0])
+
+
+def brightest_near(volume: Volume, index) -> tuple[int, int, int]:
+    """The voxel (x, y, z) with the highest value of the eight around a voxel index of fractions."""
+    ends = np.array(volume.shape_xyz) - 1
+    corners = [np.clip((np.floor(index), np.floor(index) + 1), 0, ends)[:, axis].astype(int) for axis in range(3)]
+    places = np.stack(np.meshgrid(*corners, indexing="ij"), -1).reshape(-1, 3)
+    values = volume.physical(volume.voxels[tuple(places[:, ::-1].T)])
+    return tuple(int(n) for n in places[int(np.argmax(np.nan_to_num(values, nan=-np.inf)))])
+
+
+def is_temporary(path: str) -> bool:
+    """Whether a file lies in Blender's temporary folder, which is emptied when Blender ends."""
+    return os.path.normpath(path).startswith(os.path.normpath(bpy.app.tempdir) + os.sep)
+
+
+def _folder(blend_file: str) -> str:
+    """The folder of a .blend for label maps and pictures; Blender's temporary one before its first save."""
+    if not blend_file:
+        return os.path.join(bpy.app.tempdir, "segments")
+    blend_file = os.path.abspath(blend_file)
+    return os.path.splitext(blend_file)[0] + FOLDER
+
+
+def _free_path(owner, blend_file: str | None = None) -> str:
+    """A file name for a label map of a volume object that no file has."""
+    folder = _folder(bpy.data.filepath if blend_file is None else blend_file)
+    plain = re.sub(r"[^\w -]", "_", owner.name).strip(" .") or "volume"
+    plain = f"volume {plain}" if is_reserved(plain) else plain
+    number, found = 1, f"{plain} segments{SUFFIX}"
+    while os.path.exists(os.path.join(folder, found)):
+        number += 1
+        found = f"{plain} segments {number}{SUFFIX}"
+    return os.path.join(folder, found)
+
+
+@persistent
+def _keep_temporary(blend_file, *_):
+    """Copy label maps from Blender's temporary folder beside the .blend that is being saved."""
+    for owner in bpy.data.objects if blend_file else ():
+        if owner.library is not None or not (owner.rle_splat.is_volume and owner.rle_splat.label_file):
+            continue
+        path = resolved_path(owner, "label_file")
+        if is_temporary(path) and os.path.isfile(path):
+            kept = _free_path(owner, blend_file)
+            try:
+                os.makedirs(os.path.dirname(kept), exist_ok=True)
+                shutil.copy2(path, kept)
+            except OSError:
+                continue  # the path of the temporary file is saved, and Relocate tells that it is gone
+            owner.rle_splat.label_file = kept
+
+
+def register():
+    bpy.app.handlers.save_pre.append(_keep_temporary)
+
+
+def unregister():
+    bpy.app.handlers.save_pre.remove(_keep_temporary)

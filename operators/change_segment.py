@@ -1,0 +1,71 @@
+"""Change Segment: grow, shrink, smooth or fill the chosen segment, keep its largest part, or exchange it."""
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty
+
+from ..bridge.volumes import segments, volumes
+from ..rle_splat.segment.label_map import BACKGROUND
+from ..rle_splat.segment.masks import fill_steps, grow_steps, keep_largest_steps, shrink_steps, smooth_steps
+from .segmenting import MakesSegments
+
+TOOLS = [
+    ("GROW", "Grow", "Add all voxels within a distance", "FULLSCREEN_ENTER"),
+    ("SHRINK", "Shrink", "Remove all voxels within a distance of its boundary", "FULLSCREEN_EXIT"),
+    ("SMOOTH", "Smooth", "Remove bumps and notches that are smaller than a ball", "SMOOTHCURVE"),
+    ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
+    ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
+    ("INVERT", "Invert", "Exchange the segment with what is in no segment", "ARROW_LEFTRIGHT"),
+]
+OF_LENGTH = {"GROW": grow_steps, "SHRINK": shrink_steps, "SMOOTH": smooth_steps}
+OF_MASK = {"FILL": fill_steps, "LARGEST": keep_largest_steps}
+
+
+class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
+    """Change the chosen segment"""
+
+    bl_idname = "rle_splat.change_segment"
+    bl_label = "Change Segment"
+
+    tool: EnumProperty(
+        name="Tool", description="How the chosen segment changes",
+        items=[(*item, number) for number, item in enumerate(TOOLS)])
+    length: FloatProperty(
+        name="Distance", description="Distance, or the radius of the ball, in the scan's unit of length, mm for "
+        "patients", default=2.0, min=0.001, soft_max=50.0)
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if segments.chosen_row(volumes.volume_object(context)) is None:
+            cls.poll_message_set("Choose a segment in the list, not the background")
+            return False
+        return True
+
+    @classmethod
+    def description(cls, _context, properties):
+        return bpy.app.translations.pgettext_tip(next(item[2] for item in TOOLS if item[0] == properties.tool))
+
+    def invoke(self, context, _event):
+        if self.tool not in OF_LENGTH:
+            return self.begin(context)
+        self.is_confirmed = True
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, _context):
+        self.layout.use_property_split = True
+        self.layout.prop(self, "length")
+
+    def changes(self, _context, owner, volume):
+        tool, length, number = self.tool, self.length, segments.chosen_row(owner).label
+
+        def make_mask(labels, _shown):
+            mask = labels.voxels == number
+            if tool in OF_LENGTH:
+                return (yield from OF_LENGTH[tool](mask, volume.spacing, length))
+            return labels.voxels == BACKGROUND if tool == "INVERT" else (yield from OF_MASK[tool](mask))
+
+        return {"make_mask": make_mask, "number": number, "over_others": tool != "FILL"}
+
+
+CLASSES = (RLE_SPLAT_OT_change_segment,)

@@ -1,0 +1,45 @@
+"""What operators share that make segments: the label map is read, changed and written in steps, then shown."""
+
+from ..bridge.held import Held
+from ..bridge.loop.jobs import StepwiseOperator
+from ..bridge.translations import filled
+from ..bridge.volumes import loading, segments, volumes
+from .reading import TOO_LARGE
+from .refusal import has_editable_values
+
+UNSAVED = "The segments are in Blender's temporary folder; save the .blend to keep them."
+
+
+class MakesSegments(StepwiseOperator):
+    """Mix-in for operators that add or change a segment of a volume.
+
+    A subclass defines ``changes(context, owner, volume)``: a dict of the arguments of ``segments.change_steps`` after
+    the volume.
+    """
+
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would make it again
+    is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
+    out_of_memory = TOO_LARGE
+    hide = ""  # as of ``segments.show``
+
+    @classmethod
+    def poll(cls, context):
+        return has_editable_values(cls, context)
+
+    def loading(self, context):
+        owner = volumes.volume_object(context)
+        return loading.missing_steps(owner, with_labels=bool(owner.rle_splat.label_file))
+
+    def prepare(self, context):
+        owner = volumes.volume_object(context)
+        self._owner, self._volume = Held(owner), volumes.load_volume(owner)
+        return segments.change_steps(owner, self._volume, **self.changes(context, owner, self._volume))
+
+    def commit(self, _context, made):
+        owner = self._owner.get()
+        segments.show(owner, self._volume, made, self.hide)
+        row = owner.rle_splat.labels[owner.rle_splat.active_label]
+        count = int((made.found.volume.voxels == made.number).sum())
+        self.report({"INFO"}, filled("{segment} has {count} voxels.", segment=row.label_name, count=f"{count:,}"))
+        if segments.is_temporary(made.path):
+            self.report({"WARNING"}, UNSAVED)

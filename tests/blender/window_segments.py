@@ -1,0 +1,146 @@
+"""Remove Table in a real Blender with a window, from the import of a chest CT to undo.
+
+dev.py test runs it.  The scan is a file tests/blender/chest.* if there is one, else a phantom of a chest on a table.
+"""
+
+import tempfile
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import (
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_segments_"))
+
+
+def write_phantom() -> Path:
+    """A trunk with lungs on a table, in HU, 4 mm voxels: (40, 96, 96) in z, y, x."""
+    _, y, x = np.indices((40, 96, 96)) - np.array((19.5, 47.5, 47.5))[:, None, None, None]
+    values = np.full(x.shape, -1000, np.int16)
+    values[(x / 38.0) ** 2 + ((y + 6.0) / 24.0) ** 2 <= 1.0] = 40
+    values[((np.abs(x) - 16.0) / 11.0) ** 2 + ((y + 8.0) / 15.0) ** 2 <= 1.0] = -850
+    values[(np.abs(x) - 3.0 < 4.0) & (np.abs(y - 10.0) < 5.0)] = 500
+    values[(np.abs(y - 26.0) < 1.6) & (np.abs(x) < 46.0)] = 200
+    path = FOLDER / "chest.nii.gz"
+    read = import_module(f"{MODULE}.rle_splat.read.formats")
+    volumes = import_module(f"{MODULE}.rle_splat.volume.volume")
+    read.write_volume(volumes.Volume(
+        values, np.diag((4.0, 4.0, 4.0, 1.0)), value_unit="HU", modality="CT", space="patient"), path)
+    return path
+
+
+def press(kind: str, place=None) -> None:
+    where = {} if place is None else {"x": place[0], "y": place[1]}
+    for value in ("PRESS", "RELEASE"):
+        window().event_simulate(type=kind, value=value, **where)
+
+
+def volume():
+    return next(one for one in bpy.data.objects if one.rle_splat.is_volume)
+
+
+def rows():
+    return [(row.label_name, row.show) for row in volume().rle_splat.labels]
+
+
+def is_idle() -> bool:
+    return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
+
+
+def settle():
+    """Wait until the picture of the viewport has been refined."""
+    viewports = import_module(f"{MODULE}.bridge.live").viewports_of
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: viewports(area_of("VIEW_3D")) and not viewports(area_of("VIEW_3D"))[0].is_busy)
+    yield
+
+
+def call_menu(entry: int):
+    """Open the menu of segment tools under the mouse and choose an entry, from 0, by keys."""
+    area = area_of("VIEW_3D")
+    region = region_of(area, "WINDOW")
+    middle = region.x + region.width // 3, region.y + region.height // 2
+    window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=middle[0], y=middle[1])
+    yield
+    with in_the_view():
+        bpy.ops.wm.call_menu(name="RLE_SPLAT_MT_segments")
+    yield from settle()
+    yield from photograph("menu")
+    press("HOME")
+    yield
+    for _ in range(entry):
+        press("DOWN_ARROW")
+        yield
+    press("RET")
+    yield
+
+
+def check_remove_table():
+    yield from new_file()
+    path = next(Path(__file__).parent.glob("chest.*"), None) or write_phantom()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(path), modality="CT") == {"FINISHED"}
+        bpy.ops.rle_splat.frame_volume(side="R")
+        bpy.ops.ed.undo_push(message="imported")
+    yield from settle()
+    yield from photograph("with_table")
+    yield from call_menu(0)
+    yield from until(lambda: is_idle() and rows())
+    assert rows() == [("Background", False), ("Body", True)], rows()
+    yield from settle()
+    yield from photograph("without_table")
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield from settle()
+    assert not rows() and volume().rle_splat.label_file == ""
+    yield from photograph("undone")
+    with in_the_view():
+        bpy.ops.ed.redo()
+    yield from settle()
+    assert rows() == [("Background", False), ("Body", True)]
+
+
+def check_pick():
+    """A click beside the volume is one sentence; a click on it keeps what is connected."""
+    area = area_of("VIEW_3D")
+    region = region_of(area, "WINDOW")
+    middle = region.x + region.width // 2, region.y + region.height // 2
+    for place, found in (((region.x + 4, region.y + 4), 2), (middle, 3)):
+        with in_the_view():
+            assert bpy.ops.rle_splat.pick_connected("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+        yield
+        press("LEFTMOUSE", place)
+        yield
+        yield from until(is_idle)
+        yield from settle()
+        assert len(rows()) == found, rows()
+    assert rows() == [("Background", False), ("Body", False), ("Kept", True)]
+    yield from photograph("kept")
+
+
+def scenario():
+    open_panels("RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_volume")
+    yield from check_remove_table()
+    passed("remove table")
+    yield from check_pick()
+    passed("pick")
+
+
+if __name__ == "__main__":
+    drive(scenario)
