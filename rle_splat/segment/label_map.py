@@ -47,14 +47,18 @@ def put_segment(labels: Volume, number: int, mask: np.ndarray, over_others: bool
     Raises
     ------
     RleSplatError
-        If no voxel would be in the segment.
+        If no voxel would be in the segment, or a label is too large.
     """
     taken = mask if over_others else mask & np.isin(labels.voxels, (BACKGROUND, number))
     if not taken.any():
         raise RleSplatError("No voxel would be in the segment; choose another size, value or place.")
     low, high = min(int(labels.voxels.min()), number), max(int(labels.voxels.max()), number)
-    width = next(kind for kind in WIDTHS if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max)
-    voxels = labels.voxels.astype(width)
+    fits = [kind for kind in WIDTHS if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
+    if not fits:
+        raise RleSplatError(
+            f"The label map has the number {high}; a segment can be added where all are below 2^31 - 1."
+        )
+    voxels = labels.voxels.astype(fits[0])
     voxels[voxels == number] = BACKGROUND
     voxels[taken] = number
     return replace(labels, voxels=voxels)

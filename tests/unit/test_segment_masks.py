@@ -120,3 +120,9 @@ def test_a_mask_becomes_a_segment():
     assert labels.voxels[0, 0, 0] == 0, "the map of before is as it was"
     with pytest.raises(RleSplatError, match="No voxel would be in the segment"):
         label_map.put_segment(labels, 9, voxels == 255, over_others=False)
+    largest = Volume(np.full(SHAPE, 2**31 - 1, np.int32), np.eye(4))
+    with pytest.raises(RleSplatError, match=r"number 2147483648; a segment can be added where all are below"):
+        label_map.put_segment(largest, label_map.free_number(largest), mask)
+    negative = Volume(np.full(SHAPE, -5, np.int8), np.eye(4))
+    found = label_map.put_segment(negative, label_map.free_number(negative), mask)
+    assert found.voxels.dtype == np.int16 and set(found.voxels[mask]) == {1} and set(found.voxels[~mask]) == {-5}
