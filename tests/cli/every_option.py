@@ -60,7 +60,8 @@ OWN_VALUES = {
         "--data": [],  # it wants a figure's sidecar in place of the volume
         "--width-cm": ["3"], "--dpi": ["60"], "--aspect": ["1.2"], "--columns": ["1"],
         "--background": ["black", "transparent"], "--font-size": ["7"], "--caption": ["text"],
-        "--scale-bar": ["off", "10"], "--scale-depth": ["center --perspective"], "--sides": ["cube --orientation LPS", "off"],
+        "--scale-bar": ["off", "10"], "--scale-depth": ["center --perspective"],
+        "--sides": ["cube --orientation LPS", "off"],
         "--no-color-bar": [""], "--compare": ["ct-bone"], "--view": ["30 10"], "--title": ["text"],
     },
     "encode": {
@@ -111,7 +112,8 @@ def write_files(folder: Path, stored: str) -> None:
         (folder / f"{name}.json").write_text(json.dumps(content))
     (folder / "functions.xml").write_text(
         '<MRML><VolumeProperty name="other" shade="1" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 1 255 1" '
-        'colorTransfer="4 0 1 0 0"/></MRML>')
+        'colorTransfer="4 0 1 0 0"/></MRML>'
+    )
     write_exr(folder / "sky.exr", np.ones((4, 8, 4), np.float32), None)
 
 
