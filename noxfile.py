@@ -22,7 +22,7 @@ from devtools import release as releases
 from devtools.build import build as build_zips
 from devtools.environments import CORE, JUDGES, ensure, ensure_bench
 from devtools.kernels import make_kernels
-from devtools.places import OUT, ROOT, Failure, clean_environ, say
+from devtools.places import OUT, PYTHONS, ROOT, Failure, clean_environ, say
 from devtools.wheels import TAG_PATTERNS
 
 # nox reports each session after its end, but the last line of a test run is that of its totals.
@@ -186,7 +186,11 @@ def reference(parser, words) -> int:
 def build(parser, words) -> int:
     """Make the extension zips in dist/."""
     parser.add_argument("--platform", action="append", choices=list(TAG_PATTERNS), help="only this one")
-    build_zips(tuple(parser.parse_args(words).platform or TAG_PATTERNS))
+    parser.add_argument(
+        "--python", action="append", metavar="3.14", help="for a distribution's Blender with this Python, only"
+    )
+    known = parser.parse_args(words)
+    build_zips(tuple(known.platform or TAG_PATTERNS), tuple(known.python or PYTHONS))
     return 0
 
 

@@ -114,7 +114,7 @@ def make_kernels(pythons=PYTHONS, baseline_only: bool = False) -> list[Path]:
     """
     wanted = {
         path: (version, level) for path, (version, level) in _files(pythons).items()
-        if (level == BASELINE or not baseline_only) and _is_ready(version)
+        if (level == BASELINE or not baseline_only) and (is_made(path) or _is_ready(version))
     }  # fmt: skip
     due = {path: of for path, of in wanted.items() if not is_made(path)}
     with ThreadPoolExecutor(os.cpu_count()) as workers:

@@ -8,7 +8,7 @@ same kernels as a scan does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -50,6 +50,7 @@ class SyntheticPicture:
     azimuth: float = 0.0
     elevation: float = 0.0
     perspective: bool = False
+    knobs: dict = field(default_factory=dict)
 
     def seconds(self, stored: str) -> float:
         return self.first if stored == STORED_TYPES[0] else self.more
@@ -72,6 +73,7 @@ PICTURES = (
     SyntheticPicture("maximum", 16.4, 0.0, scene="mip"),  # the other modes have the same kernels
     SyntheticPicture("labels", 21.6, 2.5, scene="labels"),
     SyntheticPicture("channels", 4.4, 0.4, scene="channels", azimuth=90.0, perspective=True),
+    SyntheticPicture("channels, unlit", 33.0, 0.0, scene="unlit channels"),
     SyntheticPicture("channels, hard walls", 7.4, 4.1, quality="fine", scene="channels"),
     SyntheticPicture("channels, pre-classified", 0.6, 0.3, classification="pre", scene="channels"),
     SyntheticPicture("pre-classified", 3.9, 2.0, classification="pre"),
@@ -82,6 +84,12 @@ PICTURES = (
         "pre-classified, lights", 10.2, 1.6, classification="pre", scene="lights", azimuth=45.0, elevation=35.26,
         perspective=True,
     ),
+    SyntheticPicture("wide footprints", 22.7, 0.0, classification="pre", knobs={"kernel": "gaussian"}),
+    SyntheticPicture("opacities", 17.9, 0.0, classification="pre", knobs={"model": "opacity"}),
+    SyntheticPicture(
+        "wide footprints, opacities", 23.5, 0.0, classification="pre", knobs={"kernel": "gaussian", "model": "opacity"}
+    ),
+    SyntheticPicture("short records", 1.0, 0.0, classification="pre", knobs={"record": 8}),
 )
 
 
@@ -107,10 +115,11 @@ def prepare_steps():
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
-    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with channels.
+    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with channels;
+      with each footprint, model and record, and so as in the paper.
 
-    Not covered, and compiled when a picture first needs them: other stored types; knobs by hand; a maximum error;
-    ``.rle`` files; several of the effects above at once, where together they have kernels of their own.
+    Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
+    effects above at once, where together they have kernels of their own.
 
     Yields
     ------
@@ -157,7 +166,7 @@ def _on_disk() -> set[Path]:
 def _picture_steps(picture: SyntheticPicture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
-    quality = Quality.preset(picture.quality, picture.classification, name="prepared", threads=1)
+    quality = Quality.preset(picture.quality, picture.classification, name="prepared", threads=1, **picture.knobs)
     scene = _scene(picture, _ball(stored))
     return render_steps(scene, quality)
 
@@ -175,8 +184,9 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
     By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
-    the camera; "labels"; "channels", with itself as another one; "surfaces", with gradient opacity; "lights", a lamp
-    that casts shadows and the world's light; "meshes", with these lights and a triangle that cuts the ball.
+    the camera; "labels"; "channels" and "unlit channels", with itself as another one; "surfaces", with gradient
+    opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a triangle that
+    cuts the ball.
     """
     camera, matrix = turntable(
         volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT
@@ -197,8 +207,10 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     if picture.scene == "labels":
         half = Volume((volume.voxels > np.median(volume.voxels)).astype(np.uint8), volume.affine)
         return replace(scene, labels=Labels(half, {1: function}))
-    if picture.scene == "channels":
-        return replace(scene, channels=(Channel(volume, function),))
+    if picture.scene.endswith("channels"):
+        shade = None if picture.scene.startswith("unlit") else function.shade
+        function = replace(function, shade=shade)
+        return replace(scene, transfer_function=function, channels=(Channel(volume, function),))
     if picture.scene == "surfaces":
         return replace(scene, transfer_function=replace(function, gradient_opacity=GradientOpacity(0.0, 1.0)))
     beside = np.eye(4)

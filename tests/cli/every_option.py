@@ -112,7 +112,8 @@ def write_files(folder: Path, stored: str) -> None:
         (folder / f"{name}.json").write_text(json.dumps(content))
     (folder / "functions.xml").write_text(
         '<MRML><VolumeProperty name="other" shade="1" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 1 255 1" '
-        'colorTransfer="4 0 1 0 0"/></MRML>')
+        'colorTransfer="4 0 1 0 0"/></MRML>'
+    )
     write_exr(folder / "sky.exr", np.ones((4, 8, 4), np.float32), None)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from devtools import bootstrap, build, environments, places, uv, wheels
+from devtools import bootstrap, build, environments, kernels, places, uv, wheels
 from rle_splat.runtime.cache_folder import RELEASE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,9 +45,9 @@ def fakes(tmp_path):
     ("3.11", {"blender_version_min": "4.5.0", "blender_version_max": "5.1.0"}),
     ("3.13", {"blender_version_min": "5.1.0"}), ("3.14", {"blender_version_min": "4.5.0"})])  # fmt: skip
 def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them(fakes, tmp_path, python, blenders):
-    kernels = tmp_path / "kernels-of-x.zip"
-    kernels.write_bytes(b"kernels")
-    build.pack("linux-x64", python, fakes, tmp_path / "out" / "x.zip", [kernels])
+    brought = tmp_path / "kernels-of-x.zip"
+    brought.write_bytes(b"kernels")
+    build.pack("linux-x64", python, fakes, tmp_path / "out" / "x.zip", [brought])
     with zipfile.ZipFile(tmp_path / "out" / "x.zip") as archive:
         facts = tomllib.loads(archive.read("blender_manifest.toml").decode())
         wanted = {file.as_posix(): (ROOT / file).read_bytes() for file in build.shipped()}
@@ -59,6 +59,20 @@ def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them
     assert facts["wheels"] == [f"./wheels/{fake.name}" for fake in fakes]
     assert {key: value for key, value in facts.items() if key not in ("platforms", "wheels")} == manifest() | blenders
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["x.zip"]
+
+
+def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
+    """As those of 3.14, which the Python of a small system has compiled: this machine may have none."""
+    monkeypatch.setattr(kernels, "FOLDER", tmp_path)
+    monkeypatch.setattr(kernels, "LEVELS", {wheels.this_platform(): (kernels.BASELINE,)})
+    asked = []
+    monkeypatch.setattr(kernels, "_is_ready", asked.append)
+    path = tmp_path / kernels.kernel_file("3.14")
+    for comment, made in ((b"of other sources", []), (kernels.source_digest(), [path])):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.comment = comment
+        assert kernels.make_kernels(["3.14"]) == made
+    assert asked == ["3.14"]
 
 
 def test_each_blender_of_the_tests_takes_one_zip_of_its_python():

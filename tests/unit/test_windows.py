@@ -5,7 +5,7 @@ import zipfile
 
 import pytest
 
-from devtools import testing, windows
+from devtools import kernels, testing, windows
 from devtools.places import Failure
 
 
@@ -55,3 +55,26 @@ def test_paths_and_commands_of_windows():
     assert windows._of_windows(windows.CLONE / "out" / "a.jsonl") == "C:\\rle_splat\\out\\a.jsonl"
     command = windows._command("python.exe", "-c", "1", inside=windows.CLONE)
     assert command[-5:] == [str(windows.SYSTEM.folder), "/wine/drive_c/rle_splat", "python.exe", "-c", "1"]
+
+
+def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
+    """Others are compiled in there, by Windows' Python, for the level of most processors."""
+    monkeypatch.setattr(windows, "KERNELS", tmp_path / "made")
+    monkeypatch.setattr(windows, "DRIVE", tmp_path)
+    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
+    monkeypatch.setattr(windows, "_packages", lambda environment: tmp_path / "packages")
+    commands = []
+
+    def compiles(command, sentence, **options):
+        commands.append((command[command.index("C:\\python\\python.exe") :], options["env"]["NUMBA_CPU_NAME"]))
+        with zipfile.ZipFile(tmp_path / command[-2].removeprefix("C:\\"), "w") as made:
+            made.comment = command[-1].encode()
+        return "1"
+
+    monkeypatch.setattr(kernels, "run_quietly", compiles)
+    monkeypatch.setattr(kernels, "ROOT", tmp_path)
+    for _ in range(2):
+        path = windows._kernels(tmp_path)
+        assert path.parent == windows.KERNELS and kernels.is_made(path)
+    words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
+    assert [(command[:-1], level) for command, level in commands] == [(words, kernels.BASELINE)]
