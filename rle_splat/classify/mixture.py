@@ -264,7 +264,7 @@ class Mixture:
             pack(self._find_visible(first, last, threads), bits[first * ny : last * ny])
         return bits
 
-    def classified(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
+    def classify(self, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
         """Optical properties of visible voxels; ``length``: world length of one of the volume's units."""
         distance = opacity_distance(self.volume, self.tf, length)
         tables = [part.tables(self.volume, length, distance) if part.has_tables else None for part in self._parts]

@@ -106,7 +106,7 @@ def sidecar_of(made: MadeFigure, sources: Sources) -> dict:
 
 def _panel(panel: Panel, rendering) -> dict:
     plan = rendering.report["plan"]
-    known = {entry.name for entry in fields(Quality)} - set(OF_THE_MACHINE)
+    known = {entry.name for entry in fields(Quality)} - {*OF_THE_MACHINE, "held"}
     return {
         "title": panel.title,
         "scene": {**{name: _field(panel.scene, name) for name in HELD}, **further_json(panel.scene)},

@@ -324,7 +324,7 @@ class _ClassifiedChunks(_Chunks):
         _claim(counted[0])
         local = gather_kept(shown.volume, bits, counted, blocks, threads=self.threads)
         voxels = self.in_volume(local, first)
-        found = self.source.classified(self.source.shown, voxels, self.length)
+        found = self.source.classify(self.source.shown, voxels, self.length)
         directions = None if self.falling is None else self.source.normals(voxels)
         return local, LitVolume(self.source, found, self.falling, normals=directions)
 

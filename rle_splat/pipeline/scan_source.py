@@ -152,7 +152,7 @@ class ScanSource(Source):
     def mark_steps(self, shown, blocks):
         return mark_steps(shown, blocks, threads=self.threads)
 
-    def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
+    def classify(self, shown, voxels, length: float) -> ClassifiedVolume:
         return classify_voxels(shown, voxels, length, threads=self.threads)
 
     @property
@@ -178,7 +178,7 @@ class ScanSource(Source):
         with clock.stage(self.stage):
             key = (visible_key, scene.transfer_function.classification_key, length)
             found = job.get(
-                "properties", key, lambda: self.classified(shown, voxels, length), lambda c: c.properties.nbytes
+                "properties", key, lambda: self.classify(shown, voxels, length), lambda c: c.properties.nbytes
             )
         return LitVolume(self, found, falling, visible_key, key, needed, work)
 
@@ -255,8 +255,8 @@ class MixedSource(ScanSource):
     def mark_steps(self, shown, blocks):
         return shown.mark_steps(threads=self.threads)
 
-    def classified(self, shown, voxels, length: float) -> ClassifiedVolume:
-        return shown.classified(voxels, length, threads=self.threads)
+    def classify(self, shown, voxels, length: float) -> ClassifiedVolume:
+        return shown.classify(voxels, length, threads=self.threads)
 
     @property
     def record_type(self):

@@ -384,11 +384,6 @@ def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
     return found
 
 
-def layout_for(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
-    """``layout_steps`` without the steps."""
-    return drain(layout_steps(path, shape, dtype, byte_order, header_bytes))
-
-
 def layout_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
     """Generator of Progress: complete the layout of a raw file by a guess.
 

@@ -215,7 +215,7 @@ def test_shares_are_those_of_the_definition():
 def classified(volume, tf, labels):
     mixed = Mixture(volume, tf, labels)
     bits = drain(mixed.mark_steps())
-    return mixed.classified(gather_kept(volume, bits, count_kept(bits), drain(block_steps(volume))), 1.0)
+    return mixed.classify(gather_kept(volume, bits, count_kept(bits), drain(block_steps(volume))), 1.0)
 
 
 def test_types_of_voxels_and_labels_make_no_difference():

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rle_splat.read.formats import read_volume
-from rle_splat.read.guess import guess_raw, layout_for
+from rle_splat.read.guess import guess_raw, layout_steps
+from rle_splat.runtime.steps import drain
 
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or Path(__file__).resolve().parents[2] / "../shared/data")
 SHAPE = (40, 32, 24)
@@ -45,7 +46,7 @@ def test_no_word_of_a_name_overrules_the_bytes(tmp_path, kind, low, high, order,
     dtype = np.dtype(kind).name
     guess = guess_raw(path, dtype=dtype)
     assert (guess.byte_order, guess.certain) == (ORDERS[order], True), guess.reasons
-    layout, (remark,), _ = layout_for(path, SHAPE, dtype)
+    layout, (remark,), _ = drain(layout_steps(path, SHAPE, dtype))
     assert layout.byte_order == ORDERS[order] and f"assumed to be {ORDERS[order]}" in remark
     assert "far more smoothly" in remark
     volume = read_volume(path, dtype=dtype)
@@ -82,7 +83,7 @@ def test_where_the_bytes_do_not_tell_only_an_unmistakable_suffix_does(tmp_path, 
     guess = guess_raw(path, dtype="uint16")
     assert guess.certain == (order is not None), guess.reasons
     assert order is None or guess.byte_order == order
-    layout, (remark,), _ = layout_for(path, SHAPE, "uint16")
+    layout, (remark,), _ = drain(layout_steps(path, SHAPE, "uint16"))
     assert layout.byte_order == (order or "little")
     assert ("neither the file's name nor its bytes decide it" if order is None else "the bytes are ambiguous") in remark
 
@@ -104,7 +105,7 @@ def test_numbers_of_one_byte_are_the_same_times_256_in_the_other_order(tmp_path)
 def test_a_given_byte_order_stands(tmp_path):
     path = written(tmp_path / "head_40x32x24_uint16le.raw", field(0, 900, 0.0).astype("<u2"))
     assert guess_raw(path, byte_order="big").byte_order == "big"
-    layout, remarks, _ = layout_for(path, SHAPE, "uint16", "big")
+    layout, remarks, _ = drain(layout_steps(path, SHAPE, "uint16", "big"))
     assert (layout.byte_order, remarks) == ("big", ())
 
 
@@ -126,4 +127,4 @@ def test_real_scans_are_read_right_by_whatever_name(tmp_path, name, called):
     order = "big" if "be." in name else "little"
     guess = guess_raw(path)
     assert (guess.dtype, guess.byte_order, guess.certain) == ("uint16", order, True)
-    assert layout_for(path, guess.shape, "uint16")[0].byte_order == order
+    assert drain(layout_steps(path, guess.shape, "uint16"))[0].byte_order == order
