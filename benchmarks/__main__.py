@@ -11,7 +11,6 @@ from . import (
     editing,
     effects,
     engine,
-    kernels,
     large_picture,
     light,
     paper,
@@ -31,7 +30,7 @@ BENCHMARKS = {
     "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
-    "effects": effects.main, "presets": presets.main, "plans": plans.main, "kernels": kernels.main,
+    "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
     "large-picture": large_picture.main, "light": light.main,
 }  # fmt: skip

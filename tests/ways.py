@@ -21,3 +21,11 @@ def both(make, ways=WAYS) -> list:
         with by(way):
             found.append(make())
     return found
+
+
+def compile_here() -> dict[str, str]:
+    """Environment variables with which a process compiles for this processor, whatever kernels the package brings."""
+    from llvmlite.binding import get_host_cpu_name
+    from numba.core.codegen import get_host_cpu_features
+
+    return {"NUMBA_CPU_NAME": get_host_cpu_name(), "NUMBA_CPU_FEATURES": get_host_cpu_features()}

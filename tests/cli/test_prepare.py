@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kernels import compile_here
 from rle_splat.pipeline import prepare
 from rle_splat.runtime import jit
 from rle_splat.runtime.steps import Progress, drain
 from rle_splat.scene import RleSplatError
+from tests.ways import compile_here
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_numba = pytest.mark.skipif(not jit.compiled(), reason="nothing is compiled without numba")

@@ -148,3 +148,18 @@ def test_single_rays_are_in_the_times_of_a_picture_to_a_tolerance():
     assert report["error"]["ms"] == pytest.approx(stages["splat"] + stages["warp"] + stages["rays"])
     by_sheets = render_within(scene_of(), 8.0, Quality(classification="pre"), probes=0).report
     assert by_sheets["stages_ms"]["rays"] == 0.0
+
+
+@pytest.mark.parametrize("tolerance", (32.0, 1e-6))
+def test_under_shadows_other_pixels_may_err_twice_as_much_as_the_probes(tolerance):
+    scene = scene_of(lights=(SUN,), headlight=False, volume_shadows=True)
+    for shown, margin in ((scene, 2.0), (replace(scene, volume_shadows=False), 1.0)):
+        report = render_within(shown, tolerance, Quality(threads=1), probes=200).report
+        error = report["error"]
+        assert error["kept"] == (margin * error["measured"] <= tolerance)
+        if tolerance < 1.0:
+            assert not error["kept"] and error["floor"] == margin * error["measured"]
+            words = "2 times what was measured against" if margin > 1.0 else ", measured against"
+            assert words in " ".join(report["remarks"])
+        else:
+            assert error["kept"] and error["floor"] is None

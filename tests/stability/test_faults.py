@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.kernels import compile_here
 from devtools.places import BPY_PYTHON, running_python
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -22,6 +21,7 @@ from rle_splat.runtime.jit import CACHE_VARIABLE, compiled, kernel, parallel_cal
 from rle_splat.runtime.parallel import share_out
 from rle_splat.scene import Cancelled
 from tests.stability.pictures import scene
+from tests.ways import compile_here
 
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")

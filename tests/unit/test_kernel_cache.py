@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 import rle_splat
-from benchmarks.kernels import compile_here
 from rle_splat.runtime import cache_folder as places
 from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
 from rle_splat.runtime.jit import compiled
@@ -22,6 +21,7 @@ if not compiled():
 
 from rle_splat.runtime.kernel_cache import KEPT_EDITIONS, KernelCache, _Folder, _SealedFiles
 from rle_splat.runtime.numba_internals import Kernel
+from tests.ways import compile_here
 
 ROOT = Path(__file__).resolve().parents[2]
 

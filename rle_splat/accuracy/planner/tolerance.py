@@ -15,7 +15,7 @@ import numpy as np
 from ...effects.analyze import analyze, analyze_effects
 from ...effects.glass import GLASS, Glass
 from ...pipeline.plan_model import default_classification
-from ...pipeline.shadows import SHADOW_EFFECTS, without_shadows
+from ...pipeline.shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Clock, Progress, drain, forward
 from ...scene import Quality, Rendering, Scene, truth_of
@@ -37,6 +37,8 @@ MOST_ESCALATIONS = 3
 # of 65 pictures, up to 1.24 times as much where the probes erred by more than a third of the tolerance.)
 ACCEPTED = 0.8
 HALF = 0.5
+# Under shadows, whose errors are large at few pixels, others erred up to 1.95 times as much as the probes.
+SHADOWED = 2.0
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
 FIRST_RAYS = 0.05  # the fraction of rays after which their time is told by what they took
 LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
@@ -114,8 +116,9 @@ def _tolerance_steps(
     session = yield from session_steps(scene, quality, cache, PILOTS_END, refuse_empty_view)
     probe_errors = ProbeErrors(session.shown, quality, probes, seed) if probes else None
     rounds_of = _plan_rounds if session.estimate is None else _ray_rounds
-    first = _first_choice(session, tolerance, earlier)
-    rounds = yield from rounds_of(session, tolerance, probe_errors, first)
+    margin = SHADOWED if shadow_count(scene) else 1.0
+    first = _first_choice(session, tolerance / margin, earlier)
+    rounds = yield from rounds_of(session, tolerance / margin, probe_errors, first)
     # Later rounds have more probes; the least error is only that of the best picture where all have the same.
     rounds = [
         replace(one, probed=probe_errors.summary(one.rendering.rgba, tolerance)) if one.probed else one
@@ -124,7 +127,8 @@ def _tolerance_steps(
     yield Progress(1.0, "Done")
     spent = 1e3 * (time.perf_counter() - began)
     gave_up = len(rounds) > MOST_ESCALATIONS
-    return _tint(with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier), through_glass, quality)
+    made = with_report(session, tolerance, rounds, spent, left_out, gave_up, earlier, margin)
+    return _tint(made, through_glass, quality)
 
 
 def _tint(rendering: Rendering, scene: Scene, quality: Quality) -> Rendering:

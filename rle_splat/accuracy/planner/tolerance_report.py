@@ -76,7 +76,7 @@ class Round:
 
 def with_report(
     session: PlannerSession, tolerance: float, rounds: list[Round], spent: float, left_out: list[str], gave_up: bool,
-    earlier: dict | None = None,
+    earlier: dict | None = None, margin: float = 1.0,
 ) -> Rendering:  # fmt: skip
     """Take the best round's picture and complete its report.
 
@@ -94,10 +94,12 @@ def with_report(
         Whether further rounds were allowed no more.
     earlier : dict, optional
         The plan of the frame before (see ``tolerance.tolerance_steps``).
+    margin : float
+        How many times as much other pixels may err as the probes.
     """
     best = min(rounds, key=lambda one: one.measured if one.measured is not None else 0.0)
-    error = _error_report(session, tolerance, rounds, best, spent)
-    remarks = [*best.rendering.report["remarks"], *_remarks(session, error, gave_up)]
+    error = _error_report(session, tolerance, rounds, best, spent, margin)
+    remarks = [*best.rendering.report["remarks"], *_remarks(session, error, gave_up, margin)]
     if left_out:
         remarks.append(
             f"A picture to a maximum error has no {' and no '.join(left_out)}, as the truth that it is measured "
@@ -114,10 +116,13 @@ def with_report(
     return replace(best.rendering, report=completed)
 
 
-def _error_report(session: PlannerSession, tolerance: float, rounds: list[Round], best: Round, spent: float) -> dict:
+def _error_report(
+    session: PlannerSession, tolerance: float, rounds: list[Round], best: Round, spent: float, margin: float
+) -> dict:
     """The report's ``error``."""
     choice, scene = best.choice, session.shown
-    kept = best.measured <= tolerance if best.measured is not None else choice.keeps
+    least = choice.errors.total if best.measured is None else margin * best.measured
+    kept = choice.keeps if best.measured is None else least <= tolerance
     error = {
         "tolerance": tolerance,
         "predicted": choice.errors.total,
@@ -125,7 +130,7 @@ def _error_report(session: PlannerSession, tolerance: float, rounds: list[Round]
         "truth": truth_of(session.quality),
         "probes": sum(best.probed[kind]["count"] for kind in ("random", "steep")) if best.probed else 0,
         "kept": bool(kept),
-        "floor": None if kept else (best.measured if best.measured is not None else choice.errors.total),
+        "floor": None if kept else least,
         "predicted_ms": choice.milliseconds,
         "ms": best.milliseconds,
         "planning_ms": max(spent - best.milliseconds, 0.0),
@@ -157,13 +162,14 @@ def sentence(error: dict) -> str:
     return f"{', '.join(parts)}, {error['ms']:.0f} ms ({done} in {error['planning_ms'] / 1e3:.1f} s)"
 
 
-def _remarks(session: PlannerSession, error: dict, gave_up: bool) -> list[str]:
+def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float) -> list[str]:
     """Sentences on the classification, and on what was not kept or not measured."""
     remarks, tolerance, triangles = [], error["tolerance"], session.shown.triangles
     if session.quality.classification == "pre" and error["need"]["classification"] != "pre":
         remarks.append(error["need"]["sentence"])
     if not error["kept"]:
-        how = "measured" if error["measured"] is not None else "predicted"
+        times = f"{margin:g} times what was " if margin > 1.0 else ""
+        how = f"{times}measured" if error["measured"] is not None else "predicted"
         found = "is not reachable for this scene; the floor is"
         if gave_up:
             found = f"was not reached in {len(error['rounds'])} ever finer pictures; their least error is"
