@@ -4,15 +4,15 @@
 from . import paths
 
 # isort: split
-from . import handlers, live, translations
+from . import live, translations
 from .data import preferences, properties
 from .live import letters
 from .look import own_presets, previews, thumbnails
-from .volumes import source_paths
+from .loop import events
 
 __all__ = [
-    "handlers", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "source_paths", "thumbnails", "translations",
+    "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
+    "properties", "register", "thumbnails", "translations",
     "unregister",
 ]
 
@@ -22,8 +22,7 @@ def register():
     preferences.register()
     properties.register()
     previews.register()
-    source_paths.register()
-    handlers.register()
+    events.register()
     letters.register()
     live.register()
     own_presets.register()
@@ -35,8 +34,7 @@ def unregister():
     own_presets.unregister()
     live.unregister()
     letters.unregister()
-    handlers.unregister()
-    source_paths.unregister()
+    events.unregister()
     previews.unregister()
     properties.unregister()
     preferences.unregister()

@@ -120,8 +120,6 @@ def remove_channel(owner, index: int) -> None:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume.
     index : int
         Row in its list of channels, from 0.
 
@@ -147,10 +145,6 @@ def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     volume : Volume
         The volume's voxels.
 
