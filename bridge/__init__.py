@@ -4,15 +4,15 @@
 from . import paths
 
 # isort: split
-from . import handlers, live, translations
+from . import live, translations
 from .data import preferences, properties
 from .live import letters
 from .look import own_presets, previews, thumbnails
-from .volumes import segments, source_paths
+from .loop import events
 
 __all__ = [
-    "handlers", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "segments", "source_paths", "thumbnails", "translations",
+    "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
+    "properties", "register", "thumbnails", "translations",
     "unregister",
 ]
 
@@ -22,9 +22,7 @@ def register():
     preferences.register()
     properties.register()
     previews.register()
-    segments.register()  # before source_paths, whose handler makes paths relative
-    source_paths.register()
-    handlers.register()
+    events.register()
     letters.register()
     live.register()
     own_presets.register()
@@ -36,9 +34,7 @@ def unregister():
     own_presets.unregister()
     live.unregister()
     letters.unregister()
-    handlers.unregister()
-    source_paths.unregister()
-    segments.unregister()
+    events.unregister()
     previews.unregister()
     properties.unregister()
     preferences.unregister()

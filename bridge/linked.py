@@ -31,11 +31,6 @@ def file_name(library) -> str:
 def why_not_editable(owner) -> str:
     """Why edits of an object would be lost.
 
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The object.
-
     Returns
     -------
     str

@@ -8,11 +8,6 @@ import bpy
 def is_deleted(one) -> bool:
     """Whether an object is in no scene, neither directly nor through an instanced collection.
 
-    Parameters
-    ----------
-    one : bpy.types.Object
-        The object.
-
     Returns
     -------
     bool
@@ -23,13 +18,6 @@ def is_deleted(one) -> bool:
 
 def is_kept_up(one, depsgraph) -> bool:
     """Whether Blender evaluates an object; one that is disabled in viewports keeps an outdated matrix.
-
-    Parameters
-    ----------
-    one : bpy.types.Object
-        The object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
 
     Returns
     -------

@@ -26,11 +26,6 @@ def compositor_tree(scene):
 def switch_on_compositor(scene):
     """Activate a compositor tree for a scene without an active one.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     bpy.types.NodeTree
@@ -85,11 +80,6 @@ def check_compositor_can_run(scene) -> None:
 
     From 5.2 on the compositor runs on the GPU by default.  On Linux without a window Blender needs libEGL for that, and
     aborts if it is missing.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
 
     Raises
     ------

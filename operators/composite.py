@@ -62,7 +62,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         others = [o.name for o in volumes.volume_objects(scene) if o != volume_object and not o.hide_render]
         if others:
             remarks.append(filled(
-                "So are {volumes}; disable a volume in renders (Outliner) to leave it out.", volumes=", ".join(others)))
+                "Also included: {volumes}. To leave a volume out, hide it from renders in the Outliner.",
+                volumes=", ".join(others)))
         included = filled("{volume} is now included in every render.", volume=volume_object.name)
         self.report({"INFO"}, " ".join([included, *remarks]))
         return {"FINISHED"}

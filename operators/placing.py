@@ -8,8 +8,6 @@ def make_active(operator, context, one, does: str) -> None:
     ----------
     operator : bpy.types.Operator
         The operator that reports.
-    context : bpy.types.Context
-        The context.
     one : bpy.types.Object
         The object, in the view layer.
     does : str

@@ -5,8 +5,8 @@ import math
 import bpy
 from bpy.props import FloatVectorProperty
 
-from ..bridge.live import shown
 from ..bridge.look import probe
+from ..bridge.loop import index
 from ..rle_splat.scene import RleSplatError
 from .refusal import NO_VOLUME, refuse
 
@@ -25,7 +25,7 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if shown.volume_keys(context.scene):
+        if index.of(context.scene).volumes:
             return True
         cls.poll_message_set(NO_VOLUME)
         return False

@@ -60,10 +60,6 @@ def has_editable_transfer(cls, context) -> bool:
 def why_no_editable_transfer(context) -> str:
     """The problem that ``has_editable_transfer`` finds, for an operator without a button to gray out; "" for none.
 
-    Parameters
-    ----------
-    context : bpy.types.Context
-
     Returns
     -------
     str

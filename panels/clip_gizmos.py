@@ -8,6 +8,7 @@ from functools import partial
 import bpy
 from mathutils import Matrix
 
+from ..bridge.loop import timer
 from ..bridge.scene import clip_handles
 
 AXIS_COLORS = ((1.0, 0.2, 0.32), (0.55, 0.86, 0.0), (0.16, 0.56, 1.0))  # of Blender's x, y and z
@@ -96,7 +97,7 @@ class Handles:
         one = self.moved(context)
         now = None if one is None else (one.session_uid, one.matrix_basis.copy())
         if self.is_dragged and now is not None and self.before is not None and _are_apart(now[1], self.before[1]):
-            bpy.app.timers.register(_push_undo, first_interval=0.0)
+            timer.start(_push_undo)
         self.before, self.is_dragged = now, False
 
 

@@ -13,13 +13,6 @@ def draw_histogram(context, layout, owner) -> None:
 
     Blender draws icons as squares.  The picture is in the upper part of one, and the part of the panel that it takes is
     only as high as that; what is below is transparent, and other buttons are drawn over it.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-    layout : bpy.types.UILayout
-    owner : bpy.types.Object
-        The volume object.
     """
     problem = facts.histogram_problem(owner.rle_splat)
     if problem:
@@ -40,14 +33,7 @@ def draw_histogram(context, layout, owner) -> None:
 
 
 def draw_selected(layout, owner) -> None:
-    """Tell the value and the opacity of the curve's selected point, where one is selected.
-
-    Parameters
-    ----------
-    layout : bpy.types.UILayout
-    owner : bpy.types.Object
-        The volume object.
-    """
+    """Tell the value and the opacity of the curve's selected point, where one is selected."""
     properties = owner.rle_splat
     points = transfer_nodes.opacity_mapping(properties.transfer).curves[0].points
     chosen = [point.location for point in points if point.select]

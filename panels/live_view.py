@@ -33,7 +33,10 @@ def draw_switch(layout, space, text: str = "") -> None:
 
 
 def draw_state(context, layout) -> None:
-    """Say whether the viewport is up to date, why it shows no volume, or which pictures are outdated."""
+    """Say whether the viewport is up to date, why it shows no volume, or which pictures are outdated.
+
+    While a picture is made there is always one line, so that nothing below moves under the mouse.
+    """
     area = context.area
     if area is None or area.type != "VIEW_3D":
         return
@@ -48,23 +51,20 @@ def draw_state(context, layout) -> None:
         paragraph(context, layout, remark, icon="INFO")
     if problem:
         paragraph(context, layout, filled("Not shown in this viewport: {problem}", problem=problem), icon="ERROR")
-        layout.operator("rle_splat.live_again", icon="FILE_REFRESH")
+        row = layout.row(align=True)
+        owner = volumes.volume_object(context)
+        if owner is not None and volumes.is_missing(owner):
+            row.operator("rle_splat.relocate", icon="FILE_FOLDER")
+        row.operator("rle_splat.live_again", icon="FILE_REFRESH")
     elif not preferences.shows_live():
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
     elif (viewports := live.viewports_of(area)):
         if any(one.waits for one in viewports):
             layout.label(text="Reading files", icon="SORTTIME")
         elif any(one.is_busy for one in viewports):
-            if halvings := max(one.halvings for one in viewports):
-                told = filled("Refining, until then in voxels {times} times as large", times=2**halvings)
-                paragraph(context, layout, told, icon="SORTTIME")
-            else:
-                layout.label(text="Refining", icon="SORTTIME")
+            layout.label(text="Refining", icon="SORTTIME")
         elif all(one.is_refined or not one.pictures for one in viewports):
             layout.label(text="Up to date", icon="CHECKMARK")
-        elif halvings := max(one.halvings for one in viewports):
-            told = filled("Draft in voxels {times} times as large, up to date", times=2**halvings)
-            paragraph(context, layout, told, icon="CHECKMARK")
         else:
             layout.label(text="Draft, up to date", icon="CHECKMARK")
 

@@ -27,4 +27,4 @@ def draw_outdated(context, layout) -> bool:
         paragraph(context, layout, sentence, icon="ERROR")
         again = "rle_splat.set_backdrop" if image in pinned else "rle_splat.render_image"
         layout.operator(again, text="Update", icon="FILE_REFRESH")
-    return bool(outdated)
+    return bool(images)

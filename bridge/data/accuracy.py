@@ -90,8 +90,6 @@ def is_current(scene, row) -> bool:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     row : AccuracyRowProperties
         A row of its measured plans.
 
@@ -154,8 +152,6 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     ----------
     scene : bpy.types.Scene
         The scene that owns the image.
-    volume_object : bpy.types.Object
-        The volume.
     errors : ndarray, shape (height, width)
         Errors in levels of 1/255, row 0 on top.
     report : dict

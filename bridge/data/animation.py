@@ -4,10 +4,6 @@
 def curves_of(datablock) -> list:
     """The F-curves of the action that a datablock uses, of its own slot.
 
-    Parameters
-    ----------
-    datablock : bpy.types.ID
-
     Returns
     -------
     list of bpy.types.FCurve

@@ -72,11 +72,6 @@ class EffectRowProperties(bpy.types.PropertyGroup):
 def overrides_of(scene) -> dict[str, bool]:
     """The effects of our pictures that a scene forces on or off.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     dict of str to bool

@@ -55,8 +55,6 @@ def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time and animated values; without it those of the current scene.
     ahead : int

@@ -13,6 +13,7 @@ import bpy
 from ...rle_splat import scene as tables
 from .. import messages
 from ..look.transfer_nodes import is_transfer_tree
+from ..loop import index
 from ..pictures import backdrop
 from ..pictures.pictures import PictureProperties
 from ..translations import OURS
@@ -143,11 +144,16 @@ def _labels_chosen(group, context):
     _evaluate_anew(group, context)
 
 
+def _look_again(_properties, _context):
+    index.forget()
+
+
 class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     """The source, facts, transfer function and shading of one volume object."""
 
     is_volume: BoolProperty(
-        name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"})
+        name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"},
+        update=_look_again)
     filepath: StringProperty(
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
         options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)
@@ -171,6 +177,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "If a label has its own transfer function or color, edges inside the volume are softer",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
     labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
+    labels_of: StringProperty(
+        name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"})
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(
         name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
@@ -186,7 +194,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Cut only the volume that this clip object is a child of, not the others in the scene")
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
-        options={"HIDDEN"})
+        options={"HIDDEN"}, update=_look_again)
     is_shadow_grid: BoolProperty(
         name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
         "of, and its reflection", default=False, options={"HIDDEN"})

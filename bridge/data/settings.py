@@ -30,11 +30,6 @@ def quality_of(scene) -> Quality:
 
     The classification counts with every quality but "paper".  The other knobs count only with "custom".
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     Quality

@@ -11,14 +11,14 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..data import preferences
-from ..loop import jobs
+from ..loop import timer
 from ..messages import tell
 from ..scene import render_scene
 from ..translations import filled
 from . import drawing, shown, surface
 from .viewport import Viewport
 
-TICK, BUSY = 0.005, 0.2  # seconds between bites of work, and between checks whether other work is done
+TICK = 0.005  # seconds between bites of work
 
 calls: Counter = Counter()  # how often a handler was called ("before", "after"), and how often it went on ("drawn")
 _handles: list = []
@@ -75,7 +75,7 @@ def _before() -> None:
     if not keys:
         if bpy.app.is_job_running("RENDER") and preferences.shows_live() and shown.has_volumes(context.scene):
             _missed.add(context.region.as_pointer())
-            _start_timer()
+            timer.start(_tick, TICK)
         elif _lives and is_allowed():
             _lives.pop(context.region.as_pointer(), None)  # with its textures
         return
@@ -106,14 +106,14 @@ def _after() -> None:
     framebuffer, live.framebuffer = live.framebuffer, None
     viewport = live.viewport
     request = surface.request_of(context, live.keys)
-    had, waited = viewport.problem, viewport.waits
+    had = viewport.problem, viewport.waits
     viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
     _draw(live, framebuffer)
-    _tell_of(viewport, had)
-    if viewport.waits != waited:
+    _tell_of(viewport, had[0])
+    if had != (viewport.problem, viewport.waits):
         _redraw_panels(context.area)
     if viewport.is_busy:
-        _start_timer()
+        timer.start(_tick, TICK)
 
 
 def _draw(live: Live, framebuffer) -> None:
@@ -135,11 +135,6 @@ def _tell_of(viewport: Viewport, had: str) -> None:
         tell(viewport.problem)
 
 
-def _start_timer() -> None:
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=TICK)
-
-
 def _tick():
     """Timer function: work on one viewport for a bite; Blender calls it again after the returned seconds."""
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
@@ -150,10 +145,10 @@ def _tick():
         for live in busy.values():
             live.viewport.stop()
         return None
-    if not is_allowed() or jobs.StepwiseOperator.is_running():
+    if timer.must_wait():
         for live in busy.values():
             live.viewport.put_off()
-        return BUSY
+        return timer.BUSY
     while _missed:
         region, _area = surface.region_of(_missed.pop())
         if region is not None:
@@ -183,17 +178,7 @@ def _redraw_panels(area) -> None:
 
 
 def viewports_of(area) -> list[Viewport]:
-    """The viewports of an area that show volumes: one, or up to four in a quad view.
-
-    Parameters
-    ----------
-    area : bpy.types.Area
-        The area of a 3D view.
-
-    Returns
-    -------
-    list of Viewport
-    """
+    """The viewports of an area that show volumes: one, or up to four in a quad view."""
     addresses = [region.as_pointer() for region in area.regions if region.type == "WINDOW"]
     return [_lives[address].viewport for address in addresses if address in _lives]
 
@@ -214,13 +199,7 @@ def remark_of(area) -> str:
 
 
 def try_again(area) -> None:
-    """Forget the problems of an area's viewports and draw them anew.
-
-    Parameters
-    ----------
-    area : bpy.types.Area
-        The area of a 3D view.
-    """
+    """Forget the problems of an area's viewports and draw them anew."""
     for viewport in viewports_of(area):
         viewport.try_again()
     area.tag_redraw()
@@ -233,8 +212,7 @@ def stop() -> None:
     _lives.clear()
     _missed.clear()
     shown.forget()
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    timer.stop(_tick)
 
 
 def register():

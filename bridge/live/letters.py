@@ -1,8 +1,10 @@
-"""Letters of the patient's sides at the faces of a volume's box, drawn over the viewport.
+"""Text over the viewport: letters of the patient's sides at the faces of a volume's box, and why a volume is not shown.
 
 R and L, A and P, I and S stand where the patient's right, left, front, back, foot and head are, for volumes whose file
 says where that is.
 """
+
+import textwrap
 
 import blf
 import bpy
@@ -12,6 +14,8 @@ from mathutils import Vector
 
 from ...rle_splat.volume.orientation import face_letters
 from ...rle_splat.volume.volume import PATIENT
+from .. import live
+from ..translations import told
 from ..volumes import box, volumes
 
 SIZE = 15  # points; scaled with Blender's interface
@@ -23,11 +27,6 @@ _handle = [None]
 
 def placed_letters(volume_object) -> list:
     """The letters of a volume and their places.
-
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The volume object.
 
     Returns
     -------
@@ -52,9 +51,11 @@ def placed_letters(volume_object) -> list:
 def _draw() -> None:
     """Draw the letters of all visible volumes into the region that is drawn."""
     context = bpy.context
-    if not context.space_data.overlay.show_overlays:
+    owners = volumes.volume_objects(context.scene)
+    if not (owners and context.space_data.overlay.show_overlays):
         return
-    shown = [owner for owner in volumes.volume_objects(context.scene) if owner.visible_get()]
+    _draw_lines(context, live.problem_of(context.area))
+    shown = [owner for owner in owners if owner.visible_get()]
     color = context.preferences.themes[0].view_3d.space.text_hi
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
     blf.color(FONT, *color, 1.0)
@@ -63,6 +64,22 @@ def _draw() -> None:
             width, height = blf.dimensions(FONT, letter)
             blf.position(FONT, place.x - 0.5 * width, place.y - 0.5 * height, 0.0)
             blf.draw(FONT, letter)
+
+
+def _draw_lines(context, sentence: str) -> None:
+    """Draw a sentence at the foot of the region, in as many lines as its width takes."""
+    if not sentence:
+        return
+    size = SIZE * context.preferences.system.ui_scale
+    blf.size(FONT, size)
+    blf.color(FONT, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)
+    left, right = context.region.x, context.region.x + context.region.width
+    covered = [one.x for one in context.area.regions if one.type == "UI" and one.width > 1 and left < one.x < right]
+    share = (min(covered, default=right) - left - 2 * size) / blf.dimensions(FONT, sentence)[0]
+    width = max(int(len(sentence) * share), 10)
+    for number, line in enumerate(reversed(textwrap.wrap(told(sentence), width))):
+        blf.position(FONT, size, (1.0 + 1.5 * number) * size, 0.0)
+        blf.draw(FONT, line)
 
 
 def _on_screen(placed: list, region, view) -> list:

@@ -8,23 +8,31 @@ that is joined or split, or by an address in memory, which another file gives to
 
 from __future__ import annotations
 
-import bpy
+from typing import NamedTuple
+
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ..loop import index
 from ..scene import placements
 from ..volumes import volumes
 
 SWITCH = "show_object_viewport_volume"  # of a SpaceView3D
 
 
+class _Instance(NamedTuple):
+    """Key of an instance of a volume: those of the volume and of the instancer, and the matrix row by row."""
+
+    owner: index.Key
+    instancer: index.Key
+    matrix: tuple
+
+
 class _Now:
-    """The number of events so far, and the volumes of each scene as of one of them."""
+    """The number of events so far, and the instances of each view layer as of one of them."""
 
     stamp = 0
-    known: dict = {}  # session id of a scene -> (stamp, keys of its volume objects)
-    instancers: dict = {}  # session id of a scene -> (stamp, whether it shows instances of volumes)
-    instances: dict = {}  # (session id of a scene, name of a view layer) -> (stamp, keys of instances of volumes)
+    instances: dict = {}  # (session id of a scene, name of a view layer) -> (stamp, tuple of _Instance)
 
 
 @persistent
@@ -52,64 +60,35 @@ def stamp() -> int:
     return _Now.stamp
 
 
-def volume_keys(scene) -> tuple:
-    """Keys of the volume objects of a scene, for ``find``; looked up once after each event."""
-    at, found = _Now.known.get(scene.session_uid, (None, ()))
-    if at != _Now.stamp:
-        found = tuple(_key(owner) for owner in volumes.volume_objects(scene))
-        _Now.known[scene.session_uid] = _Now.stamp, found
-    return found
-
-
 def has_volumes(scene) -> bool:
     """Whether a scene shows volumes, or instances of volumes."""
-    return bool(volume_keys(scene)) or _has_instances(scene)
-
-
-def _has_instances(scene) -> bool:
-    at, found = _Now.instancers.get(scene.session_uid, (None, False))
-    if at != _Now.stamp:
-        found = any(_shows_volume(one, set()) for one in scene.objects if one.instance_type == "COLLECTION")
-        _Now.instancers[scene.session_uid] = _Now.stamp, found
-    return found
-
-
-def _shows_volume(instancer, seen: set) -> bool:
-    """Whether an instanced collection holds a volume, itself or in an instance."""
-    collection = instancer.instance_collection
-    if collection is None or collection in seen:
-        return False
-    seen.add(collection)
-    return any(
-        one.rle_splat.is_volume or (one.instance_type == "COLLECTION" and _shows_volume(one, seen))
-        for one in collection.all_objects
-    )
+    found = index.of(scene)
+    return bool(found.volumes) or found.has_instances
 
 
 def _instance_keys(scene, view_layer) -> tuple:
-    """Keys of the instances of volumes: that of the volume, the instancer's, and the matrix."""
-    if view_layer.depsgraph is None or not _has_instances(scene):
+    if view_layer.depsgraph is None or not index.of(scene).has_instances:
         return ()
     of = scene.session_uid, view_layer.name
     at, found = _Now.instances.get(of, (None, ()))
     if at != _Now.stamp:
         placed = [one for one in placements.placements(view_layer.depsgraph) if one.instancer is not None]
         found = tuple(
-            (*_key(one.owner), _key(one.instancer), tuple(one.matrix.ravel().tolist())) for one in placed
+            _Instance(index.key_of(one.owner), index.key_of(one.instancer), tuple(one.matrix.ravel().tolist()))
+            for one in placed
         )
         _Now.instances[of] = _Now.stamp, found
     return found
 
 
-def find(key: tuple):
-    """The object of a key, None if it is gone."""
-    name, library = key[:2]
-    return bpy.data.objects.get(name if library is None else (name, library))
+def find(key):
+    """The volume object of a key, None if it is gone."""
+    return index.find(key.owner if isinstance(key, _Instance) else key)
 
 
-def matrix_of(key: tuple) -> np.ndarray | None:
+def matrix_of(key) -> np.ndarray | None:
     """(4, 4) matrix of the key of an instance; None for the key of a volume itself."""
-    return np.array(key[3]).reshape(4, 4) if len(key) > 2 else None
+    return np.array(key.matrix).reshape(4, 4) if isinstance(key, _Instance) else None
 
 
 def visible_volumes(scene, view_layer, space) -> tuple:
@@ -117,31 +96,22 @@ def visible_volumes(scene, view_layer, space) -> tuple:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     view_layer : bpy.types.ViewLayer
         Its view layer.
     space : bpy.types.SpaceView3D
         The viewport, whose local view, collections and object type filters count.
-
-    Returns
-    -------
-    tuple
     """
     if not is_on(space):
         return ()
     found = []
-    for key in volume_keys(scene):
-        owner = find(key)
-        if owner is not None and owner.visible_get(view_layer=view_layer, viewport=space):
-            found.append(key)
-    for key in _instance_keys(scene, view_layer):
-        instancer = find(key[2])
-        if instancer is not None and instancer.visible_get(view_layer=view_layer, viewport=space):
+    shown_by = [(owner, index.key_of(owner)) for owner in volumes.volume_objects(scene)]
+    shown_by += [(index.find(key.instancer), key) for key in _instance_keys(scene, view_layer)]
+    for one, key in shown_by:
+        if one is not None and one.visible_get(view_layer=view_layer, viewport=space):
             found.append(key)
     if len(found) > 1:
-        added = [_key(one) for one in placements.as_channels([find(key) for key in found])]
-        found = [key for key in found if key[:2] not in added]
+        added = placements.as_channels([find(key) for key in found])
+        found = [key for key in found if find(key) not in added]
     return tuple(found)
 
 
@@ -165,9 +135,4 @@ def switch_all(window, on: bool) -> None:
 
 def forget() -> None:
     """Forget all scenes, before another file is opened."""
-    for held in (_Now.known, _Now.instancers, _Now.instances):
-        held.clear()
-
-
-def _key(owner) -> tuple:
-    return owner.name, None if owner.library is None else owner.library.filepath
+    _Now.instances.clear()

@@ -18,13 +18,13 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.volume.slices import slice_size
 from .. import messages
 from ..held import Held
-from ..loop import jobs, work
+from ..loop import timer, work
 from ..render.placeholder import placeholder
 from . import slices
 
 SIZE = 64  # pixels along a side of a placeholder
 MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
-STILL, TICK, BUSY, BITE = 0.15, 0.005, 0.2, 0.02  # seconds: see ``bridge.live``
+STILL, TICK, BITE = 0.15, 0.005, 0.02  # seconds: see ``bridge.live``
 
 _shown: dict = {}  # session id of an image -> what it shows
 _sampled: dict = {}  # (session id of an image, size) of it -> (voxels and place, values): windows change more often
@@ -53,8 +53,7 @@ def _on_other_data(*_arguments):
     """Handler: after undo or loading, when images may have lost their pixels."""
     forget()
     if not bpy.app.background:
-        if not bpy.app.timers.is_registered(_tick):
-            bpy.app.timers.register(_tick, first_interval=0.0)
+        timer.start(_tick)
     elif bpy.context.scene is not None:
         update(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), may_wait=False)
 
@@ -85,11 +84,10 @@ def forget() -> None:
 
 
 def stop() -> None:
-    """Drop all records and the timers."""
+    """Drop all records and what is to be done."""
     forget()
-    for timer in (_tick, _refine):
-        if bpy.app.timers.is_registered(timer):
-            bpy.app.timers.unregister(timer)
+    timer.stop(_tick)
+    timer.stop(_refine)
 
 
 def problem_of(one) -> str:
@@ -102,10 +100,6 @@ def update(scene, depsgraph, may_wait: bool) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     may_wait : bool
         Whether voxels that are not in memory are read in steps, after which this is called again, and large slices are
         made with fewer pixels first.
@@ -117,7 +111,7 @@ def update(scene, depsgraph, may_wait: bool) -> None:
     _updating.append(scene)
     try:
         if not is_render:  # a handler of a render must create no datablock
-            slices.settle_copies(one for one in bpy.data.objects if one.rle_splat.is_slice)
+            slices.settle_copies({one for each in bpy.data.scenes for one in slices.slice_objects(each)})
         for one in found:
             hidden = one.hide_render if is_render else not one.visible_get(view_layer=depsgraph.view_layer)
             owner = slices.volume_of(one)
@@ -125,40 +119,43 @@ def update(scene, depsgraph, may_wait: bool) -> None:
                 continue
             if may_wait and owner is not None and work.want(owner, depsgraph):
                 continue
-            _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
-            if not is_render:
+            changed = _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
+            if changed and not is_render:
                 one.rle_splat.slice_image.update_tag()
     finally:
         _updating.clear()
 
 
-def _update(scene, one, depsgraph, most: int | None) -> None:
-    """Make the picture of one slice if it has changed, of at most so many pixels; on failure stripes and a message."""
+def _update(scene, one, depsgraph, most: int | None) -> bool:
+    """Make the picture of one slice if it has changed, of at most so many pixels; on failure stripes and a message.
+
+    Return whether there are other pixels now.
+    """
     uid = one.rle_splat.slice_image.session_uid
     try:
         volume, matrix, window = slices.content(one, depsgraph)
         full, size = slice_size(volume, matrix), slice_size(volume, matrix, most)
         shows = volume.key, matrix.tobytes(), window
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
-            return
+            return False
         _drop_work()
         drain(_picture_steps(one, volume, matrix, window, size))
         _drafts.pop(uid, None)
         if size != full:
             _drafts[uid], _changed[0] = Held(one), time.perf_counter()
-            if not bpy.app.timers.is_registered(_refine):
-                bpy.app.timers.register(_refine, first_interval=STILL)
+            timer.start(_refine, STILL)
         if scene.rle_splat.message == _problems.pop(one.session_uid, None):
             scene.rle_splat.message = ""
     except Exception as problem:  # handlers run often: one sentence instead of many tracebacks
         shows = sentence = messages.sentence_of(problem)
         if _shown.get(uid) == shows:
-            return
+            return False
         _drafts.pop(uid, None)
         slices.show(one, placeholder(SIZE, SIZE))
         _problems[one.session_uid] = sentence
         messages.complain(scene.rle_splat, sentence)
     _shown[uid] = shows
+    return True
 
 
 def _picture_steps(one, volume, matrix, window, size):
@@ -182,8 +179,8 @@ def _refine():
     """Timer function: make slices in full that are shown with fewer pixels, once nothing changes."""
     if not _drafts:
         return None
-    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
-        return BUSY
+    if timer.must_wait():
+        return timer.BUSY
     now = time.perf_counter()
     if now < _changed[0] + STILL:
         return _changed[0] + STILL - now

@@ -17,6 +17,7 @@ from ...rle_splat.volume import slices as plain
 from .. import linked, presence, versions
 from ..data.settings import scene_scale_of
 from ..look import transfer
+from ..loop import index
 from ..pictures import images
 from ..volumes import volumes
 from ..volumes.attached import attach, is_attached, volume_frame, world_matrix
@@ -28,7 +29,7 @@ LONGEST_NAME = 40  # characters of the volume's name in a slice's name
 
 def slice_objects(scene) -> list:
     """The slices of a scene, sorted by name."""
-    return sorted((one for one in scene.objects if one.rle_splat.is_slice), key=lambda one: one.name)
+    return index.objects(index.of(scene).slices)
 
 
 def add_slice(context, owner, volume, name: str):
@@ -38,8 +39,6 @@ def add_slice(context, owner, volume, name: str):
     ----------
     context : bpy.types.Context
         Gives the scene and the collection.
-    owner : bpy.types.Object
-        The volume object.
     volume : Volume
         Its voxels.
     name : {"axial", "coronal", "sagittal"}
@@ -136,13 +135,6 @@ def _give_own(one, image) -> None:
 def content(one, depsgraph) -> tuple:
     """What a slice shows at a depsgraph's time.
 
-    Parameters
-    ----------
-    one : bpy.types.Object
-        The slice.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     volume : Volume
@@ -213,11 +205,6 @@ def show(one, rgba: np.ndarray) -> None:
 
 def outlines(depsgraph) -> dict:
     """The part of each slice that lies in its volume, which hides what is behind it.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
 
     Returns
     -------

@@ -9,11 +9,12 @@ import bpy
 import gpu
 import numpy as np
 
-from ...rle_splat.scene import Camera
+from ...rle_splat.scene import Camera, RleSplatError
 from ...rle_splat.view.box_order import box_of
 from ..data import preferences, settings
 from ..data.decimals import typed
 from ..loop import work
+from ..messages import sentence_of
 from ..pictures import outdated
 from ..scene import render_scene
 from ..scene.glass import has_glass
@@ -39,10 +40,6 @@ def request_of(context, volumes: tuple) -> Request:
         While a draw handler runs.
     volumes : tuple
         Of ``shown.visible_volumes``.
-
-    Returns
-    -------
-    Request
     """
     space, region, view = context.space_data, context.region, context.region_data
     matrices = Matrices(
@@ -65,12 +62,6 @@ def _draws_floor(overlay) -> bool:
 
 def clip_of(context, space, view) -> tuple:
     """Clip distances of a viewport, which are those of the camera that it looks through.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-    space : bpy.types.SpaceView3D
-    view : bpy.types.RegionView3D
 
     Returns
     -------
@@ -116,7 +107,7 @@ class BlenderSurface:
         """See ``Surface.hides``."""
         return self._scene.rle_splat.meshes_occlude
 
-    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | None]:
+    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | str | None]:
         """See ``Surface.contents``."""
         if self._depsgraph is None:
             return dict.fromkeys(request.volumes)
@@ -128,7 +119,7 @@ class BlenderSurface:
             if not with_triangles:  # rays end at the depth of glass, too
                 surfaces = {"triangles": surfaces["triangles"]}
         return {
-            key: self._contents_of(owner, shown.matrix_of(key), surfaces) if key in read else None
+            key: self._contents_or_problem(owner, shown.matrix_of(key), surfaces) if key in read else None
             for key, owner in owners.items()
         }
 
@@ -136,6 +127,13 @@ class BlenderSurface:
         """Whether meshes count beside the depth at which they end rays."""
         held = self._scene.rle_splat
         return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
+
+    def _contents_or_problem(self, owner, matrix, surfaces: dict) -> Contents | str:
+        """Of a volume that cannot be shown a sentence, so that the others are shown."""
+        try:
+            return self._contents_of(owner, matrix, surfaces)
+        except RleSplatError as problem:
+            return sentence_of(problem)
 
     def _contents_of(self, owner, matrix, surfaces: dict) -> Contents:
         if matrix is None:

@@ -122,10 +122,6 @@ def resized(view: ViewportView, width: int, height: int) -> ViewportView:
     view : ViewportView
     width, height : int
         Pixels.
-
-    Returns
-    -------
-    ViewportView
     """
     camera = replace(view.camera, **_of_size(view.window, width, height))
     return replace(view, camera=camera, width=width, height=height)

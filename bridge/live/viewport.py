@@ -24,6 +24,7 @@ STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without
 # draft took, whichever is more; or slow drafts would alternate with nothing.
 MOST_LAG, OF_LAST = 0.5, 2.0
 RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
+FOR_GOOD = "for good"  # of a failure that no input made, such as that of a driver
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
 # Seconds of a draft above which the next one has every second pixel; a redraw then takes about 16 ms.  Only above
@@ -72,8 +73,9 @@ class Request:
 class DrawnSurface(Protocol):
     """What a viewport looks up while it is redrawn."""
 
-    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | None]:
-        """Contents by key; None where files are being read.  ``with_triangles``: meshes end rays by them."""
+    def contents(self, request: Request, with_triangles: bool) -> dict[str, Contents | str | None]:
+        """Contents by key; None where files are being read, and a sentence where a volume cannot be shown.
+        ``with_triangles``: meshes end rays by them."""
 
     def hides(self) -> bool:
         """Whether meshes hide the volume."""
@@ -102,7 +104,7 @@ class Viewport:
     waits : bool
         Whether files of volumes are being read; these volumes are shown as they were, or not yet.
     problem : str
-        Why nothing is shown; "" without a problem.
+        Why a volume or nothing is shown; "" without a problem.  It is gone once the inputs that made it change.
     counts : Counter
         How often something was done: "reads" of contents, "depths", "drafts", "refinements".
     """
@@ -112,6 +114,8 @@ class Viewport:
         self.version, self.problem, self.counts, self.is_refined = 0, "", Counter(), False
         self.waits = False
         self._cache, self._now = cache, now
+        # (request, stamp) of a failure, with which nothing is tried again, and of the last redraw that was looked at.
+        self._failed, self._tried = None, None
         self._request: Request | None = None
         self._stamp = None
         self._contents: dict[str, Contents] = {}  # of Request.volumes
@@ -145,12 +149,15 @@ class Viewport:
             Differs from that of the last redraw after any event that may have changed the contents.
         surface : DrawnSurface
         """
+        if self._failed in (FOR_GOOD, (request, stamp)):
+            return
         now = self._now()
         moved = request != self._request
         turned = self._request is not None and request.matrices != self._request.matrices
         stale = moved or stamp != self._stamp or now - self._checked >= RECHECK
-        if self.problem or not stale:
+        if not stale:
             return
+        self._failed, self._tried = None, (request, stamp)
         try:
             if self._look(request, stamp, surface, moved, now):
                 self._left = min(self._left, now) if turned else self._left
@@ -190,7 +197,9 @@ class Viewport:
         self._has_triangles = with_triangles
         before, found = self._contents, surface.contents(request, with_triangles)
         self.waits = None in found.values()
-        now = {key: one or before.get(key) for key, one in found.items()}
+        problems = {key: one for key, one in found.items() if isinstance(one, str)}
+        self.problem = next(iter(problems.values()), "")
+        now = {key: one or before.get(key) for key, one in found.items() if key not in problems}
         self._contents = {key: one for key, one in now.items() if one is not None}
         return [one.digest for one in self._contents.values()] != [one.digest for one in before.values()]
 
@@ -206,7 +215,7 @@ class Viewport:
 
     def work(self) -> bool:
         """Work for a bite, from a timer; return whether there is a new picture to draw."""
-        version = self.version
+        before = self.version, self.problem
         try:
             if self._work is None and self._due is not None and self._now() >= self._due:
                 self._due = None
@@ -215,7 +224,7 @@ class Viewport:
             self._drop_outdated()
         except Exception as problem:
             self._fail(problem)
-        return version != self.version or bool(self.problem)
+        return before != (self.version, self.problem)
 
     def wait(self) -> float:
         """Seconds until there is work."""
@@ -235,16 +244,18 @@ class Viewport:
 
     def try_again(self) -> None:
         """Forget the problem; the next redraw begins anew."""
-        self.problem = ""
+        self.problem, self._failed = "", None
         self.stop()
 
     def give_up(self, sentence: str) -> None:
         """Show nothing more, and say why, until ``try_again``."""
         self.stop()
-        self.problem = sentence
+        self.problem, self._failed = sentence, FOR_GOOD
 
     def _fail(self, problem: Exception) -> None:
+        """Show nothing more of these inputs, and say why."""
         self.give_up(sentence_of(problem))
+        self._failed = self._tried
 
     def _start_draft(self) -> None:
         self._start(max(self._coarseness, self._request.habits.least_coarseness))

@@ -56,11 +56,6 @@ class PresetGroup:
 def modality_of(properties) -> str | None:
     """The modality of a volume.
 
-    Parameters
-    ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
-
     Returns
     -------
     str or None
@@ -76,11 +71,6 @@ def groups(properties) -> list[PresetGroup]:
     """The groups of a volume, those that suit it first.
 
     It reads only properties, so a panel may call it at every redraw.
-
-    Parameters
-    ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
 
     Returns
     -------

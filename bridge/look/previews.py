@@ -25,11 +25,6 @@ def histogram_icon(volume_object) -> int:
 
     It reads only properties of the object, so a panel may call it at every redraw.
 
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The volume object.
-
     Returns
     -------
     int

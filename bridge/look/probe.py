@@ -13,10 +13,9 @@ from ...rle_splat.pipeline.first_surface import Surface, find_surface
 from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ...rle_splat.volume.orientation import LETTERS
 from ...rle_splat.volume.volume import PATIENT
-from ..live import shown
 from ..live.surface import clip_of
 from ..scene import clip_objects, render_scene
-from ..volumes import loading
+from ..volumes import loading, volumes
 
 ANY_VIEW = Camera(), 1, 1  # a ray needs no camera
 PASSED = 1e-6  # of the way to a mesh that hides nothing: so far behind it the ray goes on
@@ -71,8 +70,7 @@ def visible_owners(context) -> list:
     space, where = context.space_data, {"view_layer": context.view_layer}
     if space is not None and space.type == "VIEW_3D":
         where["viewport"] = space
-    found = map(shown.find, shown.volume_keys(context.scene))
-    return [owner for owner in found if owner is not None and owner.visible_get(**where)]
+    return [owner for owner in volumes.volume_objects(context.scene) if owner.visible_get(**where)]
 
 
 def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
@@ -81,8 +79,6 @@ def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
     Parameters
     ----------
     context : bpy.types.Context
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     ray : Ray
     owners : list of bpy.types.Object
         The volume objects.

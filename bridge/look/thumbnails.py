@@ -23,7 +23,7 @@ from ...rle_splat.scene import RleSplatError
 from ...rle_splat.volume.reduced import factors_of, reduce_steps
 from .. import live
 from ..held import Held
-from ..loop import jobs
+from ..loop import timer
 from ..pictures.canvas import redraw_sidebars
 from ..scene import viewports
 from ..volumes import volumes
@@ -77,8 +77,7 @@ def stop() -> None:
         held.clear()
     for collection in _collections:
         collection.clear()
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    timer.stop(_tick)
 
 
 def _key(owner, entry: Entry) -> tuple:
@@ -93,8 +92,6 @@ def icon(owner, entry: Entry) -> int:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     entry : Entry
 
     Returns
@@ -109,13 +106,8 @@ def icon(owner, entry: Entry) -> int:
             return collection[name].icon_id
         if key not in _failed and key not in _wanted:
             _wanted[key] = WantedThumbnail(key, Held(owner), entry)
-            _start()
+            timer.start(_tick, TICK)
     return 0
-
-
-def _start() -> None:
-    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=TICK)
 
 
 def _tick():
@@ -147,9 +139,7 @@ def _rest() -> None:
 
 def _others_work() -> bool:
     """Whether something runs that users wait for."""
-    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
-        return True
-    return any(viewport.is_busy for area in _areas() for viewport in live.viewports_of(area))
+    return timer.must_wait() or any(viewport.is_busy for area in _areas() for viewport in live.viewports_of(area))
 
 
 def _areas() -> list:

@@ -19,11 +19,6 @@ XRAY_ALPHA = 0.04  # as the preset x-ray has
 def window_of(properties) -> tuple[float, float]:
     """The window of a volume.
 
-    Parameters
-    ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
-
     Returns
     -------
     low, high : float
@@ -91,11 +86,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
 def why_unusable(volume_object) -> str:
     """Why a volume object has no usable transfer function.
 
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The volume object.
-
     Returns
     -------
     str
@@ -118,8 +108,6 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         The evaluated scene, for the animated values at its frame.
 
@@ -175,8 +163,6 @@ def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
     scene : bpy.types.Scene
         Gives the mode.
     depsgraph : bpy.types.Depsgraph, optional
@@ -227,8 +213,6 @@ def move_window(volume_object, center: float, width: float, keep_values: bool = 
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
     center, width : float
         Level and window in physical values.
     keep_values : bool
@@ -279,8 +263,6 @@ def keyframe(volume_object, frame: float) -> int:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
     frame : float
         The frame.
 

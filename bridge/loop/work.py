@@ -18,10 +18,10 @@ from ...rle_splat.scene import RleSplatError
 from ..held import Held
 from ..pictures.canvas import redraw_sidebars
 from ..volumes import loading, volumes
-from . import jobs, store
+from . import jobs, store, timer
 
 PURPOSE = "picture"  # of a wish, see ``store.Wish``
-PAUSE, BUSY = 0.01, 0.2  # seconds between slices, and between checks whether other work is done
+PAUSE = 0.01  # seconds between slices
 LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: the user may drag on
 
 
@@ -53,8 +53,6 @@ def want(owner, depsgraph=None) -> bool:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time.
 
@@ -77,7 +75,7 @@ def want(owner, depsgraph=None) -> bool:
     if waits:
         if key not in _queue:
             _queue[key] = ReadingWork(loading.load_steps(owner, depsgraph))
-            _start(PAUSE)
+            timer.start(_tick, PAUSE)
         _queue[key].waiting[wish] = Held(owner)
     return waits
 
@@ -86,7 +84,7 @@ def consider() -> None:
     """Read the next frame ahead, if a volume in time follows the timeline or keyframes."""
     if not bpy.app.background:
         _is_due[0] = True
-        _start(LOOK_AROUND)
+        timer.start(_tick, LOOK_AROUND)
 
 
 def progress() -> Progress | None:
@@ -100,8 +98,7 @@ def stop() -> None:
         _drop(key)
     _failed.clear()
     _is_due[0] = False
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    timer.stop(_tick)
 
 
 def _drop(key: tuple) -> ReadingWork:
@@ -110,15 +107,10 @@ def _drop(key: tuple) -> ReadingWork:
     return work
 
 
-def _start(interval: float) -> None:
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=interval)
-
-
 def _tick():
     """Timer function: Blender calls it again after the returned seconds, and stops after None."""
-    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running():
-        return BUSY
+    if timer.must_wait():
+        return timer.BUSY
     if not _queue and _is_due[0]:
         _is_due[0] = False
         _queue.update(_next_frame())

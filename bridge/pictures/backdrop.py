@@ -23,8 +23,6 @@ def show(camera, image, place: str):
 
     Parameters
     ----------
-    camera : bpy.types.Object
-        The camera object.
     image : bpy.types.Image
         The picture.
     place : {"BACK", "FRONT"}
@@ -59,8 +57,6 @@ def state(scene, camera) -> tuple:
     ----------
     scene : bpy.types.Scene
         The scene that owns the backdrop.
-    camera : bpy.types.Object
-        The camera object.
 
     Returns
     -------
@@ -81,8 +77,6 @@ def restore(scene, camera, earlier: tuple) -> None:
     ----------
     scene : bpy.types.Scene
         The scene that owns the backdrop.
-    camera : bpy.types.Object
-        The camera object.
     earlier : tuple
         The result of ``state``.
     """
@@ -105,8 +99,6 @@ def hide(scene, camera) -> bool:
     ----------
     scene : bpy.types.Scene
         The scene that owns the backdrop.
-    camera : bpy.types.Object
-        The camera object.
 
     Returns
     -------
@@ -127,8 +119,6 @@ def find(scene, camera):
     ----------
     scene : bpy.types.Scene
         The scene that owns the backdrop.
-    camera : bpy.types.Object
-        The camera object.
 
     Returns
     -------

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from ..loop import timer
 from .canvas import redraw
 from .drafts import Draft
 
@@ -66,8 +67,7 @@ def begin(work: Refinement) -> None:
     while (step := _advance(work)) is not None:
         if isinstance(step, Draft):
             _unfinished.append(work)
-            if not bpy.app.timers.is_registered(_tick):
-                bpy.app.timers.register(_tick, first_interval=PAUSE)
+            timer.start(_tick, PAUSE)
             return
 
 

@@ -59,8 +59,6 @@ def owned_by(image, scene) -> bool:
     ----------
     image : bpy.types.Image or None
         The image.
-    scene : bpy.types.Scene
-        The scene.
 
     Returns
     -------
@@ -75,8 +73,6 @@ def write_color(image, rgba: np.ndarray) -> None:
 
     Parameters
     ----------
-    image : bpy.types.Image
-        The image.
     rgba : ndarray, shape (height, width, 4)
         Premultiplied scene-linear colors, row 0 on top.
     """
@@ -88,8 +84,6 @@ def write_numbers(image, numbers: np.ndarray) -> None:
 
     Parameters
     ----------
-    image : bpy.types.Image
-        The image.
     numbers : ndarray, shape (height, width)
         The numbers, row 0 on top.
     """
@@ -101,11 +95,6 @@ def write_numbers(image, numbers: np.ndarray) -> None:
 
 def read(image) -> np.ndarray:
     """The stored pixels of an image.
-
-    Parameters
-    ----------
-    image : bpy.types.Image
-        The image.
 
     Returns
     -------

@@ -23,10 +23,6 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     later : bool
         Whether the picture may be finished by a timer, with a draft until then.
     camera : bpy.types.Object, optional

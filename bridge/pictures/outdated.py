@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import weakref
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from typing import NamedTuple
@@ -19,10 +20,12 @@ from ...rle_splat.volume.volume import Volume
 from ..data import settings
 from ..look import transfer
 from ..scene import render_scene
+from ..scene.meshes import is_known
 from ..volumes import loading, volumes
 from . import backdrop, pictures
 
 MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
+LARGE = 1 << 16  # bytes of an array that stands in a hash by its own
 PLAIN = (int, float, str, bool, type(None))  # types of values that are hashed as Python writes them
 
 
@@ -45,6 +48,7 @@ class MadeFrom(NamedTuple):
 
 
 _made_from: dict[int, MadeFrom] = {}  # by session id of the image
+_hashes: list = []  # (weak reference, hash) of arrays of surfaces that may be asked for again
 _out_of_date: set[int] = set()  # session ids of the images that the last ``update_status`` found outdated
 
 
@@ -97,11 +101,6 @@ def out_of_date(scene) -> list:
 
     It reads properties only, so a panel may call it.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     list of bpy.types.Image
@@ -130,13 +129,6 @@ def update_status(scene, depsgraph) -> bool:
     A picture whose volume or labels are not in memory is skipped, because reading could take long; but if another frame
     of the volume is in memory, the picture is outdated.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     bool
@@ -157,11 +149,6 @@ def update_status(scene, depsgraph) -> bool:
 
 def shown_rows(scene) -> list:
     """The rows of the last picture and of the active camera's backdrop whose inputs are known.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
 
     Returns
     -------
@@ -231,8 +218,18 @@ def _feed(total, value) -> None:
         _feed(total, [getattr(value, entry.name) for entry in fields(value)])
     elif isinstance(value, np.ndarray):
         total.update(f"{value.dtype.str}{value.shape}".encode())
-        total.update(np.ascontiguousarray(value).data)
+        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else _hash_of(value))
     elif isinstance(value, dict):
         _feed(total, sorted(value.items()))
     else:
         total.update(f"{value!r};".encode())
+
+
+def _hash_of(array: np.ndarray) -> bytes:
+    """Hash of a large array; of surfaces that have not changed it is the one made before."""
+    found = next((value for held, value in _hashes if held() is array), None)
+    if found is None:
+        found = hashlib.blake2b(np.ascontiguousarray(array), digest_size=16).digest()
+        if is_known(array):
+            _hashes[:] = [(weakref.ref(array), found), *(one for one in _hashes if one[0]() is not None)]
+    return found

@@ -57,8 +57,6 @@ def find(scene, volume_object, kind: str, camera=None):
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     volume_object : bpy.types.Object
         The volume in the picture.
     kind : str
@@ -208,8 +206,6 @@ def release_deleted(scene, is_deleted) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     is_deleted : callable
         ``is_deleted(object)`` returns whether an object was deleted.
     """

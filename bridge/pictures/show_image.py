@@ -3,6 +3,7 @@
 import bpy
 
 from ..held import Held
+from ..loop import timer
 
 SOON = 0.01  # seconds
 
@@ -11,11 +12,6 @@ def show_soon(image) -> None:
     """Show an image in an image editor that is open, or where Blender shows renders, once the operator has ended.
 
     Blender handles further events while it opens a window, and would call a modal operator in the middle of its end.
-
-    Parameters
-    ----------
-    image : bpy.types.Image
-        The image.
     """
     held = Held(image)
 
@@ -24,7 +20,7 @@ def show_soon(image) -> None:
         if found is not None:
             _show(found)
 
-    bpy.app.timers.register(show, first_interval=SOON)
+    timer.start(show, SOON)
 
 
 def show_in_editor(image) -> bool:

@@ -12,7 +12,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .. import presence
-from ..loop import jobs, work
+from ..loop import timer, work
 from ..render import compositor, mesh_shadows
 from ..scene.camera import marked_camera
 from ..volumes import volumes
@@ -33,8 +33,7 @@ def _on_change(scene=None, depsgraph=None):
         return
     if not bpy.app.background:
         _due[0] = time.perf_counter() + PAUSE
-        if not bpy.app.timers.is_registered(_tick):
-            bpy.app.timers.register(_tick, first_interval=PAUSE)
+        timer.start(_tick, PAUSE)
     elif scene is not None and depsgraph is not None:
         attend(scene, depsgraph)
 
@@ -70,13 +69,6 @@ HANDLERS = (
 def attend(scene, depsgraph) -> None:
     """Check a scene: copies of scenes, deleted objects, links of the compositor, the followed backdrop, outdated
     pictures, grids for shadows.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     """
     _attending.append(scene)
     try:
@@ -115,12 +107,6 @@ def _hand_over_renders(scene) -> None:
             settings.composite_object = others[0]
 
 
-def stop() -> None:
-    """Stop the timer."""
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-
-
 def _concerns_us() -> bool:
     """Whether any scene has pictures of ours."""
     return any(scene.rle_splat.scene_id for scene in bpy.data.scenes)
@@ -139,7 +125,7 @@ def _tick():
         return left
     if _due[0] == _seen[0] and not any(outdated.have_new_transfer_functions(scene) for scene in _followed()):
         return POLL if _followed() else None
-    if bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running() or backdrop_work.is_moving():
+    if timer.must_wait() or backdrop_work.is_moving():
         return PAUSE
     _seen[0] = _due[0]
     for window in bpy.context.window_manager.windows:

@@ -32,8 +32,6 @@ def turning_camera(context, owner, *, is_perspective: bool, elevation: float):
     ----------
     context : bpy.types.Context
         Gives the scene.
-    owner : bpy.types.Object
-        The volume object.
     is_perspective : bool
         Or orthographic.
     elevation : float
@@ -124,8 +122,6 @@ def keyframe_turn(pivot, azimuth: float, angle: float, frames: range) -> None:
 
     Parameters
     ----------
-    pivot : bpy.types.Object
-        The Empty.
     azimuth : float
         At the first frame, in degrees; 0 shows a patient's face.
     angle : float

@@ -49,11 +49,6 @@ class CompositedPicture:
 def check_editable(scene) -> None:
     """Check that the scene's compositor can be changed.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Raises
     ------
     RleSplatError
@@ -134,13 +129,7 @@ def insert(scene, make_image) -> list[str]:
 
 
 def settle(scene) -> None:
-    """Lead links that were drawn past our nodes through them; where that needs another picture, ``problem`` says so.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-    """
+    """Lead links that were drawn past our nodes through them; where that needs another picture, ``problem`` says so."""
     tree = versions.compositor_tree(scene)
     if tree is None or not tree.is_editable:
         return
@@ -159,11 +148,6 @@ def settle(scene) -> None:
 
 def remove(scene) -> bool:
     """Remove our nodes, reconnect the links across them, and restore the settings that ``insert`` changed.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
 
     Returns
     -------
@@ -197,11 +181,6 @@ def is_inserted(scene) -> bool:
 def images_of(scene) -> list:
     """All pictures in the scene's compositor, whether they reach the render or not.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     list of bpy.types.Image
@@ -217,8 +196,6 @@ def exchange_images(scene, exchange) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     exchange : callable
         ``exchange(image)`` returns the new image.
     """
@@ -231,11 +208,6 @@ def exchange_images(scene, exchange) -> None:
 
 def pictures(scene) -> list[CompositedPicture]:
     """The pictures that reach the scene's render.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
 
     Returns
     -------
@@ -254,11 +226,6 @@ def pictures(scene) -> list[CompositedPicture]:
 
 def problem(scene) -> str | None:
     """Why one of our pictures does not reach the scene's render.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
 
     Returns
     -------

@@ -28,6 +28,7 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import MODES, Scene
 from .. import linked, paths
 from ..data import effects
+from ..live import slices
 from ..pictures import outdated
 from ..scene.clip_objects import clip_objects
 from ..scene.lights import read_lights
@@ -133,10 +134,6 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     plain : Scene
         The same as plain data.
 
@@ -157,7 +154,7 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
     casting = Counter(light.type.lower() for light in read_lights(depsgraph) if light.casts_shadow)
     if plain.environment is not None:
         casting["environment"] += 1
-    without = {*clip_objects(scene), *(one for one in scene.objects if one.rle_splat.is_slice)}
+    without = {*clip_objects(scene), *slices.slice_objects(scene)}
     reason = f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}"
     if scene.render.engine in SURFACE_ENGINES:
         reason += ", of an opaque surface in EEVEE"
@@ -189,8 +186,6 @@ def update(shown: list, depsgraph, quality) -> dict:
     ----------
     shown : list of (bpy.types.Object, Scene)
         The volumes that a view layer shows, each with what its picture depends on.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     quality : Quality
         Its threads count.
 
@@ -228,8 +223,6 @@ def show(scene, files: dict | None = None) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     files : dict of bpy.types.Object to (Path, float), optional
         Volume object to its file and the density of its surface.
     """

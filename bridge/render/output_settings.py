@@ -23,13 +23,7 @@ WITHIN_RENDER = ("image_settings", "ffmpeg")
 
 
 class KeptOutput:
-    """Remembers the output settings of a scene, its camera, frames and the cameras of its markers.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-    """
+    """Remembers the output settings of a scene, its camera, frames and the cameras of its markers."""
 
     def __init__(self, scene):
         self._scene = Held(scene)
@@ -138,8 +132,6 @@ def write_to(scene, output: str, path: str) -> str:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     output : {"MP4", "PNG", "EXR"}
         A movie, or one picture for each frame.
     path : str

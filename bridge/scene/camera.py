@@ -40,11 +40,6 @@ def image_size(render) -> tuple[int, int]:
 def camera_object(depsgraph):
     """The evaluated active camera.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     bpy.types.Object
@@ -71,11 +66,6 @@ def marked_camera(scene):
 
     Blender switches the camera after ``frame_change_post``; before the first marker it uses the first marker's camera.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     bpy.types.Object or None
@@ -91,8 +81,6 @@ def read_camera(depsgraph, camera=None) -> tuple[Camera, int, int]:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     camera : bpy.types.Object, optional
         A camera object to use instead of the active one.
 

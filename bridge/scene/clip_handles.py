@@ -9,6 +9,7 @@ import bpy
 from mathutils import Matrix, Quaternion, Vector
 
 from .. import linked
+from ..loop import index
 from ..volumes import volumes
 from . import clip_objects
 
@@ -20,16 +21,13 @@ THINNEST = 1e-3  # of a box's longest side: it must not become flat
 def active_box(context):
     """The clip box that handles are shown for.
 
-    Parameters
-    ----------
-    context : bpy.types.Context
-        The context.
-
     Returns
     -------
     bpy.types.Object or None
         The active object if it is an Empty that cuts as a box, else the first visible one that cuts the active volume.
     """
+    if context.scene.rle_splat.clip_objects is None:
+        return None
     active = context.view_layer.objects.active
     if active is None:
         return None
@@ -43,6 +41,8 @@ def active_box(context):
 
 def active_plane(context):
     """The active object if it is visible and cuts a volume as a plane, or shows a slice; else None."""
+    if not any(index.of(context.scene)):
+        return None
     one = context.view_layer.objects.active
     if one is None or not linked.is_own(one) or not one.visible_get():
         return None

@@ -27,11 +27,6 @@ FLAT = 1e-6  # a mesh whose thickness is below this fraction of its size is a pl
 def clip_objects(scene) -> list:
     """The clip objects of a scene, sorted by name, without deleted ones.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
-
     Returns
     -------
     list of bpy.types.Object
@@ -55,10 +50,6 @@ def read_clips(depsgraph, owner, moved=None) -> tuple[Clip, ...]:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-    owner : bpy.types.Object
-        The volume object.
     moved : (4, 4) ndarray of float64, optional
         The world matrix from the volume object to an instance of it.  Its children move along, other clip objects stay.
 
@@ -160,8 +151,6 @@ def check_can_add(scene, view_layer) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     view_layer : bpy.types.ViewLayer
         One of its view layers.
 
@@ -203,10 +192,6 @@ def add_clip(scene, owner, kind: str, keep: str, matrix) -> object:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
-    owner : bpy.types.Object
-        The volume object.
     kind : {"BOX", "PLANE"}
         Shape of the cut.
     keep : {"INSIDE", "OUTSIDE"}

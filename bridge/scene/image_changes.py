@@ -56,10 +56,6 @@ def state_of(image, frame: int = 0) -> tuple:
         Evaluated or not.
     frame : int
         The frame of the scene, which counts for movies and sequences.
-
-    Returns
-    -------
-    tuple
     """
     image = image.original
     return (

@@ -14,11 +14,6 @@ def read_lights(depsgraph) -> tuple[Light, ...]:
 
     Exposure and color temperature are included in energy and color.  Shader nodes of a light are ignored.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     tuple of Light

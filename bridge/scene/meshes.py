@@ -12,9 +12,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 
+from ..look.transfer_nodes import is_transfer_tree
 from .glass import share_of
+
+# What an update can name without changing a surface: an object that a surface follows is named beside it.
+WITHOUT_SURFACE = (bpy.types.Scene, bpy.types.World, bpy.types.Image, bpy.types.Camera, bpy.types.Light)
+OBJECTS_WITHOUT = "CAMERA", "EMPTY", "LIGHT", "LIGHT_PROBE", "SPEAKER"
 
 
 class Surfaces(NamedTuple):
@@ -34,6 +41,65 @@ class Surfaces(NamedTuple):
     pane_shares: np.ndarray | None
 
 
+class _Read:
+    """The surfaces read last of each view layer, and the number of events so far that may have changed any."""
+
+    stamp = 0
+    known: dict = {}  # (session id of a scene, name of a view layer) -> (what they were read by, Surfaces)
+
+
+@persistent
+def _on_update(_scene=None, depsgraph=None):
+    if depsgraph is None or (depsgraph.mode != "RENDER" and any(_has_surface(one.id) for one in depsgraph.updates)):
+        _Read.stamp += 1
+
+
+@persistent
+def _on_other(*_arguments):
+    _Read.stamp += 1
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _on_update), ("frame_change_post", _on_other), ("undo_post", _on_other),
+    ("redo_post", _on_other),
+)  # fmt: skip
+
+
+def _has_surface(one) -> bool:
+    if isinstance(one, bpy.types.Object):
+        if one.rle_splat.is_volume:  # it instances its box, of edges alone
+            return False
+        return one.type not in OBJECTS_WITHOUT or one.instance_type != "NONE"
+    if isinstance(one, bpy.types.NodeTree):
+        return not (one.is_embedded_data or is_transfer_tree(one))  # that of a material is named with its material
+    return not isinstance(one, WITHOUT_SURFACE)
+
+
+def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
+    """``read_surfaces``, which in a viewport reads again only after an event that may have changed a surface."""
+    instead = instead or {}
+    if depsgraph.mode == "RENDER":
+        return read_surfaces(depsgraph, without, instead)
+    of = depsgraph.scene.session_uid, depsgraph.view_layer.name
+    by = (
+        _Read.stamp, tuple(one.session_uid for one in without),
+        tuple((one.session_uid, triangles.tobytes()) for one, triangles in instead.items()),
+    )
+    if of not in _Read.known or _Read.known[of][0] != by:
+        _Read.known[of] = by, read_surfaces(depsgraph, without, instead)
+    return _Read.known[of][1]
+
+
+def is_known(array) -> bool:
+    """Whether an array is one of those that ``known_surfaces`` returns again, so that it is hashed once."""
+    return any(array is one for _, surfaces in _Read.known.values() for one in surfaces)
+
+
+def forget() -> None:
+    """Drop all surfaces."""
+    _Read.known.clear()
+
+
 def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
     """The triangles of all surfaces that the camera sees.
 
@@ -41,16 +107,10 @@ def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     without : collection of bpy.types.Object
         Objects to leave out.
     instead : dict of bpy.types.Object to ndarray, optional
         Triangles of some objects in their own space, in place of those of their meshes; they are opaque.
-
-    Returns
-    -------
-    Surfaces
     """
     local: dict[int, tuple] = {}
     shares: dict[int, np.ndarray | None] = {}
@@ -118,11 +178,6 @@ def _object_triangles(evaluated, depsgraph) -> tuple[np.ndarray, np.ndarray]:
 
 def mesh_triangles(mesh) -> tuple[np.ndarray, np.ndarray]:
     """The triangles of a mesh.
-
-    Parameters
-    ----------
-    mesh : bpy.types.Mesh
-        The mesh.
 
     Returns
     -------

@@ -11,11 +11,6 @@ from .world_nodes import plain_color
 def read_mist(depsgraph) -> Mist | None:
     """The mist of the scene's world; a world with more than one color counts as black.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     Mist or None

@@ -44,8 +44,6 @@ def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...]
     ----------
     depsgraph : bpy.types.Depsgraph
         The evaluated scene at the frame.
-    volume_object : bpy.types.Object
-        The volume object.
     camera : bpy.types.Object, optional
         A camera object to use instead of the active one.
 

@@ -38,15 +38,6 @@ def placements(depsgraph) -> list[Placement]:
 
     Blender leaves out what is hidden: in a render what is hidden from renders, in a viewport what is hidden there.  Of
     an instance that is the setting of the instancer and that of the object in the collection.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
-    Returns
-    -------
-    list of Placement
     """
     found = []
     for instance in depsgraph.object_instances:
@@ -68,10 +59,6 @@ def shown(depsgraph) -> list[Placement]:
     ----------
     depsgraph : bpy.types.Depsgraph
         The evaluated scene of the view layer.
-
-    Returns
-    -------
-    list of Placement
     """
     found = [one for one in placements(depsgraph) if why_hidden(one, depsgraph) is None]
     added = as_channels([one.owner for one in found])

@@ -24,7 +24,7 @@ from ..volumes.labels import read_labels
 from .camera import frame_crop, read_camera
 from .clip_objects import clip_objects, read_clips
 from .lights import read_lights
-from .meshes import read_surfaces
+from .meshes import known_surfaces
 from .mist import read_mist
 from .motion import read_motion
 from .world import read_world
@@ -45,10 +45,6 @@ def read_scene(
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     with_meshes : bool
         Whether meshes occlude the volume.
     with_shadows : bool
@@ -89,8 +85,6 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
     ----------
     placed : sequence of Placement
         The volumes.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     with_meshes : bool
         Whether meshes occlude the volumes.
     warn : callable, optional
@@ -140,7 +134,7 @@ def check_kept_up(volume_object, depsgraph) -> None:
 
 def read_occluders(depsgraph) -> dict:
     """The meshes that hide or tint the volume, as fields of Scene; ``triangles`` is None without any that hides it."""
-    surfaces = read_surfaces(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
+    surfaces = known_surfaces(depsgraph, clip_objects(depsgraph.scene), outlines(depsgraph))
     return surfaces._replace(triangles=surfaces.triangles if len(surfaces.triangles) else None)._asdict()
 
 
@@ -151,10 +145,6 @@ def seen_by(
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     view : (Camera, int, int)
         The camera as plain data, width and height of the frame in pixels.
     with_shadows : bool
@@ -218,8 +208,6 @@ def read_light(depsgraph, warn=None) -> tuple:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     warn : callable, optional
         See ``world.read_world``.
 
@@ -239,13 +227,6 @@ def read_light(depsgraph, warn=None) -> tuple:
 
 def is_rendered(volume_object, depsgraph) -> bool:
     """Whether a render shows an object: neither it nor its collections are hidden from renders.
-
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
 
     Returns
     -------

@@ -7,6 +7,7 @@ import numpy as np
 from mathutils import Matrix, Quaternion
 
 from ...rle_splat.scene import RleSplatError
+from ..loop import timer
 from ..translations import filled
 
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
@@ -142,7 +143,7 @@ def open_tab(window) -> None:
             return TAB_WAIT
         return None
 
-    bpy.app.timers.register(choose, first_interval=TAB_WAIT)
+    timer.start(choose, TAB_WAIT)
 
 
 def hiding_meshes(view_layer, corners: np.ndarray) -> list[str]:

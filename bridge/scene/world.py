@@ -37,8 +37,6 @@ def read_world(scene, warn=None) -> WorldLight | None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The evaluated scene.
     warn : callable, optional
         Called with one sentence if the light is not that of the world as it is now.
 
@@ -63,12 +61,7 @@ def read_world(scene, warn=None) -> WorldLight | None:
 
 
 def state(scene) -> str:
-    """Which light of the world is used, and why not if not; for a panel, so nothing is changed.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene.
+    """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered.
 
     Returns
     -------
@@ -82,12 +75,17 @@ def state(scene) -> str:
         return "World not used: turned off"
     if world is None:
         return "World not used: the scene has none"
-    said: list[str] = []
-    found = read_world(scene, said.append)
-    if said:
-        return said[0]
-    if found is None:
+    color, has_directions, origin = world_nodes.plain_color(world), False, ONE_COLOR
+    if color is None and world_nodes.has_image(world):
+        has_directions, origin = True, FROM_IMAGE
+    elif color is None:
+        light, problem = world_render.known_light(scene)
+        if problem:
+            return problem
+        (color, environment), origin = light, RENDERED
+        has_directions = environment is not None
+    if color is not None and not any(color):
         return "World not used: it is black"
-    if found.environment is None and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
+    if not has_directions and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
         return "World not used: one color and no lights"
-    return f"World: {found.origin}"
+    return f"World: {origin}"

@@ -60,6 +60,24 @@ def light_of(world) -> tuple | None:
         Mean radiance and environment; None for any world but a Background of fixed strength with an equirectangular
         texture of 32-bit floats, turned by at most one Mapping node.
     """
+    found = _image_of(world)
+    if found is None:
+        return None
+    image, strength, turn = found
+    key = image.session_uid, image_changes.state_of(image), image_changes.events_of(world), strength, turn.tobytes()
+    if key not in _known:
+        _known.clear()
+        _known[key] = panorama_moments(_pixels_of(image) * np.float32(strength), turn.T)
+    return _known[key]
+
+
+def has_image(world) -> bool:
+    """Whether ``light_of`` reads the light of an image; the image is not read."""
+    return _image_of(world) is not None
+
+
+def _image_of(world) -> tuple | None:
+    """Image, strength and (3, 3) turn of a world as ``light_of`` takes it; None for any other."""
     if not versions.world_is_nodes(world):
         return None
     node = surface_of(world.node_tree)
@@ -71,13 +89,7 @@ def light_of(world) -> tuple | None:
     turn = _turn_of(texture.inputs["Vector"])
     if turn is None:
         return None
-    strength = max(node.inputs["Strength"].default_value, 0.0)
-    image = texture.image.original
-    key = image.session_uid, image_changes.state_of(image), image_changes.events_of(world), strength, turn.tobytes()
-    if key not in _known:
-        _known.clear()
-        _known[key] = panorama_moments(_pixels_of(image) * np.float32(strength), turn.T)
-    return _known[key]
+    return texture.image.original, max(node.inputs["Strength"].default_value, 0.0), turn
 
 
 def forget() -> None:

@@ -26,13 +26,14 @@ from bpy.app.handlers import persistent
 from ...rle_splat.scene import Environment, RleSplatError
 from ...rle_splat.shade.environment import sphere_moments
 from .. import versions
+from ..loop import timer
 from ..messages import sentence_of
 from . import image_changes, world_nodes
 
 FINENESS, SAMPLES = 4, 16  # of the sphere, which has 642 vertices then, and for each of them
 EVEN = 0.005  # of the mean: a light that changes by less with direction is one of all directions alike
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
-STILL, BUSY = 0.5, 0.2  # seconds without a change before a world is rendered, and between checks for other work
+STILL = 0.5  # seconds without a change before a world is rendered
 BRIEF, LONGEST = 0.02, 10.0  # seconds between looks of a render that waits for the light, and until it goes on without
 MOST_KEPT = 64
 STALE = "The world has changed since its light was rendered; the volume shows the earlier light."
@@ -53,12 +54,15 @@ class _WorldLight:
 
 
 def light_of(scene) -> tuple[tuple | None, str]:
-    """The rendered light of a scene's world; in a window one that is not there is rendered soon.
+    """As ``known_light``; in a window a light that is not there is rendered soon."""
+    found, problem = known_light(scene)
+    if problem:
+        _want(scene, digest_of(scene))
+    return found, problem
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene, evaluated or not.
+
+def known_light(scene) -> tuple[tuple | None, str]:
+    """The rendered light of a scene's world.
 
     Returns
     -------
@@ -72,13 +76,12 @@ def light_of(scene) -> tuple[tuple | None, str]:
     if found is not None:
         _WorldLight.last[scene.world.session_uid] = key
         return found, ""
-    _want(scene, key)
     if key in _WorldLight.failed:
         return None, _WorldLight.failed[key]
     earlier = _WorldLight.known.get(_WorldLight.last.get(scene.world.session_uid))
     if earlier is not None:
         return earlier, STALE
-    return None, NOT_YET if bpy.app.background else SOON
+    return None, SOON if timer.is_waiting(_tick) else NOT_YET
 
 
 def _kept(scene, key: str) -> tuple | None:
@@ -96,8 +99,6 @@ def make_ready(scene, depsgraph) -> None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     depsgraph : bpy.types.Depsgraph
         Its evaluated state.
     """
@@ -119,8 +120,7 @@ def forget() -> None:
     for held in (_WorldLight.known, _WorldLight.last, _WorldLight.failed):
         held.clear()
     _WorldLight.wanted = None
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    timer.stop(_tick)
 
 
 def _want(scene, key: str) -> None:
@@ -132,8 +132,7 @@ def _want(scene, key: str) -> None:
         wanted = scene.original.session_uid, key
         if wanted != _WorldLight.wanted:
             _WorldLight.wanted, _WorldLight.since = wanted, time.perf_counter()
-        if not bpy.app.timers.is_registered(_tick):
-            bpy.app.timers.register(_tick, first_interval=STILL)
+        timer.start(_tick, STILL)
 
 
 def _tick():
@@ -142,7 +141,7 @@ def _tick():
     if left > 0.0:
         return left
     if bpy.app.is_job_running("RENDER") and not _WorldLight.is_awaited:
-        return BUSY
+        return timer.BUSY
     wanted, _WorldLight.wanted = _WorldLight.wanted, None
     scene = next((one for one in bpy.data.scenes if wanted and one.session_uid == wanted[0]), None)
     if scene is not None and is_needed(scene):  # its world may have been removed meanwhile
@@ -180,7 +179,7 @@ def _await(scene, key: str) -> None:
 
     Blender calls ``render_init`` before it evaluates the scene.
     """
-    if not bpy.app.timers.is_registered(_tick):
+    if not timer.is_waiting(_tick):
         return  # no edit was seen; timers are registered on the main thread alone
     until = time.perf_counter() + LONGEST
     _WorldLight.wanted, _WorldLight.since, _WorldLight.is_awaited = (scene.session_uid, key), 0.0, True
@@ -197,8 +196,6 @@ def render_light(scene, key: str) -> tuple | None:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene.
     key : str
         Digest of the world.
 

@@ -83,10 +83,6 @@ def filled(template: str, **values) -> str:
         The English sentence, with fields in braces.
     **values
         What stands in the fields.
-
-    Returns
-    -------
-    str
     """
     return pgettext_iface(template).format(**values)
 

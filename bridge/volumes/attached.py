@@ -15,10 +15,6 @@ def attach(one, owner, matrix: np.ndarray, basis=None) -> None:
 
     Parameters
     ----------
-    one : bpy.types.Object
-        The object.
-    owner : bpy.types.Object
-        The volume object.
     matrix : ndarray, shape (4, 4)
         The object's own space to the world.
     basis : mathutils.Matrix, optional
@@ -46,13 +42,6 @@ def is_attached(one, owner) -> bool:
 def world_matrix(one, depsgraph) -> np.ndarray:
     """The placement of an object in the world at a depsgraph's time; of a child of a volume also where it is disabled.
 
-    Parameters
-    ----------
-    one : bpy.types.Object
-        The object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
-
     Returns
     -------
     ndarray, shape (4, 4), float64
@@ -69,8 +58,6 @@ def rescale_attached(owner, ratio: float) -> None:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     ratio : float
         New scene scale over the old one.
     """

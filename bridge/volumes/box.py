@@ -40,8 +40,6 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The Empty.
     shape_xyz, affine
         See ``corners_of``.
     scene_scale : float
@@ -62,8 +60,6 @@ def give_wire(empty, name: str, vertices, edges, scale: float = 1.0) -> None:
 
     Parameters
     ----------
-    empty : bpy.types.Object
-        The Empty.
     name : str
         Name of the new mesh, its object and its collection.
     vertices, edges : list
@@ -86,11 +82,6 @@ def give_wire(empty, name: str, vertices, edges, scale: float = 1.0) -> None:
 def world_corners(volume_object) -> np.ndarray:
     """The corners of a volume's box, as the scene shows it.
 
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The Empty.
-
     Returns
     -------
     ndarray, shape (8, 3), float64
@@ -109,8 +100,6 @@ def rescale_box(volume_object, scene_scale: float) -> None:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The Empty.
     scene_scale : float
         World units per length unit of the volume.
     """

@@ -125,8 +125,6 @@ def remove_channel(owner, index: int) -> None:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume.
     index : int
         Row in its list of channels, from 0.
 
@@ -152,10 +150,6 @@ def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     volume : Volume
         The volume's voxels.
 

@@ -27,8 +27,6 @@ def write_facts(volume_object, volume, counted) -> None:
 
     Parameters
     ----------
-    volume_object : bpy.types.Object
-        The volume object.
     volume : Volume or StoredVolume
         Its voxels.
     counted : Histogram or None
@@ -142,11 +140,6 @@ class StoredHistogram:
 
 def stored_histogram(properties) -> StoredHistogram | None:
     """The histogram stored on an object.
-
-    Parameters
-    ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
 
     Returns
     -------

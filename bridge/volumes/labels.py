@@ -5,10 +5,12 @@ Like a volume's voxels, the label file stays outside the .blend and is read when
 
 from __future__ import annotations
 
+import os
 from typing import NamedTuple
 
 import bpy
 import numpy as np
+from mathutils import Color
 
 from ...rle_splat.classify.label_styles import LabelStyle, labels_of
 from ...rle_splat.read.formats import RAW, format_of
@@ -174,10 +176,6 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene.
     volume : Volume
         Its voxels.
     transfer_function : TransferFunction
@@ -197,14 +195,7 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
 
 
 def list_labels(owner, volume) -> tuple[int, int, tuple]:
-    """Update the list of labels from the label file; rows of labels already listed are kept.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object.
-    volume : Volume
-        Its voxels.
+    """Update the list of labels from the label file; rows that were listed from a file of this name stay as they are.
 
     Returns
     -------
@@ -227,16 +218,19 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
             "label map, not a scan."
         )
-    rows = owner.rle_splat.labels
-    known = [row.label for row in rows]
-    unused = [index for index, label in enumerate(known) if label not in numbers]
+    rows, file_name = owner.rle_splat.labels, os.path.basename(file_of(owner).path)
+    is_other = owner.rle_splat.labels_of not in ("", file_name)  # "": listed by an earlier version
+    unused = [index for index, row in enumerate(rows) if is_other or row.label not in numbers]
     further = sum(not remove_row(rows, index) for index in reversed(unused))
+    owner.rle_splat.labels_of = file_name
+    known = [row.label for row in rows]
     named = {one.label: one for one in found.named_labels}
     for number in map(int, numbers):
         if number not in known:
             row = rows.add()
             row.name, row.label = str(number), number
             row.label_name = named[number].name if number in named else f"Label {number}" if number else "Background"
+            row.color = _distinct_color(number)
             if number in named and named[number].color is not None:
                 row.use_color, row.color = True, named[number].color
     return len(numbers), further, found.remarks
@@ -248,6 +242,13 @@ def check_grid(found: Volume, volume: Volume) -> None:
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
+
+
+def _distinct_color(number: int) -> tuple:
+    """A scene-linear color; those of numbers that follow one another are apart by the golden ratio of hues."""
+    color = Color()
+    color.hsv = number * 0.618034 % 1.0, 0.75, 0.8
+    return tuple(color)
 
 
 def value_steps(volume):

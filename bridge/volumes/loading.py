@@ -16,8 +16,6 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time.
     ahead : int
@@ -42,8 +40,6 @@ def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=(
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time.
     with_labels, further
@@ -78,8 +74,6 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time.
     with_labels : bool, optional

@@ -72,8 +72,6 @@ def fill_volume(scene, owner, found: ReadSource) -> None:
     ----------
     scene : bpy.types.Scene
         Gives the scene scale.
-    owner : bpy.types.Object
-        The volume object.
     found : ReadSource
         What was read.
     """

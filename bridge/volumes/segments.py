@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
 from ...rle_splat.read.formats import write_steps
 from ...rle_splat.runtime.steps import announce, rescale
@@ -190,7 +189,6 @@ def _free_path(owner, blend_file: str | None = None) -> str:
     return os.path.join(folder, found)
 
 
-@persistent
 def _keep_temporary(blend_file, *_):
     """Copy label maps from Blender's temporary folder beside the .blend that is being saved."""
     for owner in bpy.data.objects if blend_file else ():
@@ -207,9 +205,4 @@ def _keep_temporary(blend_file, *_):
             owner.rle_splat.label_file = kept
 
 
-def register():
-    bpy.app.handlers.save_pre.append(_keep_temporary)
-
-
-def unregister():
-    bpy.app.handlers.save_pre.remove(_keep_temporary)
+HANDLERS = (("save_pre", _keep_temporary),)

@@ -52,8 +52,6 @@ def resolved_path(owner, name: str = "filepath") -> str:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     name : str
         The property that holds the path, one of PATHS.
 
@@ -191,13 +189,3 @@ HANDLERS = (
     ("save_pre", before_save), ("save_post", after_save), ("save_post_fail", after_save), ("load_post", after_load),
     ("blend_import_post", after_import),
 )
-
-
-def register():
-    for event, function in HANDLERS:
-        getattr(bpy.app.handlers, event).append(function)
-
-
-def unregister():
-    for event, function in HANDLERS:
-        getattr(bpy.app.handlers, event).remove(function)

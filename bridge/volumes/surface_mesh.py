@@ -74,8 +74,6 @@ def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
     ----------
     context : bpy.types.Context
         Gives the scene and the collection.
-    owner : bpy.types.Object
-        The volume object.
     surface : tuple
         As ``surface_steps`` returns it.
     matrix : ndarray, shape (4, 4)

@@ -17,7 +17,7 @@ from ...rle_splat.scene import RleSplatError
 from ...rle_splat.volume.measure import measure_steps
 from ..data.playback import shown_frame
 from ..data.source_options import read_options
-from ..loop import store
+from ..loop import index, store
 from ..translations import filled
 from . import encoded, file_changes
 from .source_paths import resolved_path
@@ -37,16 +37,11 @@ class VolumeSource:
 
 def volume_objects(scene) -> list:
     """The volume objects of a scene, sorted by name."""
-    return sorted((o for o in scene.objects if o.rle_splat.is_volume), key=lambda o: o.name)
+    return index.objects(index.of(scene).volumes)
 
 
 def volume_object(context):
     """The volume that an operator or a panel works on.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        The context.
 
     Returns
     -------
@@ -54,11 +49,13 @@ def volume_object(context):
         The active object or its parent if that is a volume, else the only selected volume, else the only volume of the
         scene.
     """
+    every = volume_objects(context.scene)
+    if not every:
+        return None
     active = context.view_layer.objects.active
     for candidate in (active, active.parent if active is not None else None):
         if candidate is not None and candidate.rle_splat.is_volume:
             return candidate
-    every = volume_objects(context.scene)
     selected = [o for o in every if o.select_get(view_layer=context.view_layer)]
     for candidates in (selected, every):
         if len(candidates) == 1:
@@ -108,8 +105,6 @@ def source_of(owner, frame: int) -> VolumeSource:
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     frame : int
         Which of the volumes in time, from 1.
 
@@ -134,6 +129,15 @@ def source_of(owner, frame: int) -> VolumeSource:
             f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
         ) from None
     return VolumeSource(path, options, (path, state, tuple(sorted(options.items()))))
+
+
+def is_missing(owner) -> bool:
+    """Whether the file of a volume object is not where it was."""
+    try:
+        source_of(owner, shown_frame(owner))
+    except RleSplatError:
+        return True
+    return False
 
 
 def files_digest(owner) -> str:
@@ -188,8 +192,6 @@ def load_volume(owner, warn=None, depsgraph=None):
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     warn : callable, optional
         Called with one sentence if the voxels differ from those that were imported.
     depsgraph : bpy.types.Depsgraph, optional
@@ -242,8 +244,6 @@ def at_hand(owner, depsgraph=None, ahead: int = 0):
 
     Parameters
     ----------
-    owner : bpy.types.Object
-        The volume object.
     depsgraph : bpy.types.Depsgraph, optional
         As for ``load_volume``.
     ahead : int

@@ -73,7 +73,7 @@ def test_labels_are_listed_hidden_and_colored(owner):
 
 def test_label_maps_are_read_in_steps(owner, bridge, core):
     """What a window reads first, in slices of work, and what Esc leaves: nothing."""
-    loading, store, volumes = (bridge(name) for name in ("loading", "loop.store", "volumes"))
+    loading, store, volumes = (bridge(name) for name in ("volumes.loading", "loop.store", "volumes.volumes"))
 
     def forget_labels():
         store.withdraw([wish for wish in store._wanted if wish.purpose == "labels"])
@@ -137,3 +137,19 @@ def test_the_path_of_the_labels_follows_the_blend(owner, bridge, tmp_path):
     assert scenes.stored(folder / "a.blend", "objects", owner.name).rle_splat.label_file.startswith("//")
     bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
     np.testing.assert_array_equal(picture(), before)
+
+
+def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_path):
+    rows = owner.rle_splat.labels
+    bpy.ops.rle_splat.read_labels()
+    rows[1].label_name, rows[1].show, first = "liver", False, tuple(rows[1].color)
+    other = np.zeros((N, N, N), np.uint8)
+    other[:, :, :3], other[:, :, 6:] = 3, 4
+    other.tofile(tmp_path / "other.raw")
+    owner.rle_splat.label_file = str(tmp_path / "other.raw")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert [(row.label, row.label_name, row.show) for row in rows] == [
+        (0, "Background", True), (3, "Label 3", True), (4, "Label 4", True)]
+    colors = np.array([row.color for row in rows])
+    apart = np.abs(colors[:, np.newaxis] - colors).max(axis=-1)
+    assert apart[~np.eye(3, dtype=bool)].min() > 0.2 and tuple(rows[1].color) == first

@@ -29,7 +29,7 @@ def area_of_view():
 
 def visible(shown):
     names = shown.visible_volumes(bpy.context.scene, bpy.context.view_layer, area_of_view().spaces.active)
-    return [name for name, _ in names]
+    return [key.name for key in names]
 
 
 def hide_object(owner):
@@ -65,7 +65,7 @@ def test_a_hidden_volume_is_not_shown(hide, volume_object, shown):
     assert visible(shown) == []
 
 
-def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown):
+def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown, bridge):
     scene, layer, space = bpy.context.scene, bpy.context.view_layer, area_of_view().spaces.active
     collection = bpy.data.collections.new("asset")
     for holder in volume_object.users_collection:
@@ -77,7 +77,7 @@ def test_instances_of_a_volume_are_shown_where_they_are(volume_object, shown):
     instancer.location = (0.0, 0.0, 5.0)
     update()
     (key,) = shown.visible_volumes(scene, layer, space)
-    assert shown.has_volumes(scene) and not shown.volume_keys(scene) and shown.find(key) == volume_object
+    assert shown.has_volumes(scene) and not bridge("loop.index").of(scene).volumes and shown.find(key) == volume_object
     assert shown.matrix_of(key)[2, 3] == pytest.approx(volume_object.location.z + 5.0)
     volume_object.hide_render = instancer.hide_render = True  # counts in renders alone, as for Blender's own objects
     update()
@@ -112,7 +112,7 @@ def test_the_switch_survives_undo_and_saving(volume_object, shown, tmp_path):
     bpy.ops.ed.undo()
     assert visible(shown) == []
     save_and_reload(tmp_path / "file.blend")
-    assert visible(shown) == [] and shown.volume_keys(bpy.context.scene)
+    assert visible(shown) == [] and shown.has_volumes(bpy.context.scene)
     area_of_view().spaces.active.show_object_viewport_volume = True
     assert len(visible(shown)) == 1
 
@@ -148,7 +148,7 @@ def test_edits_frames_and_undo_are_noticed(volume_object, shown):
     assert all(after > before for before, after in pairwise(stamps)), stamps
 
 
-def test_nothing_runs_in_background_mode(volume_object, live):
+def test_nothing_runs_in_background_mode(volume_object, live, bridge):
     assert bpy.app.background and not live._handles, "draw handlers are registered without a window"
     assert not live.is_allowed()
     with bpy.context.temp_override(area=area_of_view()):
@@ -156,7 +156,7 @@ def test_nothing_runs_in_background_mode(volume_object, live):
         live._before()
         live._after()
     assert live.calls["before"] == before["before"] + 1 and live.calls["drawn"] == before["drawn"]
-    assert not live._lives and not bpy.app.timers.is_registered(live._tick)
+    assert not live._lives and not bridge("loop.timer").is_waiting(live._tick)
 
 
 def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):
@@ -194,7 +194,7 @@ def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
     update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     looked = surface.BlenderSurface(bpy.context, None, None, [])
-    request = bridge("live.viewport").Request(None, ((volume_object.name, None),))
+    request = bridge("live.viewport").Request(None, (bridge("loop.index").key_of(volume_object),))
     (found,) = looked.contents(request, True).values()
     plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=True)
     assert found.quality == quality

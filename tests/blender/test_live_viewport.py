@@ -367,7 +367,7 @@ def test_slow_drafts_do_not_alternate_with_nothing(live, made, monkeypatch):
     assert viewport.counts["drafts"] > drafts + 3 and all(shown)
 
 
-def test_the_first_failure_switches_the_viewport_off_until_it_is_tried_again(live, made, core):
+def test_a_failure_is_not_tried_again_until_its_inputs_change(live, made, core):
     viewport, _clock, surface = made
     calls = []
 
@@ -380,10 +380,39 @@ def test_the_first_failure_switches_the_viewport_off_until_it_is_tried_again(liv
         viewport.redraw(request_of(live), 1, surface)
     assert viewport.problem == "The file is gone; press Relocate." and len(calls) == 1
     assert viewport.pictures == [] and not viewport.is_busy
+    viewport.redraw(request_of(live, 31.0), 1, surface)
+    viewport.redraw(request_of(live, 31.0), 2, surface)
+    assert len(calls) == 3 and viewport.problem, "another view, and an event"
     del surface.contents
-    viewport.try_again()
-    viewport.redraw(request_of(live), 1, surface)
+    viewport.redraw(request_of(live, 31.0), 2, surface)
+    assert viewport.problem and not viewport.pictures, "nothing has changed"
+    viewport.redraw(request_of(live, 31.0), 3, surface)
     assert viewport.problem == "" and viewport.counts["drafts"] == 1
+
+
+def test_trying_again_needs_no_change(live, made):
+    viewport, _clock, surface = made
+    viewport.give_up("The driver cannot draw.")
+    for stamp in range(3):
+        viewport.redraw(request_of(live), stamp, surface)
+    assert viewport.problem == "The driver cannot draw." and not viewport.counts
+    viewport.try_again()
+    viewport.redraw(request_of(live), 3, surface)
+    assert viewport.problem == "" and viewport.counts["drafts"] == 1
+
+
+def test_a_volume_that_cannot_be_shown_leaves_the_others(live, made, contents):
+    viewport, clock, surface = made
+    surface.held = ["The file of 'other' is gone.", contents]
+    request = request_of(live, volumes=("other", "one"))
+    viewport.redraw(request, 1, surface)
+    finish(viewport, clock)
+    assert viewport.problem == "The file of 'other' is gone." and len(viewport.pictures) == 1
+    assert not viewport.work(), "a problem that stays needs no redraw"
+    surface.held = [contents, contents]
+    viewport.redraw(request, 2, surface)
+    finish(viewport, clock)
+    assert viewport.problem == "" and len(viewport._contents) == 2
 
 
 def test_a_failure_of_the_work_is_a_sentence_too(live, made):

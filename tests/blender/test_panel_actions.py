@@ -53,7 +53,8 @@ def state_line(is_on, monkeypatch, viewports=()):
     log = []
     context = SimpleNamespace(
         area=SimpleNamespace(type="VIEW_3D", regions=()), region=None, preferences=bpy.context.preferences,
-        scene=bpy.context.scene, space_data=SimpleNamespace(show_object_viewport_volume=is_on))
+        scene=bpy.context.scene, view_layer=bpy.context.view_layer,
+        space_data=SimpleNamespace(show_object_viewport_volume=is_on))
     live_view.draw_state(context, layout_recorder.Recorder(log))
     return log
 
@@ -68,6 +69,22 @@ def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, 
     bridge("volumes.volumes").load_volume(owner)
     shown = "".join(f" {value}" for _, value in state_line(True, monkeypatch, [viewport]))
     assert "are not those" in shown and "Up to date" in shown
+
+
+def test_a_missing_file_has_its_button_beside_its_sentence(owner, monkeypatch):
+    viewport = SimpleNamespace(
+        is_busy=False, is_refined=True, waits=False, problem="The file of 'cube' is gone.", halvings=0, pictures=[])
+    assert ("operator", "rle_splat.relocate") not in state_line(True, monkeypatch, [viewport])
+    Path(owner.rle_splat.filepath).unlink()
+    assert ("operator", "rle_splat.relocate") in state_line(True, monkeypatch, [viewport])
+
+
+def test_the_state_has_one_line_while_a_picture_is_made(owner, monkeypatch):
+    for is_busy in (True, False):
+        for halvings in (0, 3):
+            viewport = SimpleNamespace(
+                is_busy=is_busy, is_refined=False, waits=False, problem="", halvings=halvings, pictures=[None])
+            assert sum(kind == "label" for kind, _ in state_line(True, monkeypatch, [viewport])) == 1
 
 
 def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):

@@ -13,31 +13,32 @@ from tests.blender import layout_recorder
 WRITTEN = re.compile(r"^class (\w+)\(.*\bbpy\.types\.(?!WorkSpaceTool)\w+", re.MULTILINE)
 OPERATOR = "RLE_SPLAT_OT_"
 HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
-# Event -> the modules of the bridge that listen to it, in the order in which Blender calls them.
-LISTENERS = {
-    "blend_import_post": ["source_paths", "migration"],
-    "depsgraph_update_post": ["image_changes", "world_render", "update", "slice_pictures", "shown", "live", "store"],
-    "frame_change_post": ["over_render", "update", "slice_pictures", "shown"],
-    "load_post": ["source_paths", "migration", "update", "slice_pictures", "picture_files", "shown"],
-    "load_pre": ["handlers"], "redo_post": ["update", "slice_pictures", "shown", "store"],
+# Event -> the modules of the bridge that subscribed to it, in the order in which they are called.
+SUBSCRIBERS = {
+    "blend_import_post": ["source_paths", "index", "migration"],
+    "depsgraph_update_post": [
+        "index", "image_changes", "meshes", "world_render", "update", "slice_pictures", "shown", "live", "store"],
+    "frame_change_post": ["meshes", "over_render", "update", "slice_pictures", "shown"],
+    "load_post": ["source_paths", "index", "migration", "update", "slice_pictures", "picture_files", "shown"],
+    "load_pre": ["events"], "redo_post": ["index", "meshes", "update", "slice_pictures", "shown", "store"],
     "render_cancel": ["over_render"], "render_complete": ["over_render"],
     "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
     "render_pre": ["over_render"], "render_write": ["over_render"],
     "save_post": ["source_paths", "mesh_shadows", "picture_files"],
     "save_post_fail": ["source_paths", "mesh_shadows", "picture_files"],
     "save_pre": ["segments", "source_paths", "over_render", "mesh_shadows", "update", "picture_files"],
-    "undo_post": ["update", "slice_pictures", "shown", "store"],
+    "undo_post": ["index", "meshes", "update", "slice_pictures", "shown", "store"],
 }  # fmt: skip
 
 
 def listeners() -> dict:
-    """The events that the add-on listens to, as in LISTENERS."""
+    """Event -> how many handlers of the add-on Blender calls."""
     found = {}
     for event in dir(bpy.app.handlers):
         functions = getattr(bpy.app.handlers, event)
         if isinstance(functions, list):
-            modules = [f.__module__.split(".")[-1] for f in functions if "rle_splat" in f.__module__]
-            found |= {event: modules} if modules else {}
+            count = sum("rle_splat" in f.__module__ for f in functions)
+            found |= {event: count} if count else {}
     return found
 
 
@@ -79,13 +80,20 @@ def test_everything_is_there_once(addon):
     operators = [name.removeprefix(OPERATOR) for name in classes if name.startswith(OPERATOR)]
     assert len(operators) > 40 and not set(HANDLES) - set(classes)
     assert traces() == {
-        "listeners": LISTENERS,
+        "listeners": dict.fromkeys(SUBSCRIBERS, 1),
         "classes": [name for name in classes if name not in HANDLES],
         "handles": list(HANDLES),
         "menu": ["draw_menu_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": operators,
     }
+
+
+def test_subscribers_are_called_in_a_fixed_order(bridge):
+    found = {}
+    for event, function in bridge("loop.events").SUBSCRIBERS:
+        found.setdefault(event, []).append(function.__module__.split(".")[-1])
+    assert found == SUBSCRIBERS
 
 
 def test_unregistering_leaves_no_trace_and_registering_again_works(addon):

@@ -153,7 +153,9 @@ def test_the_volume_left_is_rendered_after_the_other_was_deleted(cubes, tmp_path
 def reads(bridge, monkeypatch):
     """How often a file was read, or a channel brought onto a grid."""
     count = Counter()
-    for module, name in (("volumes", "file_steps"), ("labels", "read_label_steps"), ("channels", "on_grid_steps")):
+    for module, name in (
+        ("volumes.volumes", "file_steps"), ("volumes.labels", "read_label_steps"), ("volumes.channels", "on_grid_steps")
+    ):  # fmt: skip
         steps = getattr(bridge(module), name)
 
         def counted(*given, name=name, steps=steps, **more):
@@ -166,7 +168,7 @@ def reads(bridge, monkeypatch):
 
 def redraws(bridge, owners, most=6) -> int:
     """How often a viewport that shows volumes is redrawn until no file is being read, each time after the timer."""
-    request = bridge("live.viewport").Request(None, tuple((owner.name, None) for owner in owners))
+    request = bridge("live.viewport").Request(None, tuple(map(bridge("loop.index").key_of, owners)))
     surface = bridge("live.surface").BlenderSurface(bpy.context, request, None, [])
     for count in range(most):
         if None not in surface.contents(request, False).values():

@@ -337,3 +337,30 @@ def test_a_render_makes_a_dragged_slice_in_full(owner, bridge, monkeypatch):
     assert one.rle_splat.slice_image.size[0] < NX
     follow.update(bpy.context.scene, depsgraph, may_wait=False)
     assert tuple(one.rle_splat.slice_image.size) == (NX, NY)
+
+
+def test_a_slice_is_tagged_only_when_its_pixels_change(owner, voxels):
+    """Each tag lets viewports that render start over."""
+    one = add(owner)
+    image, tagged = one.rle_splat.slice_image, []
+
+    def note(_scene, depsgraph):
+        tagged.append(any(update.id.original == image for update in depsgraph.updates))
+
+    bpy.app.handlers.depsgraph_update_post.append(note)
+    try:
+        scenes.update()
+        tagged.clear()
+        other = bpy.data.objects.new("other", None)
+        bpy.context.scene.collection.objects.link(other)
+        for x in range(4):
+            other.location.x = x
+            scenes.update()
+        assert len(tagged) >= 4 and not any(tagged)
+        one.location.z += 1.0
+        scenes.update()
+        other.location.x = 9.0
+        scenes.update()
+        assert any(tagged)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(note)

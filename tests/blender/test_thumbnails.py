@@ -5,7 +5,6 @@ The generator that a timer drives in a window is driven here as it is; window_pr
 
 from dataclasses import replace
 
-import bpy
 import numpy as np
 import pytest
 
@@ -117,7 +116,7 @@ def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
 def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
     for entry in entries(bridge, ball).values():
         assert thumbnails.icon(ball, entry) == 0
-    assert not bpy.app.timers.is_registered(thumbnails._tick)
+    assert not bridge("loop.timer").is_waiting(thumbnails._tick)
     assert not thumbnails.rendered and not cache.exists()
 
 

@@ -218,8 +218,11 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     np.testing.assert_allclose(read(bridge, bpy.data.objects[name]).environment.first, kept.first, atol=1e-6)
 
 
-def test_what_the_panel_says_of_the_world(ball, bridge):
+def test_what_the_panel_says_of_the_world(ball, bridge, monkeypatch):
+    """A panel is drawn often: no image is read for it and no render is scheduled."""
     state, scene = bridge("scene.world").state, bpy.context.scene
+    for module, name in (("scene.world_nodes", "_pixels_of"), ("scene.world_render", "_want")):
+        monkeypatch.setattr(bridge(module), name, lambda *_: pytest.fail("a panel reads or renders the world"))
     scene.world = None
     assert "has none" in state(scene)
     _, background = new_world()
@@ -228,6 +231,8 @@ def test_what_the_panel_says_of_the_world(ball, bridge):
     assert "black" in state(scene)
     image_world()
     assert state(scene) == "World: its image, by direction"
+    sky_world()
+    assert "not rendered yet" in state(scene)
     scene.rle_splat.use_world = False
     assert "turned off" in state(scene)
     scene.rle_splat.lighting = "HEADLIGHT"

@@ -26,7 +26,7 @@ def module(name):
 
 
 def count_reads():
-    for name, function in (("volumes", "file_steps"), ("labels", "read_label_steps")):
+    for name, function in (("volumes.volumes", "file_steps"), ("volumes.labels", "read_label_steps")):
         original = getattr(module(name), function)
 
         def counted(*given, original=original, function=function, **more):

@@ -225,6 +225,32 @@ def without_shadows():
     yield from photograph("11-maximum-error")
 
 
+def missing_file():
+    """12: the file of one of two volumes is gone when the .blend is opened.
+
+    The viewport says so, the button that mends it is beside the sentence in the tab, and the other volume is drawn.
+    """
+    live = import_module(f"{MODULE}.bridge.live")
+    yield from scene_with_camera()
+    add_ball("ball")
+    path = Path(add_ball("gone", SIDE).rle_splat.filepath)
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "missing.blend"))
+    away = path.rename(FOLDER / "elsewhere.raw")
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "missing.blend"))
+    yield from until(lambda: live.problem_of(area_of("VIEW_3D")))
+    assert "gone.raw" in live.problem_of(area_of("VIEW_3D"))
+    (viewport,) = live.viewports_of(area_of("VIEW_3D"))
+    yield from until(lambda: viewport.pictures and not viewport.is_busy)
+    yield from photograph("12-missing-file")
+    away.rename(path)
+    bpy.context.view_layer.objects.active = bpy.data.objects["gone"]
+    with in_the_view():
+        bpy.ops.rle_splat.relocate("EXEC_DEFAULT", filepath=str(path), use_dialog=False)
+    yield from until(lambda: not live.problem_of(area_of("VIEW_3D")) and len(viewport._contents) == 2)
+    yield from until(lambda: not viewport.is_busy)
+    yield from photograph("12-file-found-again")
+
+
 def show_image(image):
     """Show an image in place of the Properties editor, all of it."""
     editor = area_of("PROPERTIES")
@@ -241,6 +267,7 @@ def scenario():
     for step in (
         picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,
         guessed_name, undone_settings, preferences, broken_transfer, without_shadows,
+        missing_file,
     ):
         yield from step()
         passed(step.__name__)
