@@ -9,6 +9,8 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
 
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
@@ -96,7 +98,7 @@ def check_remove_table():
     path = next(Path(__file__).parent.glob("chest.*"), None) or write_phantom()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), modality="CT") == {"FINISHED"}
-        bpy.ops.rle_splat.frame_volume(side="R")
+        bpy.ops.rle_splat.frame_volume(side="I")
         bpy.ops.ed.undo_push(message="imported")
     yield from settle()
     yield from photograph("with_table")
@@ -116,22 +118,35 @@ def check_remove_table():
     assert rows() == [("Background", False), ("Body", True)]
 
 
-def check_pick():
-    """A click beside the volume is one sentence; a click on it keeps what is connected."""
+def click(place):
+    window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=place[0], y=place[1])
+    yield
+    for value in ("PRESS", "RELEASE"):
+        window().event_simulate(type="LEFTMOUSE", value=value, x=place[0], y=place[1])
+        yield
+
+
+def bone_place() -> tuple:
+    """The window's pixel of the phantom's spine, seen from the feet."""
     area = area_of("VIEW_3D")
     region = region_of(area, "WINDOW")
-    middle = region.x + region.width // 2, region.y + region.height // 2
-    for place, found in (((region.x + 4, region.y + 4), 2), (middle, 3)):
+    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume())
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    point = Vector(low + (high - low) * (0.5, 57.5 / 95.0, 0.0))
+    place = location_3d_to_region_2d(region, area.spaces.active.region_3d, point)
+    return region.x + int(place.x), region.y + int(place.y)
+
+
+def check_pick():
+    """A click on the volume keeps what is connected; one beside it changes nothing."""
+    region = region_of(area_of("VIEW_3D"), "WINDOW")
+    for place in (bone_place(), (region.x + region.width // 2, region.y + 4)):
         with in_the_view():
             assert bpy.ops.rle_splat.pick_connected("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
         yield
-        press("LEFTMOUSE", place)
-        yield
-        yield from until(is_idle)
-        yield from settle()
-        assert len(rows()) == found, rows()
-    assert rows() == [("Background", False), ("Body", False), ("Kept", True)]
-    yield from photograph("kept")
+        yield from click(place)
+        yield from until(lambda: is_idle() and rows() and rows()[-1] == ("Kept", True))
+        assert not any(shown for _, shown in rows()[:-1]), rows()
 
 
 def scenario():
@@ -140,6 +155,8 @@ def scenario():
     passed("remove table")
     yield from check_pick()
     passed("pick")
+    yield from settle()
+    yield from photograph("kept")
 
 
 if __name__ == "__main__":
