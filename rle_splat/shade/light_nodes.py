@@ -321,8 +321,7 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     """``_read`` for some of them."""
     nodes, n_z, n_y, n_x = grid
     row_start, column, moved, columns, rows = lists
-    # Positions are whole numbers of STEPS of a voxel, from the first node on: conversions to and from float32 took half
-    # of the time.
+    # Positions are whole numbers of STEPS of a voxel, from the first node on.
     voxel, pitch = np.int32(STEPS), np.int32(pitch)
     begins = pitch * voxel - (pitch - 1) * (voxel >> 1)
     node, power = pitch * voxel, 0
