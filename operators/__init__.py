@@ -15,6 +15,7 @@ from . import (
     choose_transfer,
     clear_kernels,
     clip_to_view,
+    color_anatomy,
     composite,
     delete_clip,
     drag_window,
@@ -49,7 +50,7 @@ MODULES = (
     import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
     render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
-    drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label,
+    drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
     change_segment, export_segments,
 )

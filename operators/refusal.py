@@ -6,6 +6,7 @@ from ..bridge.translations import told
 from ..bridge.volumes import encoded, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
+NO_SEGMENTS = "Read a label file first"
 WHICH_VOLUME = "Select one of the volumes in the scene"
 
 
@@ -49,6 +50,13 @@ def has_values(cls, context) -> bool:
 def has_editable_values(cls, context) -> bool:
     """For ``poll``: as ``has_editable_volume`` and ``has_values``."""
     return has_editable_volume(cls, context) and has_values(cls, context)
+
+
+def has_segments(cls, context) -> bool:
+    """For ``poll``: as ``has_editable_volume``, and the volume has segments."""
+    if not has_editable_volume(cls, context):
+        return False
+    return _is_no_problem(cls, "" if volumes.volume_object(context).rle_splat.labels else NO_SEGMENTS)
 
 
 def has_editable_transfer(cls, context) -> bool:

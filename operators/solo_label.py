@@ -4,7 +4,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..bridge.volumes import volumes
-from .refusal import has_editable_volume, refuse
+from .refusal import has_segments, refuse
 
 
 class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
@@ -18,12 +18,7 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_volume(cls, context):
-            return False
-        if not volumes.volume_object(context).rle_splat.labels:
-            cls.poll_message_set("Read a label file first")
-            return False
-        return True
+        return has_segments(cls, context)
 
     def execute(self, context):
         rows = volumes.volume_object(context).rle_splat.labels

@@ -74,7 +74,9 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             RLE_SPLAT_UL_labels.bl_idname, "", properties, "labels", properties, "active_label", rows=ROWS)
         if properties.active_label < len(properties.labels):
             chosen = properties.labels[properties.active_label]
-            layout.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
+            row = layout.row(align=True)
+            row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
+            row.operator("rle_splat.color_anatomy", icon="COLOR")
             layout.prop(chosen, "look", text="")
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")

@@ -12,11 +12,13 @@ import bpy
 import numpy as np
 from mathutils import Color
 
+from ...rle_splat.classify.anatomy import find_appearance
 from ...rle_splat.classify.label_styles import LabelStyle, labels_of
 from ...rle_splat.read.formats import RAW, format_of
 from ...rle_splat.read.labels import read_label_steps
 from ...rle_splat.runtime.steps import announce, drain, rescale
 from ...rle_splat.scene import Labels, RleSplatError
+from ...rle_splat.segment.label_map import BACKGROUND
 from ...rle_splat.volume.counts import counts_values, list_stored_values
 from ...rle_splat.volume.measure import measure_steps
 from ...rle_splat.volume.volume import Volume
@@ -234,6 +236,26 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
             if number in named and named[number].color is not None:
                 row.use_color, row.color = True, named[number].color
     return len(numbers), further, found.remarks
+
+
+def show_anatomy(rows) -> tuple[int, int]:
+    """Show the rows of segments by their names, and hide the background.
+
+    Returns
+    -------
+    found, count : int
+        Segments whose names are known, and all of them.
+    """
+    found = count = 0
+    for row in rows:
+        if row.label == BACKGROUND:
+            row.show = False
+            continue
+        known = find_appearance(row.label_name)
+        row.shown_color = known.color if known else _distinct_color(row.label)
+        row.look, row.opacity = SOLID, known.opacity if known else 1.0
+        found, count = found + bool(known), count + 1
+    return found, count
 
 
 def check_grid(found: Volume, volume: Volume) -> None:

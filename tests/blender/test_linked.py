@@ -209,7 +209,8 @@ def test_B40_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge,
         "window_level": {"center": 1.0, "width": 2.0}, "drag_window": {"center": 1.0, "width": 2.0},
         "keyframe_transfer": {}, "own_transfer": {},
         "load_transfer": {"filepath": str(tmp_path / "function.json")}, "apply_own_preset": {"name": "any"},
-        "read_labels": {}, "solo_label": {"label": 1}, "add_channels": {}, "remove_channel": {"index": 0},
+        "read_labels": {}, "solo_label": {"label": 1}, "color_anatomy": {}, "add_channels": {},
+        "remove_channel": {"index": 0}, "remove_table": {}, "threshold_segment": {}, "change_segment": {},
         "import_channel": {"filepath": str(tmp_path / "work" / "other.raw")},
     }  # fmt: skip
     for name, options in edits.items():

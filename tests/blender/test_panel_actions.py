@@ -197,6 +197,18 @@ def test_a_segment_is_shown_alone_and_then_all_again(segments, refused):
     refused(bpy.ops.rle_splat.solo_label, "no label 2", label=2)
 
 
+def test_segments_are_colored_by_their_names(segments):
+    segments[1].label_name = "kidney_left"
+    assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
+    assert [row.show for row in segments] == [False, True]
+    assert segments[1].look == "SOLID" and segments[1].use_color
+    shown = picture()[16]
+    assert shown[4, 3] > 0.99 and shown[4, 0] > 2.0 * shown[4, 1] and shown[24, 3] == 0.0
+    segments[1].label_name = "something else"
+    assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
+    assert tuple(segments[1].color) == tuple(segments[1].shown_color) and segments[1].opacity == 1.0
+
+
 def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
     assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
     clip = bpy.context.object

@@ -126,6 +126,7 @@ EDITS = {
     "add_slice": (dict(kind="ALL"), None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
+    "color_anatomy": ({}, listed_labels),
     "add_channels": ({}, two_volumes),
     "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
@@ -141,11 +142,15 @@ VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of
 FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
 CHOICES = ("choose_transfer",)  # dialogs, which call one of the others
 MOVIES = ("turntable",)  # the camera that one adds is undone below
+SEGMENTS = (  # undone in test_segment_tools.py
+    "remove_table", "keep_connected", "pick_connected", "threshold_segment", "change_segment", "export_segments",
+)  # fmt: skip
 SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
-    assert {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *MOVIES, *SERIES} == set(dir(bpy.ops.rle_splat))
+    listed = {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *MOVIES, *SERIES, *SEGMENTS}
+    assert listed == set(dir(bpy.ops.rle_splat))
 
 
 @pytest.mark.parametrize("name", EDITS)

@@ -1,0 +1,27 @@
+"""Anatomy: segments in the colors of atlases, by their names."""
+
+import bpy
+
+from ..bridge.volumes import labels, volumes
+from .refusal import has_segments
+
+
+class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
+    """Color segments by their names as in anatomical atlases: bones and organs opaque, skin, muscles, fat and lungs
+    clear. Other segments get distinct colors, and what is in no segment is hidden"""
+
+    bl_idname = "rle_splat.color_anatomy"
+    bl_label = "Anatomy"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return has_segments(cls, context)
+
+    def execute(self, context):
+        found, count = labels.show_anatomy(volumes.volume_object(context).rle_splat.labels)
+        self.report({"INFO"}, f"Names of {found} of {count} segments are known; the others have distinct colors.")
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_color_anatomy,)
