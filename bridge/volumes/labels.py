@@ -223,19 +223,26 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     rows, file_name = owner.rle_splat.labels, os.path.basename(file_of(owner).path)
     is_other = owner.rle_splat.labels_of not in ("", file_name)  # "": listed by an earlier version
     unused = [index for index, row in enumerate(rows) if is_other or row.label not in numbers]
-    further = sum(not remove_row(rows, index) for index in reversed(unused))
+    stay = [rows[index].label for index in reversed(unused) if not remove_row(rows, index)]
     owner.rle_splat.labels_of = file_name
-    known = [row.label for row in rows]
+    known = {row.label: index for index, row in enumerate(rows)}
     named = {one.label: one for one in found.named_labels}
     for number in map(int, numbers):
         if number not in known:
-            row = rows.add()
-            row.name, row.label = str(number), number
-            row.label_name = named[number].name if number in named else f"Label {number}" if number else "Background"
-            row.color = _distinct_color(number)
-            if number in named and named[number].color is not None:
-                row.use_color, row.color = True, named[number].color
+            _describe(rows.add(), number, named.get(number))
+        elif number in stay:  # of another file
+            _describe(rows[known[number]], number, named.get(number))
+    further = sum(number not in numbers for number in stay)
     return len(numbers), further, found.remarks
+
+
+def _describe(row, number: int, named) -> None:
+    """Give a row the appearance that a label file says, or else the first one."""
+    row.name, row.label = str(number), number
+    row.label_name = named.name if named else f"Label {number}" if number else "Background"
+    row.show, row.look, row.opacity = True, OWN, 1.0
+    row.use_color = named is not None and named.color is not None
+    row.color = named.color if row.use_color else _distinct_color(number)
 
 
 def show_anatomy(rows) -> tuple[int, int]:

@@ -24,7 +24,8 @@ def objects_without_our_properties(bridge):
     try:
         yield
     finally:
-        bpy.types.Object.rle_splat = bpy.props.PointerProperty(type=bridge("data.properties").VolumeProperties)
+        pointer = bridge("data.overridable").PointerProperty
+        bpy.types.Object.rle_splat = pointer(type=bridge("data.properties").VolumeProperties)
 
 
 def add_empties(count: int) -> list:
