@@ -23,7 +23,7 @@ def picture(i: int, position, orientation, spacing=(0.5, 0.5), **apart) -> Image
     storage = Storage(
         Path(f"{i}.dcm"), "1.2.840.10008.1.2.1", True, "integer", 0, 0, False, 0, ROWS, COLUMNS, 1, 16, 16, 15, False
     )
-    series = Series("key", f"{i}", 1, "CT", "", "", None, False, False, None, None)
+    series = Series("key", f"{i}", "", 1, "CT", "", "", None, False, False, None, None, None)
     numbers = (tuple(map(float, values)) for values in (position, orientation, spacing))
     return ImageFrame(storage, series, 0, i, *numbers, 1.0, 0.0, None, False, "", apart)
 
