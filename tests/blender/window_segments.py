@@ -159,5 +159,4 @@ def scenario():
     yield from photograph("kept")
 
 
-if __name__ == "__main__":
-    drive(scenario)
+drive(scenario)

@@ -117,12 +117,13 @@ def test_a_normal_points_to_where_extinction_falls_and_shadows_begin_a_width_off
     values = np.arange(9) * 50.0
     codes, offsets = wall(values, function((150.0, 0.0), (151.0, 0.9)))
     np.testing.assert_allclose(codes[4], (-1.0, 0.0, 0.0), atol=1e-4)  # the value 200: one voxel behind the surface
-    np.testing.assert_allclose(offsets[4], (-2.0, 0.0, 0.0), atol=2e-3)
-    np.testing.assert_allclose(offsets[6], (-3.0, 0.0, 0.0), atol=2e-3)  # three widths at most
-    np.testing.assert_allclose(offsets[2], (-1.0, 0.0, 0.0), atol=2e-3)  # the transparent side: a width
+    further = 9 / 8
+    np.testing.assert_allclose(offsets[4], (-2.0 * further, 0.0, 0.0), atol=2e-3)
+    np.testing.assert_allclose(offsets[6], (-3.0 * further, 0.0, 0.0), atol=2e-3)  # three widths at most
+    np.testing.assert_allclose(offsets[2], (-1.0 * further, 0.0, 0.0), atol=2e-3)  # the transparent side: a width
     codes, offsets = wall(values, function((250.0, 0.9), (251.0, 0.0)))
     np.testing.assert_allclose(codes[4], (1.0, 0.0, 0.0), atol=1e-4)
-    np.testing.assert_allclose(offsets[4], (1.0 + 51.0 / 50.0, 0.0, 0.0), atol=2e-3)
+    np.testing.assert_allclose(offsets[4], ((1.0 + 51.0 / 50.0) * further, 0.0, 0.0), atol=2e-3)
 
 
 def test_a_band_is_lit_from_both_of_its_sides():
@@ -142,4 +143,4 @@ def test_faces_of_the_box_and_of_cuts_have_the_planes_normal():
     np.testing.assert_allclose(m[5, 11, 8], (0.0, 1.0, 0.0), atol=1e-4)
     np.testing.assert_allclose(m[5, 5, 5], (1.0, 0.0, 0.0), atol=1e-4)
     begins = offsets.reshape(12, 12, 12, 3)[5, 5, 5] / STEPS
-    np.testing.assert_allclose(begins, (1.4, 0.0, 0.0), atol=2e-3)  # .4 to the cut, and a width
+    np.testing.assert_allclose(begins, (1.4 * 9 / 8, 0.0, 0.0), atol=2e-3)  # .4 to the cut, and a width
