@@ -46,7 +46,7 @@ _ROWS = (
     ("bones?|skeleton|humerus|radius|ulna|femur|tibia|fibula|patella|hips?|pelvis|tarsal|carpal|metatarsal"
      "|metacarpal|phalanges|fingers?|toes", (241, 214, 145), 1.0),
     ("veins?|venous|vena cava|venae?|portal", (0, 151, 206), 1.0),
-    ("aorta|aortic", (224, 97, 76), 1.0),
+    ("aorta|aortic|annulus|sinotubular", (224, 97, 76), 1.0),
     ("arter(y|ies|ial)|carotid|subclavian|trunk of artery|brachiocephalic trunk|coeliac|celiac|true lumen|vessels?"
      "|coronar(y|ies)|blood", (216, 101, 79), 1.0),
     ("bronch(us|i)|airways?", (175, 216, 244), 1.0),
