@@ -251,6 +251,9 @@ def check_others():
     """Every dialog that is not of an import, opened once and left by Esc."""
     yield from new_file()
     owner = add_volume(FOLDER)
+    with in_the_view():  # the tools for segments want one
+        assert bpy.ops.rle_splat.threshold_segment("EXEC_DEFAULT", low=100.0) == {"FINISHED"}
+    owner.rle_splat.active_label = 1
     owner.rle_splat.level, owner.rle_splat.frame_count = 0, 2
     options = {"reload": {"use_dialog": True}, "delete_own_preset": {"name": "mine"}}
     leads_to = {"choose_transfer": ("load_transfer", "EXEC_DEFAULT", {"filepath": str(write_functions())})}

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-import SimpleITK as itk
 
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.segment import label_map, masks
 from rle_splat.volume.volume import Volume
 
+itk = pytest.importorskip("SimpleITK")
 SPACING = np.array((0.7, 1.1, 1.9))
 SHAPE = (9, 14, 17)  # z, y, x
 
