@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..bridge.data import source_options
 from ..bridge.held import Held
 from ..bridge.loop import store
-from ..bridge.translations import told
+from ..bridge.translations import translate
 from ..bridge.volumes import channels, loading, new_volume, volumes
 from ..rle_splat.runtime.steps import rescale
 from ..rle_splat.scene import RleSplatError
@@ -135,10 +135,10 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
             other, remark = new_volume.add_volume(context, found, options, transfer_function)
             added.append(other)
             for sentence in filter(None, (*found.remarks, remark)):
-                self.report({"WARNING"}, told(sentence))
-            self.report({"INFO"}, told(reason))
+                self.report({"WARNING"}, translate(sentence))
+            self.report({"INFO"}, translate(reason))
         for remark in channels.add_channels(owner, added):
-            self.report({"INFO"}, told(remark))
+            self.report({"INFO"}, translate(remark))
         make_active(self, context, owner, "shows the channels")
 
 

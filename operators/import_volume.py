@@ -12,7 +12,7 @@ from ..bridge.data.automatic import draw_number
 from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
-from ..bridge.translations import filled, told
+from ..bridge.translations import filled, translate
 from ..bridge.volumes import box, encoded, facts, new_volume, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -125,11 +125,11 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             for sentence in (*found.remarks, remark):
                 if sentence:
-                    self.report({"WARNING"}, told(sentence))
+                    self.report({"WARNING"}, translate(sentence))
             corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
             imported = filled("Imported {volume}.", volume=owner.name)
-            sentences.append(" ".join(filter(None, (imported, inside, told(reason)))))
+            sentences.append(" ".join(filter(None, (imported, inside, translate(reason)))))
         self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)

@@ -2,7 +2,7 @@
 
 from ..bridge import linked
 from ..bridge.look import transfer
-from ..bridge.translations import told
+from ..bridge.translations import translate
 from ..bridge.volumes import encoded, volumes
 
 NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
@@ -25,7 +25,7 @@ def refuse(operator, problem) -> set:
     set of str
         ``{"CANCELLED"}``, the result for ``execute``.
     """
-    operator.report({"ERROR"}, told(str(problem)))
+    operator.report({"ERROR"}, translate(str(problem)))
     return {"CANCELLED"}
 
 

@@ -2,7 +2,7 @@
 
 import textwrap
 
-from ..bridge.translations import told
+from ..bridge.translations import translate
 from ..bridge.volumes import volumes
 
 # Pixels at interface scale 1.
@@ -60,7 +60,7 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     layout : bpy.types.UILayout
         Where the labels are added.
     text : str
-        The text, which is translated, see ``told``; it is broken at spaces.
+        The text, which is translated, see ``translate``; it is broken at spaces.
     icon : str
         Identifier of an icon for the first line; the other lines are indented by its width.
     """
@@ -70,6 +70,6 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
     letters = max(16, int(room / PIXELS_A_LETTER))
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for line in textwrap.wrap(told(text), letters):
+    for line in textwrap.wrap(translate(text), letters):
         column.label(text=line, icon=icon)
         icon = "BLANK1" if icon != "NONE" else "NONE"

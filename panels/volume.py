@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge.loop import work
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.translations import OURS, told
+from ..bridge.translations import OURS, translate
 from ..bridge.volumes import volumes
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
@@ -63,7 +63,7 @@ def _draw_progress(layout) -> None:
     """Say how far a file is read, or another long job is."""
     progress = StepwiseOperator.progress() or work.progress()
     if progress is not None:
-        layout.progress(factor=progress.fraction, type="BAR", text=told(progress.message))
+        layout.progress(factor=progress.fraction, type="BAR", text=translate(progress.message))
 
 
 def _warn_without_numba(context, layout) -> None:

@@ -15,7 +15,7 @@ from mathutils import Vector
 from ...rle_splat.volume.orientation import face_letters
 from ...rle_splat.volume.volume import PATIENT
 from .. import live
-from ..translations import told
+from ..translations import translate
 from ..volumes import box, volumes
 
 SIZE = 15  # points; scaled with Blender's interface
@@ -77,7 +77,7 @@ def _draw_lines(context, sentence: str) -> None:
     covered = [one.x for one in context.area.regions if one.type == "UI" and one.width > 1 and left < one.x < right]
     share = (min(covered, default=right) - left - 2 * size) / blf.dimensions(FONT, sentence)[0]
     width = max(int(len(sentence) * share), 10)
-    for number, line in enumerate(reversed(textwrap.wrap(told(sentence), width))):
+    for number, line in enumerate(reversed(textwrap.wrap(translate(sentence), width))):
         blf.position(FONT, size, (1.0 + 1.5 * number) * size, 0.0)
         blf.draw(FONT, line)
 

@@ -16,7 +16,7 @@ from ...rle_splat.runtime.steps import Progress, drain, rescale
 from ...rle_splat.scene import Cancelled, RleSplatError
 from ..pictures.canvas import redraw, redraw_sidebars
 from ..pictures.drafts import Draft
-from ..translations import filled, told
+from ..translations import filled, translate
 from ..volumes import loading, volumes
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
@@ -95,7 +95,7 @@ class StepwiseOperator:
 
     def refused(self, _context, problem) -> None:
         """Report why there is no result; everything is as it was before."""
-        self.report({"ERROR"}, told(str(problem)))
+        self.report({"ERROR"}, translate(str(problem)))
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
@@ -168,7 +168,7 @@ class StepwiseOperator:
                 progress = Progress(last.fraction, progress.message)
             StepwiseOperator._progress = progress
             context.window_manager.progress_update(progress.fraction)
-            self._say(context, f"{told(progress.message)} ({progress.fraction:.0%})")
+            self._say(context, f"{translate(progress.message)} ({progress.fraction:.0%})")
             if time.perf_counter() - self._drawn > REDRAW:
                 self._drawn = time.perf_counter()
                 redraw_sidebars(context)

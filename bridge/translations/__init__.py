@@ -1,7 +1,7 @@
 """Translations of the interface, in Blender's own way: one JSON file for each language, English text -> translation.
 
 A sentence with a name or a number in it is a template with fields in braces: ``filled`` puts them into its translation.
-The renderer knows nothing of languages.  Its sentences that users meet most are found again by ``told``.
+The renderer knows nothing of languages.  Its sentences that users meet most are found again by ``translate``.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def filled(template: str, **values) -> str:
     return pgettext_iface(template).format(**values)
 
 
-def told(sentence: str) -> str:
+def translate(sentence: str) -> str:
     """A sentence of the renderer in the language of the interface, if it is whole or one of COMPOSED; else as it is."""
     whole = pgettext_iface(sentence)
     if whole != sentence:
@@ -96,7 +96,7 @@ def told(sentence: str) -> str:
         found = _pattern(template).fullmatch(sentence)
         if found is not None:
             return filled(template, **{
-                name: told(value) if name in REASONS else value for name, value in found.groupdict().items()
+                name: translate(value) if name in REASONS else value for name, value in found.groupdict().items()
             })
     return sentence
 

@@ -31,7 +31,7 @@ def said(monkeypatch) -> str:
     return " ".join(texts(draw_all(monkeypatch)).split())
 
 
-def told(monkeypatch):
+def translate(monkeypatch):
     """(bytes, share of the voxels) as the panel has them."""
     found = re.search(r"About ([\d.]+) (\w+)(?: \(.*\))?, ([\d.]+)% of the voxels", said(monkeypatch))
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
@@ -53,7 +53,7 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     settings = bpy.context.scene.rle_splat
     settings.classification, settings.quality = classification, name
     bridge("volumes.volumes").forget_all()  # no voxels in memory: the panel must not read them
-    needed, share = told(monkeypatch)
+    needed, share = translate(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     plain, quality = bridge("scene.render_scene").read_scene(
         volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
@@ -70,13 +70,13 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     """A backdrop has them, a picture of the volume alone has not; the volume is reckoned to fill the frame."""
     scenes.use_cycles((400, 400))
     bpy.context.scene.camera.location.z = 105.0
-    alone, _ = told(monkeypatch)
+    alone, _ = translate(monkeypatch)
     assert "among meshes" not in said(monkeypatch)
     bpy.ops.mesh.primitive_cube_add(size=10.0, location=(23.5, 23.5, 23.5))
-    assert told(monkeypatch)[0] == alone
+    assert translate(monkeypatch)[0] == alone
     among = told_beside(monkeypatch, "among meshes")
     bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
-    drafted = told(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
+    drafted = translate(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
     for with_meshes, needed in zip((False, True), drafted):
         plain, quality = bridge("scene.render_scene").read_scene(
             volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
@@ -91,14 +91,14 @@ def test_it_follows_the_record_the_picture_and_the_transfer_function(volume, mon
     settings = bpy.context.scene.rle_splat
     settings.classification = "pre"
     scenes.use_cycles((400, 400))  # more than packing the records takes, which is as much as they save
-    first, share = told(monkeypatch)
+    first, share = translate(monkeypatch)
     settings.record = "8"
-    assert told(monkeypatch)[0] < first
+    assert translate(monkeypatch)[0] < first
     settings.record = "16"
     bpy.context.scene.render.resolution_x = 2000
-    assert told(monkeypatch)[0] > 2.0 * first
+    assert translate(monkeypatch)[0] > 2.0 * first
     volume.rle_splat.opacity_scale = 0.0
-    assert told(monkeypatch)[1] == 0.0 < share
+    assert translate(monkeypatch)[1] == 0.0 < share
 
 
 def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
@@ -112,7 +112,7 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification
     bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
-    free = int(0.9 * told(monkeypatch)[0])
+    free = int(0.9 * translate(monkeypatch)[0])
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)
     images = len(bpy.data.images)

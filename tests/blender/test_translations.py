@@ -96,7 +96,7 @@ def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
          "Clip-Abstände."),
         ("Nobody translates this.", "Nobody translates this."),
     ):  # fmt: skip
-        assert translations.told(sentence) == expected
+        assert translations.translate(sentence) == expected
     assert translations.filled("Imported {volume}.", volume="head") == "head importiert."
 
 
