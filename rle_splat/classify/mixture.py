@@ -1,5 +1,10 @@
 """Labels and channels: voxels of one grid classified by several transfer functions (algorithm.md 4.2).
 
+if TYPE_CHECKING:
+    from ..scene import Labels
+    from ..volume.volume import Volume
+    from .transfer_function import TransferFunction
+
 A voxel's label selects its transfer function, or hides the voxel. Channels are added: extinctions add up, and colors
 are averaged by extinction, which is the sum of associated colors. Label numbers are never interpolated: each voxel is
 classified by its own label, or, beside an edge, by the functions that share it (``label_edges.py``). Samples between
@@ -11,6 +16,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -52,7 +58,7 @@ class _Part:
         Whether voxels beside edges of labels are shared.
     """
 
-    volume: object
+    volume: Volume
     functions: tuple
     labels: np.ndarray | None = None
     known: np.ndarray | None = None
@@ -222,9 +228,9 @@ class Mixture:
     channels : tuple of Channel
     """
 
-    volume: object
-    tf: object
-    labels: object = None
+    volume: Volume
+    tf: TransferFunction
+    labels: Labels | None = None
     channels: tuple = ()
 
     @cached_property

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from . import classify_kernels as passes
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
 from .reference import WORD
+
+if TYPE_CHECKING:
+    from ..volume.volume import Volume
+    from .transfer_function import TransferFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +82,8 @@ class Visibility:
     8- and 16-bit volumes use a lookup table over all stored values (``by_table``), others the points themselves.
     """
 
-    volume: object
-    tf: object
+    volume: Volume
+    tf: TransferFunction
 
     @property
     def by_table(self) -> bool:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..runtime.whole_files import whole_files, writing
-from ..scene import Cancelled, Quality, RleSplatError, Scene, check_crop
+from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
 from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
@@ -47,6 +48,10 @@ from .progress import ProgressLine
 from .report import write_report
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
+    from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
 
@@ -144,7 +149,7 @@ class RenderJob:
 
     start: float
     earlier: dict | None = None
-    cache: object = None
+    cache: StageCache | None = None
     scene_hash: str | None = None
     refuse_empty_view: bool = True
 
@@ -153,9 +158,9 @@ class RenderJob:
 class Like:
     """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
 
-    function: object
+    function: TransferFunction
     reason: str
-    camera: object
+    camera: Camera
     matrix: np.ndarray
 
 

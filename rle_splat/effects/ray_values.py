@@ -19,12 +19,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..classify.points import LARGEST, pieces, positive_intervals
 from ..encode.scalars import MOST
 from ..scene import NO_DEPTH
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
 
 TO_STORED = {"mip": 1.0, "minip": -1.0, "average": 0.0}  # which value is wanted, were the slope positive
 # What is below the lowest value shown, in parts of the values above it, still counts: not to end in a step.
@@ -88,7 +92,7 @@ class ValueMap:
         Whether a ray without any kept voxel shows ``origin``, which is transparent.
     """
 
-    tf: object
+    tf: TransferFunction
     slope: float
     intercept: float
     sign: float

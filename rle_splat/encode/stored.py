@@ -8,7 +8,7 @@ import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,9 @@ from .validate import (
     check_values,
     scanline_starts,
 )
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
 
 
 class MappedTables:
@@ -214,7 +217,7 @@ class StoredVolume:
     affine: np.ndarray
     unit: str
     unit_length: float
-    transfer_function: object
+    transfer_function: TransferFunction
     lighting: object
     source: str
     remarks: tuple

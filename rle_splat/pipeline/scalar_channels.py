@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from ..classify.relevant import Reach
 from ..classify.visible import VisibleVoxels
 from ..encode.scalars import center_of, scalars_of
 from ..volume.blocks import Blocks
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
+    from ..volume.volume import Volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +39,8 @@ class ScalarChannel:
     transfer : LookupTable
     """
 
-    volume: object
-    function: object
+    volume: Volume
+    function: TransferFunction
     voxels: VisibleVoxels
     reach: Reach
     ends: tuple

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -55,6 +56,9 @@ from .scalar_channels import ScalarChannel, center_ends, find_value_ends, join_v
 from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
+
+if TYPE_CHECKING:
+    from ..volume.volume import Volume
 
 ONE_VOXEL_THICK = (
     "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "
@@ -133,7 +137,7 @@ class LitScalars:
 
     source: ScalarSource
     work: Work
-    volume: object
+    volume: Volume
     voxels: VisibleVoxels
     key: tuple
     ends: tuple

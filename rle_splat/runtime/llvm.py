@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from .jit import numba
 
 
@@ -19,7 +21,12 @@ class _Missing:
         return self
 
 
-if numba is not None:
+if TYPE_CHECKING:
+    ir: Any
+    types: Any
+    cgutils: Any
+    intrinsic: Any  # numba's own type has the function's first parameter, which callers leave out
+elif numba is not None:
     from llvmlite import ir
     from numba.core import cgutils, types
     from numba.extending import intrinsic

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from reprlib import repr as short
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import RleSplatError
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
+    from ..volume.volume import Volume
 
 TOLERANCE = 0.05  # voxels; grids that differ by less anywhere are the same
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
@@ -58,7 +63,7 @@ class Labels:
         If the voxels or a key are not integers.
     """
 
-    volume: object
+    volume: Volume
     functions: dict = field(default_factory=dict)
     names: dict = field(default_factory=dict)
     smooth: bool = True
@@ -85,5 +90,5 @@ class Channel:
         Transfer function of this volume.
     """
 
-    volume: object
-    transfer_function: object
+    volume: Volume
+    transfer_function: TransferFunction

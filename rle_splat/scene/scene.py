@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from .environment import Environment
 from .errors import RleSplatError
 from .further_volumes import Labels, is_same_grid
 from .mist import Mist
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
+    from ..volume.volume import Volume
 
 # What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
 MODE_TEXTS = {
@@ -125,8 +130,8 @@ class Scene:
         scene with ray ends has motion or depth of field.
     """
 
-    volume: object
-    transfer_function: object
+    volume: Volume
+    transfer_function: TransferFunction
     camera: Camera
     width: int = 512
     height: int = 512
