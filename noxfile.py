@@ -212,11 +212,11 @@ def release(parser, words) -> int:
 
 @job
 def lint(parser, words) -> int:
-    """Run ruff and the gates of the house (tests/unit/test_house.py); arguments go to ruff."""
+    """Run ruff, the type checker and the gates of the house; arguments go to ruff."""
     python = ensure(CORE)
     ruff = run(python, "-m", "ruff", "check", *words, ".")
     say("The gates of the house:")
-    return max(ruff, run(python, "-m", "pytest", "-q", "tests/unit/test_house.py"))
+    return max(ruff, run(python, "-m", "pytest", "-q", "tests/unit/test_house.py", "tests/unit/test_types.py"))
 
 
 @job
