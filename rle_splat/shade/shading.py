@@ -11,10 +11,11 @@ import numpy as np
 from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from ..classify.limits import BRIGHTEST
 from ..classify.placing import RecordPositions, find_targets
-from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
 from ..volume.gradient import unit_normals
+from ..volume.stored_scalars import BitPatterns, pattern_at
 from . import reference
 from .chunk_light import (
     DB,
@@ -168,7 +169,7 @@ def light_records(
             near = falling.near
             light = (components(normals), falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            _write_records(positions.arguments, _rows_by_type(row_of), *seen, *light, records, most)
+            _write_records(positions.arguments, BitPatterns.of(row_of), *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
 
 
@@ -185,26 +186,11 @@ def refuse_too_bright(brightest: float) -> float:
 # --- kernels: the loop over planes, in chunks of voxels --------------------------------------------------------
 
 
-_NO_ROWS = tuple(read_only(np.empty(0, kind)) for kind in (np.uint8, np.uint16))
-
-
-def _rows_by_type(row_of):
-    """Rows (m,) of voxels in the array of their type, so that one kernel serves all; no rows if voxel i has row i."""
-    return tuple(row_of if row_of is not None and row_of.dtype == none.dtype else none for none in _NO_ROWS)
-
-
-@inner_loop
-def _row_at(row_of, i):
-    """Row of voxel ``i``; see ``_rows_by_type``."""
-    narrow, wide = row_of
-    return np.int64(narrow[i]) if narrow.size > 0 else np.int64(wide[i]) if wide.size > 0 else i
-
-
 @kernel
 def _write_records(positions, row_of, properties, density_column, normals, material, rays, near, records, most):
     """Kernel of ``light_records``.
 
-    ``positions``: RecordPositions.arguments. ``row_of``: of ``_rows_by_type``; rows of ``properties`` (n, 5).
+    ``positions``: RecordPositions.arguments. ``row_of``: BitPatterns, rows of ``properties`` (n, 5).
     ``normals`` (3, m) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
     (``Lighting.near``) is None, so that unused code is not compiled.
     """
@@ -243,7 +229,7 @@ def _write_planes(
             if near is not None:
                 add_near(near, normals[:, at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
             for i in range(stop - at):
-                entry = _row_at(row_of, at + i)
+                entry = pattern_at(row_of, at + i)
                 red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
                 if normals is not None:
                     if normals[0, at + i] != _ZERO or normals[1, at + i] != _ZERO or normals[2, at + i] != _ZERO:

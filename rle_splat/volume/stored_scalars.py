@@ -48,6 +48,31 @@ class StoredValues(NamedTuple):
         return cls(StoredScalars.of(values), _empty("float64", values.ndim) if known else read_only(values))
 
 
+class BitPatterns(NamedTuple):
+    """Bit patterns of stored values, table rows as well, in the array of their type; both are empty without any."""
+
+    uint8: np.ndarray
+    uint16: np.ndarray
+
+    @classmethod
+    def of(cls, patterns):
+        """Of an array of one of the types, or None."""
+        if patterns is None:
+            return cls(_empty("uint8", 1), _empty("uint16", 1))
+        patterns = read_only(patterns)
+        if patterns.dtype == np.uint8:
+            return cls(patterns, _empty("uint16", patterns.ndim))
+        return cls(_empty("uint8", patterns.ndim), patterns)
+
+
+@inner_loop
+def pattern_at(patterns, i):
+    """Number ``i`` of BitPatterns; ``i`` itself without any."""
+    if patterns.uint8.size > 0:
+        return np.int64(patterns.uint8[i])
+    return np.int64(patterns.uint16[i]) if patterns.uint16.size > 0 else i
+
+
 @cache
 def _empty(kind: str, dimensions: int) -> np.ndarray:
     return read_only(np.empty((0,) * dimensions, kind))
