@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
-from .kernels import make_baseline, make_kernels
+from .kernels import make_kernels
 from .licenses import license_texts
 from .places import BLENDERS, DIST, PYTHONS, ROOT, Failure, run_quietly, say
 from .wheels import TAG_PATTERNS, this_platform, wheels_for
@@ -139,6 +139,6 @@ def build(
     return made
 
 
-def build_here(python: str, output: Path, find_kernels=make_baseline) -> Path:
-    """The zip for this platform and a Python, to be tried here: with the baseline's kernels only."""
+def build_here(python: str, output: Path, find_kernels=make_kernels) -> Path:
+    """The zip for this platform and a Python, to be tried here."""
     return build((this_platform(),), (python,), output, find_kernels)[this_platform(), python]

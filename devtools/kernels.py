@@ -1,4 +1,4 @@
-"""The kernels that travel with the extension: compiled for each Python of a Blender and each level of processors.
+"""The kernels that travel with the extension: compiled for each Python of a Blender and one level of processors.
 
 They are files of the package, so that a clone uses them as well.  What an earlier run compiled and still fits is not
 compiled again.
@@ -20,9 +20,8 @@ from .wheels import packages, this_platform
 PACKAGE = ROOT / "rle_splat"
 FOLDER = PACKAGE / "kernels"
 COMPILED = BUILD / "kernels-shipped"
-BASELINE = "x86-64-v3"
-X64 = (BASELINE, "x86-64-v4")  # as in rle_splat/runtime/shipped_kernels.py
-LEVELS = {"linux-x64": X64, "windows-x64": X64}
+LEVEL = "x86-64-v3"  # as in rle_splat/runtime/shipped_kernels.py
+PLATFORMS = ("linux-x64", "windows-x64")  # of machines that reach it
 
 
 def core_of(version: str) -> Environment:
@@ -50,14 +49,14 @@ def is_made(path: Path) -> bool:
         return False
 
 
-def _make(version: str, level: str, path: Path) -> None:
-    """Compile the kernels for a Python and a level, and pack them into a file."""
+def _make(version: str, path: Path) -> None:
+    """Compile the kernels for a Python, and pack them into a file."""
     environ = clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
-    make_file(path, path, level, [core_of(version).python], environ)
+    make_file(path, path, [core_of(version).python], environ)
 
 
-def make_file(path: Path, seen_as: str | Path, level: str, python: list, environ: dict[str, str]) -> None:
-    """Compile the kernels for a level by any Python, and pack them into a file.
+def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str]) -> None:
+    """Compile the kernels by any Python, and pack them into a file.
 
     ``python``: the command that runs it where ``rle_splat`` and ``devtools`` can be imported; it knows the file as
     ``seen_as``.
@@ -67,7 +66,7 @@ def make_file(path: Path, seen_as: str | Path, level: str, python: list, environ
     said = run_quietly(
         [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode()],
         f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
-        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
+        env={**environ, "NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": ""},
     )  # fmt: skip
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
@@ -83,22 +82,14 @@ def _is_ready(version: str) -> bool:
     return True
 
 
-def kernel_file(version: str, level: str = BASELINE) -> str:
-    """The name of the file for a Python and a level, as rle_splat/runtime/shipped_kernels.py has it."""
-    return f"python{version}-numba{packages()['numba']}-{level}.zip"
+def kernel_file(version: str) -> str:
+    """The name of the file for a Python, as rle_splat/runtime/shipped_kernels.py has it."""
+    return f"python{version}-numba{packages()['numba']}-{LEVEL}.zip"
 
 
-def _files(pythons) -> dict[Path, tuple[str, str]]:
-    """The files for these Pythons and this platform, whether they are made or not, with Python and level."""
-    return {
-        FOLDER / kernel_file(version, level): (version, level)
-        for version in pythons for level in LEVELS.get(this_platform(), ())
-    }  # fmt: skip
-
-
-def make_baseline(pythons=PYTHONS) -> list[Path]:
-    """``make_kernels`` without those of better processors, which trials and tests can do without."""
-    return make_kernels(pythons, baseline_only=True)
+def _files(pythons) -> dict[Path, str]:
+    """The files for these Pythons and this platform, whether they are made or not, with the Python of each."""
+    return {FOLDER / kernel_file(version): version for version in pythons if this_platform() in PLATFORMS}
 
 
 def made_kernels(pythons=PYTHONS) -> list[Path]:
@@ -106,20 +97,16 @@ def made_kernels(pythons=PYTHONS) -> list[Path]:
     return [path for path in _files(pythons) if is_made(path)]
 
 
-def make_kernels(pythons=PYTHONS, baseline_only: bool = False) -> list[Path]:
+def make_kernels(pythons=PYTHONS) -> list[Path]:
     """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
 
-    A Python that this machine does not have, and cannot get, has none.  ``baseline_only``: without those of better
-    processors, which tests can do without.
+    A Python that this machine does not have, and cannot get, has none.
     """
-    wanted = {
-        path: (version, level) for path, (version, level) in _files(pythons).items()
-        if (level == BASELINE or not baseline_only) and (is_made(path) or _is_ready(version))
-    }  # fmt: skip
-    due = {path: of for path, of in wanted.items() if not is_made(path)}
+    wanted = {path: version for path, version in _files(pythons).items() if is_made(path) or _is_ready(version)}
+    due = {path: version for path, version in wanted.items() if not is_made(path)}
     with ThreadPoolExecutor(os.cpu_count()) as workers:
-        list(workers.map(lambda path: _make(*due[path], path), due))
+        list(workers.map(lambda path: _make(due[path], path), due))
     for path in FOLDER.glob("*.zip"):
-        if f"-numba{packages()['numba']}-" not in path.name:
+        if not path.name.endswith(f"-numba{packages()['numba']}-{LEVEL}.zip"):
             path.unlink()
     return list(wanted)

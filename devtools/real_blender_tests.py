@@ -14,7 +14,7 @@ from pathlib import Path
 
 from .build import build_here
 from .environments import CORE, ensure
-from .kernels import BASELINE, FOLDER, PACKAGE, is_made, kernel_file, make_baseline, make_file
+from .kernels import FOLDER, PACKAGE, is_made, kernel_file, make_file, make_kernels
 from .places import BPY_KERNELS, BUILD, REQUIREMENTS, ROOT, Failure, say
 from .real_blender import Blender, ensure_blender, environ_for, find_blender
 from .stages import REPORTS, Stage, broken, counted, file_name, measured, untested
@@ -71,7 +71,7 @@ def _lent_pytest() -> Path:
 @cache
 def _zip_for(blender: Blender) -> Path:
     """The extension's zip for a Blender whose Python no bpy module has: Debian's runs on the system's."""
-    find_kernels = make_baseline if blender.root is None else lambda _: [_kernels_of(blender)]
+    find_kernels = make_kernels if blender.root is None else lambda _: [_kernels_of(blender)]
     return build_here(blender.python, BUILD / f"zip-{blender.python}", find_kernels)
 
 
@@ -91,7 +91,7 @@ def _kernels_of(blender: Blender) -> Path:
         blender, PYTHONPATH=blender.inside(folder), RLE_SPLAT_CACHE=blender.inside(blender.root / "kernels-shipped")
     )
     made = folder / path.name
-    make_file(made, blender.inside(made), BASELINE, [*blender.command[:-1], "python3"], environ)
+    make_file(made, blender.inside(made), [*blender.command[:-1], "python3"], environ)
     shutil.move(made, path)
     shutil.rmtree(folder)
     return path

@@ -19,7 +19,7 @@ from typing import Callable
 from .build import build_here
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .kernels import make_baseline
+from .kernels import make_kernels
 from .places import BPY_KERNELS, BPY_PYTHON, BUILD, KERNELS, PYTHONS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
 from .real_blender_tests import WHOLE, real_blender_stages, window_stage
@@ -259,7 +259,7 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     ensure(CORE)
     with suppress(Failure):  # the stage of the zips says what is wrong
         # First, so that no test compiles any of them.
-        make_baseline([*_pythons(_versions(quick)), CORE.version])
+        make_kernels([*_pythons(_versions(quick)), CORE.version])
     found = list(parts(options, quick, everywhere).values())
     pending, stages, lock = list(found), {}, Lock()
 

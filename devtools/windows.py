@@ -18,7 +18,7 @@ from pathlib import Path
 
 from .build import pack, zip_name
 from .environments import BPY, CORE, Environment
-from .kernels import BASELINE, FOLDER, is_made, kernel_file, make_file
+from .kernels import FOLDER, is_made, kernel_file, make_file
 from .places import AGAIN, BPY_PYTHON, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
 from .small_system import INSIDE, SmallSystem
 from .stages import REPORTS, Stage, broken, file_name, measured, untested
@@ -167,7 +167,7 @@ def _kernels(inside: Path) -> Path:
         made = inside / path.name
         python = _command(_of_windows(PYTHON / "python.exe"), inside=CLONE)
         environ = _environ(PYTHONPATH=_of_windows(_packages(CORE)), RLE_SPLAT_CACHE="C:\\kernels-shipped")
-        make_file(made, _of_windows(made), BASELINE, python, environ)
+        make_file(made, _of_windows(made), python, environ)
         KERNELS.mkdir(parents=True, exist_ok=True)
         shutil.move(made, path)
     return path

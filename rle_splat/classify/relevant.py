@@ -235,13 +235,14 @@ def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
     column = empty(row_start[-1], np.uint16 if nx <= 65536 else np.int32)
     stored = empty(row_start[-1], volume.voxels.dtype)
     rows = read_only(np.asarray(volume.voxels)).reshape(nz * ny, nx)
+    word = f"u{stored.itemsize}"  # values are copied as they are: one kernel for each size
     for first, last in cut_chunks(nz, ny * nx, multiple=BLOCK_Z):
         yield first / nz
         part = slice(first * ny, last * ny)
         starts = row_start[first * ny : last * ny + 1]
         if compiled():
             with parallel_call(threads):
-                _fill_kept(bits[part], rows[part], starts, column, stored)
+                _fill_kept(read_only(bits[part]), rows[part].view(word), starts, column, stored.view(word))
         else:
             own = slice(starts[0], starts[-1])
             reference.list_seen(reference.unpack(bits[part])[:, :nx] > 0, rows[part], column[own], stored[own])
@@ -375,7 +376,10 @@ def _count_rows(begin, end, bits, counts, pieces):
 
 @kernel
 def _fill_kept(bits, rows, row_start, column, stored):
-    """Write ``column`` and ``stored`` of the voxels whose bits are set; ``rows`` (nz * ny, nx) stored values."""
+    """Write ``column`` and ``stored`` of the voxels whose bits are set; ``rows`` (nz * ny, nx) stored values.
+
+    Both as unsigned integers of their size.
+    """
     share_out(_fill_rows, bits.shape[0], (bits, rows, row_start, column, stored))
 
 

@@ -23,6 +23,7 @@ from ..splat.scalar_slab import lookup_at
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView
 from ..volume.axes import AXES
+from ..volume.stored_scalars import StoredScalars, by_type
 from .ray_light import light_at
 
 NO_VALUE = -1e38  # of a voxel's values, at most: it is no number
@@ -42,7 +43,8 @@ class RowVoxels(NamedTuple):
 
     ``bits``: (nz * ny, words) uint64, a bit for each voxel that is kept.  ``row_start``: (nz * ny + 1,), where the
     records of a row begin.  ``bricks``: (z, y, x) uint8, 0 where none of a brick's voxels is kept.  ``scalars`` (m,)
-    and ``codes`` (m, channels) int16 or None: as ``encode.scalars.ScalarVolume`` has them, in rows.  ``shown``: (k, 2)
+    and ``codes`` (m, channels) int16 or None: as ``encode.scalars.ScalarVolume`` has them, in rows; the kernel takes
+    StoredScalars, so that one serves all types.  ``shown``: (k, 2)
     float64, a cell shows something where, for any row (a, b), its largest scalar is at least a and its smallest at most
     b; others may be kept too.  ``shape``: voxels along z, y, x.  ``further``: ChannelVoxels, or None.
     """
@@ -50,7 +52,7 @@ class RowVoxels(NamedTuple):
     bits: np.ndarray
     row_start: np.ndarray
     bricks: np.ndarray
-    scalars: np.ndarray
+    scalars: np.ndarray | StoredScalars
     codes: np.ndarray | None
     shown: np.ndarray
     shape: tuple[int, int, int]
@@ -146,15 +148,32 @@ def _pair_at(bits, row_start, row, x):
 
 
 @inner_loop
-def _is_shown(scalars, i, j, k, m, shown):
-    """Whether a cell shows something, by ``RowVoxels.shown``; its corners are records i, j, k, m and the next ones.
+def _read_corners(values, i, j, k, m):
+    """The values of a cell's corners, records i, j, k, m of (m,) and the next ones, as eight float64."""
+    return (
+        np.float64(values[i]), np.float64(values[i + 1]), np.float64(values[j]), np.float64(values[j + 1]),
+        np.float64(values[k]), np.float64(values[k + 1]), np.float64(values[m]), np.float64(values[m + 1]),
+    )  # fmt: skip
+
+
+_read_scalars = by_type(_read_corners)
+
+
+@inner_loop
+def _least(values):
+    """The smallest value of a cell's corners."""
+    a0, a1, b0, b1, c0, c1, d0, d1 = values
+    return min(min(min(a0, a1), min(b0, b1)), min(min(c0, c1), min(d0, d1)))
+
+
+@inner_loop
+def _is_shown(values, shown):
+    """Whether a cell shows something, by ``RowVoxels.shown``; ``values``: of its corners.
 
     Never with a corner without a value, which one volume has not among its kept voxels.
     """
-    low = min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
-              min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1])))  # fmt: skip
-    high = max(max(max(scalars[i], scalars[i + 1]), max(scalars[j], scalars[j + 1])),
-               max(max(scalars[k], scalars[k + 1]), max(scalars[m], scalars[m + 1])))  # fmt: skip
+    a0, a1, b0, b1, c0, c1, d0, d1 = values
+    low, high = _least(values), max(max(max(a0, a1), max(b0, b1)), max(max(c0, c1), max(d0, d1)))
     for interval in range(shown.shape[0]):
         if high >= shown[interval, 0] and low <= shown[interval, 1]:
             return low > NO_VALUE
@@ -162,23 +181,25 @@ def _is_shown(scalars, i, j, k, m, shown):
 
 
 @inner_loop
-def _is_any_shown(further, scalars, i, j, k, m, shown):
+def _is_any_shown(further, values, corners, shown):
     """Whether a cell shows something in any channel."""
     if further is None:
-        return _is_shown(scalars, i, j, k, m, shown)
-    if _is_shown(scalars, i, j, k, m, shown):
+        return _is_shown(values, shown)
+    if _is_shown(values, shown):
         return True
+    i, j, k, m = corners
     for channel in range(further.values.shape[1]):
         first, last = further.begins[channel], further.begins[channel + 1]
-        if _is_shown(further.values[:, channel], i, j, k, m, further.shown[first:last]):
+        if _is_shown(_read_corners(further.values[:, channel], i, j, k, m), further.shown[first:last]):
             return True
     return False
 
 
 @inner_loop
-def _cubic(a0, a1, b0, b1, c0, c1, d0, d1, x, y, z, dx, dy, dz):
+def _cubic(values, x, y, z, dx, dy, dz):
     """The trilinear value along a ray from ``x``, ``y``, ``z`` in a cell to so much further, as powers 0 to 3 of the
-    way there.  ``a0``, ``a1``: corners along x; ``b``: further along y; ``c`` and ``d``: these two further along z."""
+    way there.  ``values``: of two corners along x; of two further along y; of these four further along z."""
+    a0, a1, b0, b1, c0, c1, d0, d1 = values
     a, ap, b, bp = a0 + (a1 - a0) * x, (a1 - a0) * dx, b0 + (b1 - b0) * x, (b1 - b0) * dx
     c, cp, d, dp = c0 + (c1 - c0) * x, (c1 - c0) * dx, d0 + (d1 - d0) * x, (d1 - d0) * dx
     near, near_p, near_pp = a + (b - a) * y, ap + (bp - ap) * y + (b - a) * dy, (bp - ap) * dy
@@ -194,11 +215,7 @@ def _find_cubics(codes, corners, start, step, cubics):
     px, py, pz = start
     dx, dy, dz = step
     for channel in range(codes.shape[1]):
-        c0, c1, c2, c3 = _cubic(
-            np.float64(codes[i, channel]), np.float64(codes[i + 1, channel]), np.float64(codes[j, channel]),
-            np.float64(codes[j + 1, channel]), np.float64(codes[k, channel]), np.float64(codes[k + 1, channel]),
-            np.float64(codes[m, channel]), np.float64(codes[m + 1, channel]), px, py, pz, dx, dy, dz,
-        )  # fmt: skip
+        c0, c1, c2, c3 = _cubic(_read_corners(codes[:, channel], i, j, k, m), px, py, pz, dx, dy, dz)
         cubics[0, channel], cubics[1, channel] = c0 * PER_CODE, c1 * PER_CODE
         cubics[2, channel], cubics[3, channel] = c2 * PER_CODE, c3 * PER_CODE
 
@@ -266,17 +283,6 @@ def _classify_slab(lookup, before, here):
 
 
 @inner_loop
-def _has_value(further, scalars, corners):
-    """Whether the volume's own scalar has a value at all corners of a cell, as it always has without further channels;
-    see ``_composite_stretch``."""
-    if further is None:
-        return True
-    i, j, k, m = corners
-    return min(min(min(scalars[i], scalars[i + 1]), min(scalars[j], scalars[j + 1])),
-               min(min(scalars[k], scalars[k + 1]), min(scalars[m], scalars[m + 1]))) > NO_VALUE  # fmt: skip
-
-
-@inner_loop
 def _find_channels(further, corners, start, step, cubics):
     """Put the cubics of further channels along a stretch into ``cubics``; that of one without a value at some corner
     is far below all values."""
@@ -286,15 +292,11 @@ def _find_channels(further, corners, start, step, cubics):
         dx, dy, dz = step
         values = further.values
         for n in range(values.shape[1]):
-            least = min(min(min(values[i, n], values[i + 1, n]), min(values[j, n], values[j + 1, n])),
-                        min(min(values[k, n], values[k + 1, n]), min(values[m, n], values[m + 1, n])))  # fmt: skip
-            c0, c1, c2, c3 = _cubic(
-                np.float64(values[i, n]), np.float64(values[i + 1, n]), np.float64(values[j, n]),
-                np.float64(values[j + 1, n]), np.float64(values[k, n]), np.float64(values[k + 1, n]),
-                np.float64(values[m, n]), np.float64(values[m + 1, n]), px, py, pz, dx, dy, dz,
-            )  # fmt: skip
+            own = _read_corners(values[:, n], i, j, k, m)
+            least = _least(own)
+            c0, c1, c2, c3 = _cubic(own, px, py, pz, dx, dy, dz)
             if least <= NO_VALUE:
-                c0, c1, c2, c3 = np.float64(least), 0.0, 0.0, 0.0
+                c0, c1, c2, c3 = least, 0.0, 0.0, 0.0
             cubics[0, n], cubics[1, n], cubics[2, n], cubics[3, n] = c0, c1, c2, c3
 
 
@@ -318,33 +320,28 @@ def _add_channels(further, channels, cubics, begin, end, r, g, bl, sigma):
 
 @inner_loop
 def _composite_stretch(
-    further, channels, codes, scalars, lookup, light, number, corners, start, step, a, deep, length, slabs, least,
-    scratch, ray,
+    further, channels, codes, own, lookup, light, number, corners, start, step, a, deep, length, slabs, least, scratch,
+    ray,
 ):  # fmt: skip
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
-    ``further``, ``codes``, ``scalars``: of RowVoxels.  ``channels``, ``lookup``, ``light``, ``slabs``, ``least``: see
-    ``trace_rays``.  ``number``:
-    of the ray.  ``corners``: records of the cell's four pairs of voxels along x.  ``start``: where the stretch begins
-    in the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and
-    its length, in voxels of depth; ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels)
-    float64 and its last row.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
+    ``further``, ``codes``: of RowVoxels.  ``channels``, ``lookup``, ``light``, ``slabs``, ``least``: see
+    ``trace_rays``.  ``own``: scalars of the cell's corners.  ``number``: of the ray.  ``corners``: records of the
+    cell's four pairs of voxels along x.  ``start``: where the stretch begins in the cell, voxels; ``step``: voxels
+    along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and its length, in voxels of depth;
+    ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels) float64 and its last row.
+    ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
     nearest, furthest = lookup.nearest, lookup.furthest
-    i, j, k, m = corners
     px, py, pz = start
     dx, dy, dz = step
     red, green, blue, transmittance, at_half = ray
     cubics, planes, values = scratch
-    c0, c1, c2, c3 = _cubic(
-        np.float64(scalars[i]), np.float64(scalars[i + 1]), np.float64(scalars[j]),
-        np.float64(scalars[j + 1]), np.float64(scalars[k]), np.float64(scalars[k + 1]),
-        np.float64(scalars[m]), np.float64(scalars[m + 1]), px, py, pz, dx * deep, dy * deep, dz * deep,
-    )  # fmt: skip
+    c0, c1, c2, c3 = _cubic(own, px, py, pz, dx * deep, dy * deep, dz * deep)
     count = max(math.ceil(deep * slabs - SLIVER), 1)
     part = 1.0 / count
     length = length * deep * part
-    has_value = _has_value(further, scalars, corners)
+    has_value = further is None or _least(own) > NO_VALUE  # one volume always has one
     _find_channels(further, corners, start, (dx * deep, dy * deep, dz * deep), values)
     here = min(max(c0, nearest), furthest)
     lit = False
@@ -388,7 +385,7 @@ def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scra
     if begin >= end:
         return
     planes = columns_of(codes)
-    own = scratch[begin, :, :planes], scratch[begin, POWERS, :planes], scratch[begin, :, planes:]
+    buffers = scratch[begin, :, :planes], scratch[begin, POWERS, :planes], scratch[begin, :, planes:]
     for ray in range(begin, end):
         transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
         walked = composited = 0
@@ -442,13 +439,15 @@ def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scra
                 j = _pair_at(bits, row_start, z * n_y + y + 1, x) if i >= 0 else -1
                 k = _pair_at(bits, row_start, (z + 1) * n_y + y, x) if j >= 0 else -1
                 m = _pair_at(bits, row_start, (z + 1) * n_y + y + 1, x) if k >= 0 else -1
-                if m >= 0 and _is_any_shown(further, scalars, i, j, k, m, shown):
-                    composited += 1
-                    red, green, blue, transmittance, at_half = _composite_stretch(
-                        further, channels, codes, scalars, lookup, light, ray, (i, j, k, m),
-                        (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a, rays.length[ray],
-                        slabs, least, own, (red, green, blue, transmittance, at_half),
-                    )  # fmt: skip
+                if m >= 0:
+                    corners, own = (i, j, k, m), _read_scalars(scalars, i, j, k, m)
+                    if _is_any_shown(further, own, corners, shown):
+                        composited += 1
+                        red, green, blue, transmittance, at_half = _composite_stretch(
+                            further, channels, codes, own, lookup, light, ray, corners,
+                            (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a,
+                            rays.length[ray], slabs, least, buffers, (red, green, blue, transmittance, at_half),
+                        )  # fmt: skip
                 a = b
             if tx <= reached:
                 x, tx = x + sx, tx + ax

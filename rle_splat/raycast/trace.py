@@ -10,6 +10,7 @@ from ..scene import Quality
 from ..shade.sample_light import SampleLight
 from ..splat.scalar_splat import channel_lookups, kernel_lookup
 from ..splat.splat import OPAQUE
+from ..volume.stored_scalars import StoredScalars
 from . import reference
 from .ray_light import ray_light
 from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
@@ -38,5 +39,6 @@ def trace(
     scratch = np.empty((len(out), POWERS + 1, planes))
     falling = None if light is None else ray_light(light, rays)
     with parallel_call(quality.threads):
+        voxels = voxels._replace(scalars=StoredScalars.of(voxels.scalars))
         trace_rays(voxels, rays, lookup, channels, falling, slabs, least, scratch, results)
     return out, half

@@ -1,8 +1,9 @@
 """Kernels that come with an installation: compiled for a level of processors that most machines reach.
 
-``dev.py kernels`` compiles what ``rle-splat prepare`` covers, and packs it into one zip file for each version of Python
-and each level.  An entry's name is a digest of all that decides over its machine code, so a kernel that does not fit
-its source is not found; the zip's checksums refuse a damaged one.  Nothing is written here.
+``dev.py kernels`` compiles what ``rle-splat prepare`` covers, and packs it into one zip file for each version of
+Python.  There is one level, so that all machines that reach it run the same machine code.  An entry's name is a digest
+of all that decides over its machine code, so a kernel that does not fit its source is not found; the zip's checksums
+refuse a damaged one.  Nothing is written here.
 
 The processes that make these files and those that use them know the package by different names.
 
@@ -28,22 +29,21 @@ from .kernel_digest import PACKAGE
 FOLDER = Path(__file__).parents[1] / "kernels"
 MAKER = "rle_splat"  # the package's name in the process that made the files
 
-# Features of Intel's processors from 2013 on and of AMD's from 2015 on.
-_V3 = ("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave")
-# LLVM's name of a level -> the features of a processor that reaches it; the best first.
-LEVELS = {"x86-64-v4": (*_V3, "avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"), "x86-64-v3": _V3}
+LEVEL = "x86-64-v3"  # LLVM's name
+# Of the level: Intel's processors have these from 2013 on, and AMD's from 2015 on.
+FEATURES = ("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave")
 COMPILED_INSTEAD = "Kernels are compiled when a picture first needs them."
 
 
-def file_name(level: str) -> str:
+def file_name() -> str:
     """The name of the file for this version of Python and of numba."""
-    return f"python{sys.version_info[0]}.{sys.version_info[1]}-numba{numba.__version__}-{level}.zip"
+    return f"python{sys.version_info[0]}.{sys.version_info[1]}-numba{numba.__version__}-{LEVEL}.zip"
 
 
-def reached_levels() -> list[str]:
-    """Return the levels that this processor reaches, the best first."""
+def is_level_reached() -> bool:
+    """Whether this processor reaches the level."""
     features = get_host_cpu_features()
-    return [level for level, wanted in LEVELS.items() if all(features.get(name, False) for name in wanted)]
+    return all(features.get(name, False) for name in FEATURES)
 
 
 def entry_name(types, triple: str, digest: str) -> str:
@@ -83,26 +83,27 @@ class ShippedKernels:
         # A processor that the user has named is to be compiled for.
         if not folder.is_dir() or numba.config.CPU_NAME:
             return
-        reached = reached_levels()
-        there = [level for level in reached if (folder / file_name(level)).is_file()]
-        if not reached:
+        path = folder / file_name()
+        if not is_level_reached():
             self.problem = f"The kernels of this installation need a processor with AVX2. {COMPILED_INSTEAD}"
-        elif not there:
+        elif not path.is_file():
             versions = f"Python {sys.version_info[0]}.{sys.version_info[1]} with numba {numba.__version__}"
             self.problem = f"This installation has no kernels for {versions}. {COMPILED_INSTEAD}"
         else:
-            self._open(folder / file_name(there[0]), there[0])
+            self._open(path)
 
-    def _open(self, path: Path, level: str) -> None:
+    def _open(self, path: Path) -> None:
         try:
-            # A copy in memory, of about 2 MB: on Windows a file that is open keeps an extension from being removed.
+            # A copy in memory, of some MB: on Windows a file that is open keeps an extension from being removed.
             self._archive = zipfile.ZipFile(io.BytesIO(path.read_bytes()))
-            self.level = level
+            self.level = LEVEL
         except (OSError, zipfile.BadZipFile):
-            self._report_damage(path.name)
+            self._report_damage()
 
-    def _report_damage(self, name: str) -> None:
-        self.problem = f"Kernels of this installation are damaged ({name}); install it again. {COMPILED_INSTEAD}"
+    def _report_damage(self) -> None:
+        self.problem = (
+            f"Kernels of this installation are damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
+        )
 
     def load(self, name: str):
         """Return what numba rebuilds a kernel's version from, or None.
@@ -117,7 +118,7 @@ class ShippedKernels:
         try:
             content = self._archive.read(name)
         except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):  # the last: it seems to be encrypted
-            self._report_damage(file_name(self.level))
+            self._report_damage()
             return None
         return _Reader(io.BytesIO(content)).load()
 

@@ -20,6 +20,7 @@ from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..runtime.work_sizes import SMOOTHED_AT_ONCE
+from ..volume.stored_scalars import StoredScalars, by_type
 from . import reference
 from .sample_light import ONE
 
@@ -221,12 +222,12 @@ class Smoothing:
             found[~known] = np.nan
 
     def _smooth(self, values, first, low, wanted, found, threads) -> None:
-        arguments = (read_only(np.ascontiguousarray(values)), first, low, read_only(wanted), *self.taps, found)
+        values, arguments = np.ascontiguousarray(values), (first, low, read_only(wanted), *self.taps, found)
         if compiled():
             with parallel_call(threads):
-                _smooth(*arguments)
+                _smooth(StoredScalars.of(values), *arguments)
         else:
-            reference.smooth(*arguments)
+            reference.smooth(values, *arguments)
 
 
 def noise_of_gradient(taps, spacing) -> float:
@@ -246,15 +247,29 @@ def noise_of_gradient(taps, spacing) -> float:
 # --- kernels ----------------------------------------------------------------------------------------------------
 
 
+@inner_loop
+def _sum_deep(values, first, end, row, weights, sums):
+    """Weighted sum of a row (nx,) of planes [first, end)."""
+    sums[:] = _ZERO
+    for n in range(first, end):
+        share, source = weights[n - first], values[n, row]
+        for x in range(sums.size):
+            sums[x] += share * np.float32(source[x])
+
+
+_sum_stored = by_type(_sum_deep)
+
+
 @kernel
 def _smooth(values, first, low, wanted, along, across, deep, found):
-    """Smooth planes [low, low + len(found)) of ``values``, whose plane 0 is plane ``first`` of the volume."""
+    """Smooth planes [low, low + len(found)) of ``values``, StoredScalars whose plane 0 is plane ``first`` of the
+    volume."""
     share_out(_smooth_planes, found.shape[0], (values, first, low, wanted, along, across, deep, found))
 
 
 @kernel(inner=True)
 def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, found):
-    n_z, (_, n_y, n_x) = wanted.shape[0], values.shape
+    n_z, (_, n_y, n_x) = wanted.shape[0], found.shape
     up, out, beside = deep.size // 2, across.size // 2, along.size // 2
     deep_sums, line = np.empty((n_y, n_x), np.float32), np.zeros(n_x + 2 * beside, np.float32)
     ready = np.empty(n_y, np.bool_)
@@ -281,7 +296,7 @@ def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, 
                 sums = deep_sums[row]
                 if not ready[row]:
                     ready[row] = True
-                    _sum_deep(values[z0 - first : z1 + 1 - first, row], deep[z0 - z + up :], sums)
+                    _sum_stored(values, z0 - first, z1 + 1 - first, row, deep[z0 - z + up :], sums)
                 share = across[row - y + out]
                 weight += share
                 for x in range(n_x):
@@ -295,16 +310,6 @@ def _smooth_planes(begin, end, values, first, low, wanted, along, across, deep, 
             weight = _ONE / (weight * weight_z)
             for x in range(n_x):
                 to[x] *= weight / inside[x]
-
-
-@kernel(inner=True)
-def _sum_deep(rows, weights, sums):
-    """Weighted sum of rows (n, nx) of neighboring planes."""
-    sums[:] = _ZERO
-    for n in range(rows.shape[0]):
-        share, source = weights[n], rows[n]
-        for x in range(sums.size):
-            sums[x] += share * np.float32(source[x])
 
 
 @kernel

@@ -23,6 +23,7 @@ from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..runtime.work_sizes import PLACED_AT_ONCE
+from ..volume.stored_scalars import StoredValues, by_any_type
 from . import reference
 from .sample_light import ONE, TRUSTED
 from .surface_normals import Surfaces
@@ -151,20 +152,20 @@ def place_steps(
     apart = 1.0 / np.linalg.norm(upward, axis=1, keepdims=True)
     box = read_only(np.concatenate((upward * apart, apart), axis=1))
     arguments = (
-        surfaces.vectors, surfaces.steepness, stored, float(volume.slope), float(volume.intercept), ranges,
+        float(volume.slope), float(volume.intercept), ranges,
         read_only(voxels.row_start), read_only(voxels.column), voxels.shape_xyz, tuple(covector.ravel().tolist()),
         tuple(matrix[:3].ravel().tolist()), tuple(upward.ravel().tolist()), world_per_mm,
         faces, box, codes, offsets,
     )  # fmt: skip
     if not compiled():
-        reference.place_surfaces(*arguments)
+        reference.place_surfaces(surfaces.vectors, surfaces.steepness, stored, *arguments)
         return read_only(codes), read_only(offsets) if with_points else None
     pieces = -(-len(voxels) // PLACED_AT_ONCE)
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
     for piece, (first, last) in enumerate(pairwise(ends)):
         yield piece / pieces
         with parallel_call(threads):
-            _place(first, last - first, *arguments)
+            _place(first, last - first, surfaces.vectors, surfaces.steepness, StoredValues.of(stored), *arguments)
     return read_only(codes), read_only(offsets) if with_points else None
 
 
@@ -178,13 +179,21 @@ def _place(
 ):  # fmt: skip
     """Kernel of ``place_steps`` for ``count`` rows from ``first`` on.
 
-    ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers.
+    ``stored``: StoredValues.  ``matrix``: three rows of four; ``covector``, ``to_index``: nine numbers.
     """
     share_out(
         _place_rows, count,
         (first, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
          to_index, world_per_mm, faces, box, codes, offsets),
     )  # fmt: skip
+
+
+@inner_loop
+def _as_float(values, i):
+    return np.float64(values[i])
+
+
+_value_at = by_any_type(_as_float)
 
 
 @inner_loop
@@ -305,7 +314,7 @@ def _place_rows(
             mx = covector[0] * ax + covector[1] * ay + covector[2] * az
             my = covector[3] * ax + covector[4] * ay + covector[5] * az
             mz = covector[6] * ax + covector[7] * ay + covector[8] * az
-            side, away = _side(np.float64(stored[i]) * slope + intercept, ranges)
+            side, away = _side(_value_at(stored, i) * slope + intercept, ranges)
             size = math.sqrt(mx * mx + my * my + mz * mz)
             scale = side * math.sqrt(ax * ax + ay * ay + az * az) / (one * size) if size > 0.0 else 0.0
             mx, my, mz = mx * scale, my * scale, mz * scale

@@ -14,6 +14,7 @@ from ..view.base_plane import BasePlane
 from ..view.footprints import FOOTPRINTS, TENT
 from ..view.ray_intervals import box_intervals
 from ..volume.axes import AXES
+from ..volume.stored_scalars import StoredScalars
 from ..volume.triples import dot
 from .sample_lamps import SampleLamps
 
@@ -183,31 +184,6 @@ def wide_of(plane: BasePlane, quality: Quality) -> Wide | None:
     footprint = FOOTPRINTS[quality.kernel]
     widen = quality.minification != "off" and bool(plane.scale.min() < 1.0)
     return Wide(footprint.kind, footprint.radius, widen) if footprint.kind != TENT or widen else None
-
-
-class StoredScalars(NamedTuple):
-    """Stored values in the array of their type; the arrays of the other types are empty.
-
-    So one kernel serves all types: each would take ten seconds to compile, and a run of voxels has one branch more.
-    """
-
-    uint8: np.ndarray
-    int8: np.ndarray
-    uint16: np.ndarray
-    int16: np.ndarray
-    float32: np.ndarray
-
-    @classmethod
-    def of(cls, scalars):
-        """Of a flat array of one of the types."""
-        return cls(*(read_only(scalars) if scalars.dtype == other.dtype else other for other in _NO_SCALARS))
-
-    def array(self):
-        """The flat array that is not empty, unless there are no values."""
-        return max(self, key=len)
-
-
-_NO_SCALARS = tuple(read_only(np.empty(0, name)) for name in StoredScalars._fields)
 
 
 class ScalarTables(NamedTuple):

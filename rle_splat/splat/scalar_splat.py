@@ -10,7 +10,8 @@ from ..runtime.jit import compiled, read_only, thread_count
 from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import Sheets
-from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
+from ..volume.stored_scalars import StoredScalars
+from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
 from .mist_block import mist_rays
 from .pixel_block import BLOCK

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from . import reference
+from .stored_scalars import StoredValues, by_any_type
 
 
 def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads: int = 0) -> np.ndarray:
@@ -35,16 +36,18 @@ def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads
     voxels, sizes = read_only(np.asarray(volume.voxels)), np.empty(len(column), np.float32)
     if compiled():
         with parallel_call(threads):
-            _measure(voxels, read_only(row_start), read_only(column), tuple(covector.ravel().tolist()), sizes)
+            lists, covector = (read_only(row_start), read_only(column)), tuple(covector.ravel().tolist())
+            _measure(StoredValues.of(voxels), voxels.shape, *lists, covector, sizes)
     else:
         reference.measure_gradients(voxels, row_start, column, covector, sizes)
     return sizes
 
 
 @kernel
-def _measure(voxels, row_start, column, covector, sizes):
-    """Fill ``sizes`` (m,) float32; ``covector``: nine floats, inverse transpose of the affine times the slope."""
-    share_out(_measure_rows, voxels.shape[0] * voxels.shape[1], (voxels, row_start, column, covector, sizes))
+def _measure(voxels, shape, row_start, column, covector, sizes):
+    """Fill ``sizes`` (m,) float32; ``voxels``: StoredValues; ``covector``: nine floats, inverse transpose of the affine
+    times the slope."""
+    share_out(_measure_rows, shape[0] * shape[1], (voxels, shape, row_start, column, covector, sizes))
 
 
 @kernel(inline="always")
@@ -55,20 +58,31 @@ def _step(before, after, here, count):
     return (b - a) / max(count, 1)
 
 
+@inner_loop
+def _neighbors(voxels, x, y, z, x0, x1, y0, y1, z0, z1):
+    """A voxel and those before and after it along x, y and z, as float64."""
+    return (
+        np.float64(voxels[z, y, x]), np.float64(voxels[z, y, x0]), np.float64(voxels[z, y, x1]),
+        np.float64(voxels[z, y0, x]), np.float64(voxels[z, y1, x]),
+        np.float64(voxels[z0, y, x]), np.float64(voxels[z1, y, x]),
+    )  # fmt: skip
+
+
+_read_neighbors = by_any_type(_neighbors)
+
+
 @kernel(inner=True)
-def _measure_rows(begin_row, end_row, voxels, row_start, column, covector, sizes):
+def _measure_rows(begin_row, end_row, voxels, shape, row_start, column, covector, sizes):
     """Fill ``sizes`` for rows [begin_row, end_row)."""
-    n_z, n_y, n_x = voxels.shape
+    n_z, n_y, n_x = shape
     for row in range(begin_row, end_row):
         z, y = row // n_y, row % n_y
         z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
         for i in range(row_start[row], row_start[row + 1]):
             x = np.int64(column[i])
             x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-            here = np.float64(voxels[z, y, x])
-            gx = _step(np.float64(voxels[z, y, x0]), np.float64(voxels[z, y, x1]), here, x1 - x0)
-            gy = _step(np.float64(voxels[z, y0, x]), np.float64(voxels[z, y1, x]), here, y1 - y0)
-            gz = _step(np.float64(voxels[z0, y, x]), np.float64(voxels[z1, y, x]), here, z1 - z0)
+            here, w, e, n, s, b, a = _read_neighbors(voxels, x, y, z, x0, x1, y0, y1, z0, z1)
+            gx, gy, gz = _step(w, e, here, x1 - x0), _step(n, s, here, y1 - y0), _step(b, a, here, z1 - z0)
             wx = covector[0] * gx + covector[1] * gy + covector[2] * gz
             wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
             wz = covector[6] * gx + covector[7] * gy + covector[8] * gz

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from devtools.kernels import BASELINE, is_made
+from devtools.kernels import is_made
 from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
 from rle_splat.runtime.jit import compiled, shipped_level
 
@@ -69,7 +69,7 @@ END = "print(json.dumps([count, compiling]))"
 
 def find_compiling(program: str, cache: Path) -> tuple[int, list[str]]:
     """How many pictures or command lines a program has made in a process of its own, and those that would compile."""
-    if not (shipped_level() and is_made(FOLDER / file_name(BASELINE))):
+    if not (shipped_level() and is_made(FOLDER / file_name())):
         pytest.skip("there are no kernels of these sources for this processor: dev.py kernels makes them")
     environ = {name: value for name, value in os.environ.items() if name != NUMBA_VARIABLE}
     environ |= {CACHE_VARIABLE: str(cache), "PYTHONPATH": str(ROOT)}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from devtools.kernels import LEVELS as MADE
+from devtools.kernels import LEVEL as MADE
 from devtools.kernels import is_made
 from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
 from rle_splat.runtime.jit import compiled
@@ -18,12 +18,11 @@ from rle_splat.runtime.jit import compiled
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.runtime.shipped_kernels import FOLDER, LEVELS, ShippedKernels, file_name, reached_levels
+from rle_splat.runtime.shipped_kernels import FOLDER, LEVEL, ShippedKernels, file_name, is_level_reached
 
 ROOT = Path(__file__).resolve().parents[2]
-LEVEL = "x86-64-v3"
 pytestmark = pytest.mark.skipif(
-    LEVEL not in reached_levels(), reason=f"this processor does not reach {LEVEL}, which kernels are shipped for"
+    not is_level_reached(), reason=f"this processor does not reach {LEVEL}, which kernels are shipped for"
 )
 
 # Calls a kernel, by the name of the package; prints the runs that it writes, whether it was compiled, and any problem.
@@ -58,10 +57,10 @@ LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
 def packed(tmp_path_factory) -> Path:
     """A file with the kernel, made in a process that compiles for the level."""
     folder = tmp_path_factory.mktemp("packed")
-    said = run(CALL + PACK, ROOT, folder / "cache", "rle_splat", folder / file_name(LEVEL),
+    said = run(CALL + PACK, ROOT, folder / "cache", "rle_splat", folder / file_name(),
                NUMBA_CPU_NAME=LEVEL, NUMBA_CPU_FEATURES="")  # fmt: skip
     assert said.splitlines()[-1] == "1"
-    return folder / file_name(LEVEL)
+    return folder / file_name()
 
 
 @pytest.fixture
@@ -124,7 +123,7 @@ def test_where_nothing_can_be_written_it_is_loaded_all_the_same(installation, tm
 def test_it_comes_before_the_users_own(installation, tmp_path):
     """Whose folder is not looked at, so that pictures do not depend on what it holds."""
     package, cache = installation(), tmp_path / "cache"
-    file = package / "kernels" / file_name(LEVEL)
+    file = package / "kernels" / file_name()
     file.rename(package / "aside.zip")
     assert called(package, cache).startswith(COMPILED)
     assert called(package, cache).startswith("2 2 5 loaded")
@@ -157,17 +156,17 @@ def flip(content: bytes) -> bytes:
 @pytest.mark.parametrize("damage", [cut, flip, lambda content: b"", lambda content: b"PK" * 1000])
 def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_path, damage):
     package, cache = installation(), tmp_path / "cache"
-    file = package / "kernels" / file_name(LEVEL)
+    file = package / "kernels" / file_name()
     file.write_bytes(damage(file.read_bytes()))
     said = called(package, cache)
-    assert said.startswith(COMPILED) and f"damaged ({file_name(LEVEL)})" in said
+    assert said.startswith(COMPILED) and f"damaged ({file_name()})" in said
     assert called(package, cache).startswith("2 2 5 loaded"), "the one that was compiled is kept"
 
 
 @pytest.mark.parametrize("other", ["python3.9-numba0.68.1", "python3.11-numba0.1.0"])
 def test_kernels_of_another_python_or_numba_are_remarked(installation, tmp_path, other):
     package = installation()
-    file = package / "kernels" / file_name(LEVEL)
+    file = package / "kernels" / file_name()
     file.rename(file.with_name(f"{other}-{LEVEL}.zip"))
     said = called(package, tmp_path / "cache")
     assert said.startswith(COMPILED) and "has no kernels for Python" in said
@@ -192,7 +191,7 @@ def test_an_installation_that_brings_no_kernels_has_no_remark(installation, tmp_
 @pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump, which disassembles, is not installed")
 def test_no_kernel_estimates_a_reciprocal_or_a_root(tmp_path):
     """Such instructions round differently on processors of different makers."""
-    path = FOLDER / file_name(LEVEL)
+    path = FOLDER / file_name()
     if not is_made(path):
         pytest.skip("there are no kernels of these sources: dev.py kernels makes them")
     shipped, found, seen = ShippedKernels(), {}, 0
@@ -211,5 +210,5 @@ def test_no_kernel_estimates_a_reciprocal_or_a_root(tmp_path):
     assert found == {} and seen > 10, "they are read, and have roots"
 
 
-def test_levels_are_those_that_the_tools_make():
-    assert {level for levels in MADE.values() for level in levels} == set(LEVELS)
+def test_the_level_is_the_one_that_the_tools_make():
+    assert MADE == LEVEL

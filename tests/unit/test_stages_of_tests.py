@@ -63,7 +63,7 @@ def stages(monkeypatch, tmp_path):
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
-        monkeypatch.setattr(testing, "make_baseline", lambda pythons: [])
+        monkeypatch.setattr(testing, "make_kernels", lambda pythons: [])
         monkeypatch.setattr(testing, "real_blender_stages", lambda zips: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
         monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)

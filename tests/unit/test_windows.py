@@ -77,4 +77,4 @@ def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
         path = windows._kernels(tmp_path)
         assert path.parent == windows.KERNELS and kernels.is_made(path)
     words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
-    assert [(command[:-1], level) for command, level in commands] == [(words, kernels.BASELINE)]
+    assert [(command[:-1], level) for command, level in commands] == [(words, kernels.LEVEL)]
