@@ -125,6 +125,13 @@ def beside_edge(numbers) -> np.ndarray:
     return least != most
 
 
+def beside_any(chosen) -> np.ndarray:
+    """Bool, shape of ``chosen``: whether a voxel or any of its 26 neighbors is chosen."""
+    for axis in range(3):
+        chosen = _extreme(chosen, np.logical_or, axis)
+    return chosen
+
+
 def _extreme(numbers, of_two, axis: int) -> np.ndarray:
     """The extreme of each voxel and its two neighbors along an axis."""
     found = numbers.copy()

@@ -8,7 +8,7 @@ from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
 from ..scene.changed import change
 from .kind import Kind
 
-BY_PRE = "Labels are classified voxel by voxel, so the classification is pre."
+BY_PRE = "Labels with channels are classified voxel by voxel, so the classification is pre."
 
 
 def is_mixed(scene: Scene) -> bool:
@@ -32,9 +32,8 @@ def only_hides(scene: Scene) -> bool:
 
 
 def _fit_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels: any post-classified one where they only hide, else one of classified voxels, since what
-    lies between two labels has no value to classify."""
-    if quality.classification == "post" and only_hides(scene):
+    """The quality for labels: any, but one of classified voxels where there are further channels, too."""
+    if quality.classification == "post" and not scene.channels:
         return quality, ""
     try:
         return quality.classified("pre"), BY_PRE

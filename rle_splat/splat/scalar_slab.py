@@ -14,6 +14,7 @@ from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
+from .label_block import find_numbers, next_number, weaken_samples
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
@@ -151,15 +152,50 @@ def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, he
 
 
 @inner_loop
-def _classified(
-    channels, intervals, lamps, lookup, seen, kind, is_shortened, begin, end, here, there, pixels, block
+def _mix_labels(
+    labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
 ):  # fmt: skip
-    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels; 0 where
-    nothing is seen."""
+    """As ``_mix_channels``, by the functions of labels, which share the slab of each pixel."""
+    even = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
+    block.mixed[:] = np.float32(0.0)
+    seen, number = 0, next_number(block.numbers, -1)
+    while number >= 0:
+        lookup = lookup_at(channels, number)
+        found = _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block)
+        seen |= found
+        _classify(lookup, found, block)
+        if not even:
+            weaken_samples(block.numbers, block.parts, number, block.samples)
+        if kind != OWN:
+            _find_span(lamps, lookup, here, there, block)
+        add_samples(block.samples, block.shares, block.mixed)
+        number = next_number(block.numbers, number)
+    finish_mixing(block.mixed, block.samples, block.shares)
+    return seen
+
+
+@inner_loop
+def _mix(labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block):
+    if labels is None:
+        return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
+    return _mix_labels(
+        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+    )  # fmt: skip
+
+
+@inner_loop
+def _classified(
+    labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there, pixels,
+    block,
+):  # fmt: skip
+    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels or labels; 0
+    where nothing is seen."""
     if channels is None:
         _classify(lookup, seen, block)
         return seen
-    return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
+    return _mix(
+        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+    )  # fmt: skip
 
 
 @inner_loop
@@ -262,17 +298,17 @@ def _composite_classified(
 
 @inner_loop
 def composite_slab(
-    intervals, sign, absorbs, mist, channels, medium, sheets, number, kind, begin, end, thickness, row, here, there,
-    pixels, rows, block, half,
+    intervals, sign, absorbs, mist, channels, labels, medium, sheets, number, kind, begin, end, thickness, row, here,
+    there, pixels, rows, block, half,
 ):  # fmt: skip
     """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
     are not opaque.
 
-    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``: of Rays and ScalarMedium; what is None is not
+    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``, ``labels``: of Rays and ScalarMedium; what is None is not
     compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet
     and the one before.
     """
-    _, box, lookup, planes, _, _, _, _, _, _ = medium
+    _, box, lookup, planes, _, _, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels
     shortened = False
     if intervals is not None:
@@ -312,7 +348,8 @@ def composite_slab(
         )
         return LIVE
     seen = _classified(
-        channels, intervals, planes.lamps, lookup, seen, kind, shortened, begin, end, here, there, pixels, block
+        labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin, end, here, there,
+        pixels, block,
     )  # fmt: skip
     if seen == 0:
         return LIVE
