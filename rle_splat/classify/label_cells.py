@@ -1,4 +1,4 @@
-"""What samples of a post-classified volume need to know of labels: which function a point belongs to (algorithm.md 4.2).
+"""Which label's function a point between voxels belongs to, for samples of a post-classified volume (algorithm.md 4.2).
 
 Labels say in whole voxels where an organ ends.  Each function's indicator, smoothed, says it between voxels: a point
 belongs to the function whose smoothed indicator is largest there, interpolated between the eight voxels around it.  So

@@ -93,15 +93,16 @@ class LabelFunctions:
         return Reach(np.concatenate([np.empty((0, 2), volume.voxels.dtype), *found]))
 
     def mask_steps(self, cells: LabelCells, bits: np.ndarray):
-        """Generator of fractions done: takes from ``bits``, as of ``relevant_steps``, what no cell reaches that a label
-        with a function has a voxel of."""
+        """Generator of fractions done: takes from ``bits``, as of ``relevant_steps``, what is further than two voxels
+        from all labels with a function: these end within a voxel of theirs, slabs that they end in within another."""
         nx, ny, nz = cells.shape_xyz
         shows = np.array([number > 0 and function is not None for number, function in enumerate(self.functions)])
         planes = cells.numbers.reshape(nz, ny, nx)
         for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
             yield first / nz
-            low = max(first - 1, 0)
-            near = beside_any(shows[planes[low : last + 1] & NO_KIND])[first - low : last - low]
+            low = max(first - 2, 0)
+            shown = shows[planes[low : last + 2] & NO_KIND]
+            near = beside_any(beside_any(shown))[first - low : last - low]
             own = np.zeros((len(near) * ny, bits.shape[1]), np.uint64)
             pack(near.reshape(-1, nx), own)
             bits[first * ny : last * ny] &= own

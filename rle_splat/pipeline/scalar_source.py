@@ -32,7 +32,7 @@ from ..classify.lookup_table import LookupTable, extinction_of
 from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
-from ..effects.mixing import only_hides
+from ..effects.mixing import is_interpolated
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
@@ -244,12 +244,16 @@ class LitScalars:
         # Of the function as it is: what is kept may be more.
         reach = Reach.of_values(scene.volume, find_shown_values(scene.transfer_function, scene.mode))
         shown = center_ends(reach, self.center)
+        look = None
+        if self.labels is not None:
+            shown = np.concatenate((shown, center_ends(self.labels.functions.reach(scene.volume), self.center)))
+            look = LabelLook(self.labels.cells, self.labels.tables)
         rows = RowVoxels(
             voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
         )
         return trace_rays(
             rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
-            self.further_tables, self.centers,
+            self.further_tables, self.centers, look,
         )  # fmt: skip
 
     def _channel_rows(self) -> ChannelVoxels | None:
@@ -280,8 +284,8 @@ class ScalarSource(Source):
 
     @cached_property
     def _labels(self) -> LabelFunctions | None:
-        """The functions of labels where these do more than hide."""
-        if self.scene.labels is None or only_hides(self.scene):
+        """The functions of labels where each sample looks its own up."""
+        if not is_interpolated(self.scene):
             return None
         return LabelFunctions.of(self.scene.labels, self.scene.transfer_function)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..classify.label_cells import KINDS, MIXED, NO_KIND, LabelCells
-from ..runtime.jit import inner_loop, read_only
+from ..runtime.jit import inner_loop, kernel, read_only
 from ..view.base_plane import BasePlane
 
 HALVINGS = 5  # of a stretch in which the function changes: so its boundary is found to 1/64
@@ -83,7 +83,8 @@ def _weight_of(field, record, number):
     return 0.0
 
 
-@inner_loop
+# Not a part of the loops that call it, which would take minutes to compile: few samples come here.
+@kernel(inner=True)
 def _largest(field, first, row, x, fx, fy, fz):
     """The function with the largest weight at a point of a mixed cell; see ``number_at``."""
     a, c = _record_at(field, row, x), _record_at(field, row + field.n_y, x)

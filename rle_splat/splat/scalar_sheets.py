@@ -298,8 +298,8 @@ def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels
             begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
         )  # fmt: skip
     return composite_slab(
-        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium.channels, medium.labels, medium, sheets, number,
-        slab.kind, begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium.channels, medium.labels, medium, sheets,
+        number, slab.kind, begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
     )  # fmt: skip
 
 
@@ -414,8 +414,8 @@ _splat_bands = band_walker(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, labels, grouped, least, first_row, last_row,
-    workers, next_band, scratch, out, half, filled,
+    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, labels, grouped, least, first_row,
+    last_row, workers, next_band, scratch, out, half, filled,
 ):
     """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
     or depths (4.2).

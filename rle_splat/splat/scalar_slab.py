@@ -304,9 +304,9 @@ def composite_slab(
     """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
     are not opaque.
 
-    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``, ``labels``: of Rays and ScalarMedium; what is None is not
-    compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet
-    and the one before.
+    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``, ``labels``: of Rays and ScalarMedium; what is None is
+    not compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the
+    sheet and the one before.
     """
     _, box, lookup, planes, _, _, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels

@@ -14,8 +14,8 @@ from ..scene import Mist, Quality
 from ..view.base_plane import BasePlane
 from ..view.depth_rules import Sheets
 from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, StoredScalars, box_of, rays_of
-from .label_fields import label_field
 from .intermediate_image import IntermediateImage
+from .label_fields import label_field
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
 from .reference.scalar_sheets import splat_scalar_sheets_numpy

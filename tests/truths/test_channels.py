@@ -78,8 +78,24 @@ def fine(**knobs):
     return Quality(name="custom", termination=1 / 4096, **usual | knobs)
 
 
-def marched(scene, steps=16):
-    """(H, W, 4) by sums over ``steps`` samples to a voxel of each ray: each channel trilinear, then classified."""
+def optics(value, tf):
+    """(n, 3) color and (n,) extinction of values, by interpolation between a transfer function's points."""
+    alpha = np.interp(value, *np.array(tf.opacity).T)
+    color = np.stack([np.interp(value, *np.array(tf.color)[:, [0, c]].T) for c in (1, 2, 3)], axis=1)
+    return np.nan_to_num(color), -np.log1p(-np.nan_to_num(alpha)) / tf.opacity_unit_distance
+
+
+def of_channels(scene, at):
+    """(n, 3) source and (n,) extinction at points (n, 3): each channel trilinear, then classified."""
+    source, sigma = 0.0, 0.0
+    for one in (scene, *scene.channels):
+        color, own = optics(trilinear(one.volume.voxels, at), one.transfer_function)
+        source, sigma = source + color * own[:, None], sigma + own
+    return source, sigma
+
+
+def marched(scene, steps=16, medium=of_channels):
+    """(H, W, 4) by sums over ``steps`` samples to a voxel of each ray; ``medium``: what there is at points."""
     camera, shape = scene.camera, np.array(scene.volume.voxels.shape[::-1])
     columns, rows = np.meshgrid(np.arange(scene.width) + 0.5, np.arange(scene.height) + 0.5)
     assert camera.sensor_fit == "VERTICAL"
@@ -102,14 +118,7 @@ def marched(scene, steps=16):
     delta = np.maximum(leave - enter, 0.0) / count
     for number in range(count):
         at = first + (enter + (number + 0.5) * delta)[:, None] * step
-        source, sigma = 0.0, 0.0
-        for one in (scene, *scene.channels):
-            value = trilinear(one.volume.voxels, at)
-            tf = one.transfer_function
-            alpha = np.interp(value, *np.array(tf.opacity).T)
-            color = np.stack([np.interp(value, *np.array(tf.color)[:, [0, c]].T) for c in (1, 2, 3)], axis=1)
-            own = -np.log1p(-np.nan_to_num(alpha)) / tf.opacity_unit_distance
-            source, sigma = source + np.nan_to_num(color) * own[:, None], sigma + own
+        source, sigma = medium(scene, at)
         depth = sigma * delta * length
         share = np.divide(-np.expm1(-depth), sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
         total += (through * share)[:, None] * source
