@@ -35,6 +35,7 @@ MIXED = 1 << 15  # bit of a voxel's number: the eight voxels of the cell that be
 WEIGHT_OF_ONE = 1 << 13
 NORMAL_OF_ONE = 1 << 14
 NO_KIND = MIXED - 1
+NOTHING = -9.0  # less than any weight
 TAPS = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / SIGMA) ** 2).astype(np.float32)
 TAPS /= TAPS.sum()
 
@@ -164,6 +165,7 @@ class _Boundary:
         weights, slopes = np.zeros((m, KINDS), np.float32), np.zeros((m, KINDS, 3), np.float32)
         kinds[:, 0] = self.own
         if smooth:
+            weights[:, 1:] = NOTHING
             rest, rest_slopes = np.ones(m, np.float32), np.zeros((m, 3), np.float32)
             for number, (low, high) in self.boxes.items():
                 if number == 0:
@@ -176,6 +178,7 @@ class _Boundary:
             order = np.argsort(-weights[:, 1:], axis=1, kind="stable") + 1
             kinds[:, 1:], weights[:, 1:] = (np.take_along_axis(each, order, axis=1) for each in (kinds, weights))
             own, other = weights[:, 0], weights[:, 1]
+            weights[kinds == NO_KIND] = 0.0
             weights[:, 0] = np.maximum(own, other + np.maximum(LEAD, other - own - LEAD))
             slopes = slopes[:, 0] - np.take_along_axis(slopes, order[:, :1, None], axis=1)[:, 0]
             slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)

@@ -8,6 +8,7 @@ import pytest
 
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.classify.label_cells import KINDS, WEIGHT_OF_ONE, cell_steps
+from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
@@ -217,3 +218,34 @@ def test_a_picture_is_a_march_along_rays(stage, rays):
         without = render(replace(scene, labels=None), fine())
     assert np.abs(without.rgba - expected).max() > 20 * LEVEL, "the labels count"
     assert np.quantile(error, 0.99) < 3.0 * LEVEL
+
+
+@pytest.mark.parametrize("spacing", ((1.0, 1.0, 1.0), (1.0, 1.0, 1.6)), ids=("cubes", "flat voxels"))
+def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
+    """A solid label among even values, which have no gradient: the headlight shows the normals of its boundary."""
+    shape, at, radius = (24, 30, 32), np.array((15.3, 14.6, 11.9)) * spacing, 9.0
+    z, y, x = np.indices(shape)
+    inside = sum((n * s - c) ** 2 for n, s, c in zip((x, y, z), spacing, at)) < radius**2
+    affine = np.diag((*spacing, 1.0))
+    even, labels = Volume(np.full(shape, 100, np.uint8), affine), Volume(inside.astype(np.uint8), affine)
+    scene = replace(stage.on_turntable(np.zeros(shape), 30.0, 20.0, False, (60, 60), 1.0), volume=even)
+    solid = replace(function(0.0, 100.0, 1.0, (1.0, 1.0, 1.0), Shade(0.2, 0.8, 0.0, 10.0)), color=((0.0, 1, 1, 1),))
+    clear = replace(solid, opacity=((0.0, 0.0),))
+    scene = replace(
+        scene, transfer_function=clear, labels=Labels(labels, {1: solid}, interpolated=True), headlight=True
+    )  # fmt: skip
+    with use_reference():
+        picture = render(scene, fine())
+    matrix, side = scene.camera.matrix_world, scene.camera.ortho_scale
+    across = ((np.arange(60) + 0.5) / 60 - 0.5) * side
+    starts = matrix[:3, 3] + across[None, :, None] * matrix[:3, 0] - across[:, None, None] * matrix[:3, 1]
+    sphere_at = scene.volume_matrix[:3, :3] @ at + scene.volume_matrix[:3, 3]
+    beside = starts - sphere_at
+    away = np.linalg.norm(beside - (beside @ matrix[:3, 2])[..., None] * matrix[:3, 2], axis=-1)
+    scale = np.linalg.norm(scene.volume_matrix[:3, 0])
+    inner = away < 0.8 * radius * scale
+    facing = np.sqrt(1.0 - (away[inner] / (radius * scale)) ** 2)
+    error = picture.rgba[inner][:, 0] - (0.2 + 0.8 * facing)
+    print(inner.sum(), np.sqrt((error**2).mean()), np.abs(error).max(), picture.rgba[inner][:, 3].min())
+    assert picture.rgba[inner][:, 3].min() > 0.99
+    assert np.sqrt((error**2).mean()) < 0.03
