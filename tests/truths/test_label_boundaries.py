@@ -157,23 +157,23 @@ def test_what_is_thin_stays():
     assert (beside == 1).mean() > 0.99, "none is thinner than a third of a voxel"
 
 
-def organs(stage, size=(30, 28), **more):
+def organs(stage, shade=None, size=(30, 28), **more):
     """Smooth values, of which four labels that meet have their own functions, one is hidden, and the rest goes on."""
     volume = Volume((blobs(0) * 200.0).astype(np.uint8), np.eye(4))
     z, y, x = np.indices(volume.voxels.shape)
     inside = (x - 7.2) ** 2 + (y - 6.8) ** 2 + (z - 6.1) ** 2 < 30.0
     labels = np.where(inside, 10 + (x > 7) + 2 * (y + 0.4 * z > 9.0), 0).astype(np.int16)
     functions = {
-        10: function(40.0, 120.0, 0.6, (0.9, 0.2, 0.1), None),
-        11: function(0.0, 200.0, 0.9, (0.2, 0.9, 0.2), None, 2.0),
-        12: function(30.0, 60.0, 0.4, (0.2, 0.3, 1.0), None),
+        10: function(40.0, 120.0, 0.6, (0.9, 0.2, 0.1), shade),
+        11: function(0.0, 200.0, 0.9, (0.2, 0.9, 0.2), shade, 2.0),
+        12: function(30.0, 60.0, 0.4, (0.2, 0.3, 1.0), shade),
         -3: None,
     }
     labels[2:5, 3:9, 9:13] = -3
     scene = stage.on_turntable(np.zeros(volume.voxels.shape), 25.0, 20.0, False, size, 1.1)
     given = Labels(Volume(labels, np.eye(4)), functions, interpolated=True)
-    own = function(70.0, 140.0, 0.5, (0.8, 0.8, 0.7), None)
-    return replace(scene, volume=volume, transfer_function=own, labels=given, headlight=False, **more)
+    own = function(70.0, 140.0, 0.5, (0.8, 0.8, 0.7), shade)
+    return replace(scene, volume=volume, transfer_function=own, labels=given, headlight=shade is not None, **more)
 
 
 def of_labels(scene, at):
@@ -249,3 +249,33 @@ def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
     print(inner.sum(), np.sqrt((error**2).mean()), np.abs(error).max(), picture.rgba[inner][:, 3].min())
     assert picture.rgba[inner][:, 3].min() > 0.99
     assert np.sqrt((error**2).mean()) < 0.03
+
+
+@pytest.mark.parametrize("shade", (None, Shade(0.2, 0.7, 0.3, 15.0)), ids=("unlit", "lit"))
+@pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
+def test_kernels_draw_what_numpy_draws(stage, shade, rays):
+    scene = organs(stage, shade)
+    one = render(scene, fine(rays=rays)).rgba
+    with use_reference():
+        other = render(scene, fine(rays=rays)).rgba
+    assert np.abs(one - other).max() < 0.1 * LEVEL
+    assert one.tobytes() == render(scene, fine(rays=rays, threads=1)).rgba.tobytes(), "threads change nothing"
+
+
+def test_hidden_labels_show_nothing(stage):
+    """A hidden label beside others, and labels that only hide."""
+    scene = organs(stage)
+    with use_reference():
+        picture = render(scene, fine()).rgba
+        nothing = dict.fromkeys(map(int, np.unique(scene.labels.volume.voxels)))
+        assert render(replace(scene, labels=replace(scene.labels, functions=nothing)), fine()).rgba.max() == 0.0
+        shown = {label: f for label, f in scene.labels.functions.items() if f is not None}
+        more = render(replace(scene, labels=replace(scene.labels, functions=shown)), fine()).rgba
+        assert np.abs(more - picture).max() > 0.1 and (more[..., 3] >= picture[..., 3] - 0.05).all()
+
+
+def test_labels_are_voxels_unless_they_are_to_be_interpolated(stage):
+    scene = organs(stage)
+    with use_reference():
+        picture = render(replace(scene, labels=replace(scene.labels, interpolated=False)), fine())
+    assert picture.report["plan"]["classification"] == "pre"
