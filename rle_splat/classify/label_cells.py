@@ -5,14 +5,16 @@ belongs to the function whose smoothed indicator is largest there, interpolated 
 any number of functions may meet, and a boundary is the same from both sides.  Only functions that one of the eight
 voxels has count; where these have the same one, as nearly everywhere, it is taken without looking further.
 
-The indicator is smoothed by 2 G - G * G, with G a Gaussian of SIGMA voxels: unlike G alone it leaves curved boundaries
-where they are.  Measured on spheres and tori whose voxels are labeled by their centers
-(``tests/truths/test_label_boundaries.py``): boundaries are 0.08 to 0.11 voxels RMS from where they belong, 98 % within
-0.25, where voxels as they are leave 0.18 and 80 %.  What is thin would vanish, so a voxel always keeps its own
-function, by LEAD at least.
+The indicator is smoothed by NARROW G - (NARROW - 1) G * G, with G a Gaussian of SIGMA voxels.  On a boundary of mean
+curvature H a Gaussian of s voxels makes of the indicator 1/2 - H s / sqrt(2 pi), so that it moves what is curved.  G * G
+is a Gaussian of sqrt(2) s, and with NARROW = sqrt(2) / (sqrt(2) - 1) the two errors cancel.  Measured on spheres and
+tori whose voxels are labeled by their centers (``tests/truths/test_label_boundaries.py``): more than 99 % of a boundary
+are within 0.25 voxels of where it belongs, where voxels as they are leave 80 %.  What is thin would vanish, so a
+voxel always keeps its own function, by LEAD at least.
 
-Beside the function of each voxel, of which one bit says whether those around the cell behind it differ, voxels at a
-boundary have up to KINDS functions and their weights, and the direction in which their own gives way.
+Each voxel has the number of its function, bits that say where others are near, and how far its own function leads
+before the strongest other.  In a cell of two functions the interpolated leads decide; where more meet, voxels at a
+boundary have up to KINDS functions and their weights.  They also have the direction in which their own gives way.
 """
 
 from __future__ import annotations
@@ -26,16 +28,21 @@ from ..scene import RleSplatError
 from ..volume.blocks import cut_chunks
 from .label_edges import beside_edge
 
-SIGMA, RADIUS = 1.2, 3  # voxels, of G, and where it is cut
+SIGMA, RADIUS = 1.6, 4  # voxels, of G, and where it is cut
+NARROW = np.sqrt(2.0) / (np.sqrt(2.0) - 1.0)  # weight of G before G * G
 REACH = 2 * RADIUS  # voxels that matter to a smoothed indicator
 HALO = REACH + 1  # and to its slope
 AT_ONCE = 1 << 23  # voxels of a piece: thick enough that its halo costs little
 LEAD = 0.1  # of a voxel's own function before all others; more, where little of it is left
 KINDS = 4  # functions that a voxel knows, its own among them
-MIXED = 1 << 15  # bit of a voxel's number: the eight voxels of the cell that begins at it have several functions
+# Bits of a voxel's number: the eight voxels of the cell that begins at it have several functions; more than two count
+# in this cell; the 27 voxels around it have several functions.
+MIXED, SEVERAL, BESIDE = 1 << 15, 1 << 14, 1 << 13
 WEIGHT_OF_ONE = 1 << 13
 NORMAL_OF_ONE = 1 << 14
-NO_KIND = MIXED - 1
+NO_KIND = BESIDE - 1
+LEAD_OF_ONE = 100  # a lead of 1, as leads are stored
+CORNERS = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # of a cell, as z, y, x
 NOTHING = -9.0  # less than any weight
 TAPS = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / SIGMA) ** 2).astype(np.float32)
 TAPS /= TAPS.sum()
@@ -49,7 +56,10 @@ class LabelCells:
     ----------
     shape_xyz : (nx, ny, nz)
     numbers : (nz * ny * nx,) ndarray of uint16
-        Function number, and MIXED.
+        Function number, and MIXED, SEVERAL and BESIDE.
+    leads : (nz * ny * nx,) ndarray of int8
+        LEAD_OF_ONE times the lead of the voxel's own function before the strongest other one, limited to what can be
+        stored, as it is far from boundaries.
     row_start : (nz * ny + 1,) ndarray of int64
         First entry of ``column`` of each row along x.
     column : (m,) ndarray of int32
@@ -65,6 +75,7 @@ class LabelCells:
 
     shape_xyz: tuple[int, int, int]
     numbers: np.ndarray
+    leads: np.ndarray
     row_start: np.ndarray
     column: np.ndarray
     kinds: np.ndarray
@@ -73,7 +84,7 @@ class LabelCells:
 
     @property
     def nbytes(self) -> int:
-        arrays = self.numbers, self.row_start, self.column, self.kinds, self.weights, self.normals
+        arrays = self.numbers, self.leads, self.row_start, self.column, self.kinds, self.weights, self.normals
         return sum(array.nbytes for array in arrays)
 
     def of_rows(self, row_start, column) -> np.ndarray:
@@ -132,7 +143,8 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
         found.append(_Boundary(planes, own.start, own.stop).records(smooth))
     rows, *columns = (np.concatenate(each) for each in zip(*found))
     row_start = np.concatenate(([0], np.cumsum(rows)))
-    return LabelCells(tuple(shape_xyz), *map(read_only, (numbers.reshape(-1), row_start, *columns)))
+    leads = _mark_boundaries(numbers, row_start, *columns[:3])
+    return LabelCells(tuple(shape_xyz), *map(read_only, (numbers.reshape(-1), leads, row_start, *columns)))
 
 
 def _mixed_cells(planes) -> np.ndarray:
@@ -144,6 +156,30 @@ def _mixed_cells(planes) -> np.ndarray:
             moved = np.moveaxis(ends, axis, 0)
             moved[:-1] = choose(moved[:-1], moved[1:])
     return least != most
+
+
+def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
+    """Add BESIDE and SEVERAL to ``numbers`` (nz, ny, nx); the leads of LabelCells."""
+    nz, ny, nx = numbers.shape
+    leads = np.full(numbers.size, np.iinfo(np.int8).max, np.int8)
+    flat, scale = numbers.reshape(-1), LEAD_OF_ONE / WEIGHT_OF_ONE
+    for first, last in cut_chunks(nz, ny * nx, AT_ONCE):
+        top = min(last + 1, nz)
+        records = slice(row_start[first * ny], row_start[top * ny])
+        rows = np.repeat(np.arange(first * ny, top * ny), np.diff(row_start[first * ny : top * ny + 1]))
+        at = rows * nx + column[records]
+        flat[at] |= BESIDE
+        lead = scale * (weights[records, 0].astype(np.int32) - weights[records, 1])
+        leads[at] = np.clip(np.rint(lead), 1, np.iinfo(np.int8).max)
+        others = np.full((top - first, ny, nx), NO_KIND, np.uint16)
+        others.reshape(-1)[at - first * ny * nx] = kinds[records, 1]
+        cells = np.stack(np.nonzero(numbers[first:last] & MIXED))
+        corners = [np.minimum(cells[n][:, None] + CORNERS[:, n], size - 1) for n, size in enumerate(others.shape)]
+        own, other = (numbers[first:top] & NO_KIND)[tuple(corners)], others[tuple(corners)]
+        low, high = own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True)
+        are_two = ((own == low) & (other == high)) | ((own == high) & (other == low))
+        numbers[first:last][tuple(cells[:, ~are_two.all(axis=1)])] |= SEVERAL
+    return leads
 
 
 class _Boundary:
@@ -210,7 +246,8 @@ class _Boundary:
             twice[z, y, x + 1] - twice[z, y, x - 1], twice[z, y + 1, x] - twice[z, y - 1, x],
             twice[z + 1, y, x] - twice[z - 1, y, x],
         )  # fmt: skip
-        return rows, 2.0 * once[z, y, x] - twice[z, y, x], np.stack(slopes, axis=1)
+        weight = np.float32(NARROW) * once[z, y, x] - np.float32(NARROW - 1.0) * twice[z, y, x]
+        return rows, weight, np.stack(slopes, axis=1)
 
     def _note(self, kinds, weights, slopes, rows, number: int, weight, slope) -> None:
         """Take a function into the records of ``rows``: as their own, or in place of the weakest other."""

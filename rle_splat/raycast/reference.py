@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..shade.sample_light import ONE, light_of_samples
-from ..splat.label_fields import HALVINGS
-from ..splat.reference.label_parts import numbers_at
+from ..splat.reference.label_parts import labels_at, share_of_near
 from ..splat.scalar_scanline import NOT_KEPT
 from .ray_light import ray_light
 from .scalar_rays import COMPOSITED, HALF, NO_VALUE, SLIVER, SPAN, WALKED
@@ -146,13 +145,9 @@ def _classify_parts(parts, whole, there, here, before, after):
 def _classify_labels(functions, labels, cell, whole, there, here, before, after):
     """As ``_classify_parts``, by the functions of labels; ``before``, ``after``: (n, 3) in the ``cell``."""
     before, way = before + cell, after - before
-    near, far = (numbers_at(labels, before + part * way) for part in (0.0, 1.0))
-    low, high = np.zeros(len(near)), np.ones(len(near))
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        same = numbers_at(labels, before + middle[:, None] * way) == near
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    share = np.where(near == far, 1.0, 0.5 * (low + high))
+    near, far = labels_at(labels, before), labels_at(labels, after + cell)
+    share = share_of_near(near, far, lambda share: labels_at(labels, before + share[:, None] * way))
+    near, far = near[0], far[0]
     found = np.zeros((len(near), 4))
     for number in np.unique((near, far)):
         part = (near == number) * share + (far == number) * (1.0 - share)

@@ -18,7 +18,7 @@ from ..runtime.bits import count_bits
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..shade.sample_light import ONE
-from ..splat.label_fields import HALVINGS, number_at
+from ..splat.label_fields import crossing, label_at, refine_crossing
 from ..splat.scalar_scanline import columns_of
 from ..splat.scalar_slab import lookup_at
 from ..view.base_plane import BasePlane
@@ -291,20 +291,15 @@ def _classify_labeled(labels, channels, lookup, before, here, start, step, begin
         return _classify_slab(lookup, before, here)
     px, py, pz = start
     dx, dy, dz = step
-    near = number_at(labels, px + begin * dx, py + begin * dy, pz + begin * dz)
-    far = number_at(labels, px + end * dx, py + end * dy, pz + end * dz)
+    near, near_lead = label_at(labels, px + begin * dx, py + begin * dy, pz + begin * dz)
+    far, far_lead = label_at(labels, px + end * dx, py + end * dy, pz + end * dz)
     r, g, bl, sigma = _classify_clamped(lookup_at(channels, near), before, here)
     if near == far:
         return r, g, bl, sigma
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        t = begin + middle * (end - begin)
-        if number_at(labels, px + t * dx, py + t * dy, pz + t * dz) == near:
-            low = middle
-        else:
-            high = middle
-    share = 0.5 * (low + high)
+    share = crossing(near_lead, far_lead)
+    t = begin + share * (end - begin)
+    number, lead = label_at(labels, px + t * dx, py + t * dy, pz + t * dz)
+    share = refine_crossing(share, near, near_lead, far, far_lead, number, lead)
     more_r, more_g, more_bl, more = _classify_clamped(lookup_at(channels, far), before, here)
     return (
         more_r + share * (r - more_r), more_g + share * (g - more_g), more_bl + share * (bl - more_bl),

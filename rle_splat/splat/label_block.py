@@ -1,15 +1,20 @@
 """A block of a slab that functions of several labels classify, each what of it belongs to its label.
 
-Where a ray enters and leaves the slab it belongs to a label each.  Mostly that is one label for all of the block.
-Where it is not, the boundary between the two is searched for along the ray, and each of them has its share of the slab.
+Mostly all of the block belongs to one label, which a look at the voxels nearest to the middle of the slab shows: the
+voxels around these then have one label.  Else each pixel belongs to a label where its ray enters the slab and to one
+where it leaves.  Where these differ the boundary lies where the leads, linear in between, are alike, and each of the
+two has its share of the slab.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ..runtime.jit import inner_loop
-from .label_fields import number_on_ray, share_on_ray
+from ..classify.label_cells import BESIDE
+from ..runtime.jit import inner_loop, kernel
+from .label_fields import crossing, label_on_ray, refine_crossing, scanline_at, word_on_ray
 from .pixel_block import BLOCK
 from .rays_in_box import interval_in_box
 
@@ -17,6 +22,27 @@ _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 
 
 @inner_loop
+def even_number(labels, begin, end, pixels):
+    """The function that all of a block of a slab belongs to, if that is seen at once; else -1.
+
+    ``labels``: LabelField.  A part of the slab in which rays move at most half a voxel to both sides of its middle has
+    one function if the voxel nearest to the middle and those around it do.
+    """
+    parts = max(math.ceil(labels.steepest * (end - begin)), 1)
+    step = (end - begin) / parts
+    first, differ = -1, 0
+    for part in range(parts):
+        s = begin + (part + 0.5) * step
+        line = scanline_at(labels, pixels.v, s)
+        if part == 0:
+            first = word_on_ray(labels, pixels.first, line, s)
+        for i in range(pixels.count):
+            differ |= word_on_ray(labels, pixels.first + i, line, s) ^ first
+    return first if differ == 0 and first < BESIDE else -1
+
+
+# Not a part of the loop that calls it: it would be compiled into each of its copies.
+@kernel(inner=True)
 def find_numbers(labels, box, intervals, begin, end, cut, pixels, numbers, parts):
     """Of each pixel of a block the functions at both ends of a slab, to ``numbers`` (2 * BLOCK,), and the share of the
     nearer one, to ``parts``; whether all are the same.
@@ -31,11 +57,14 @@ def find_numbers(labels, box, intervals, begin, end, cut, pixels, numbers, parts
             enter, leave = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
             from_, to = max(begin, np.float64(enter)), min(end, np.float64(leave))
             to = max(from_, to)
-        near, far = number_on_ray(labels, u, pixels.v, from_), number_on_ray(labels, u, pixels.v, to)
+        near, near_lead = label_on_ray(labels, u, pixels.v, from_)
+        far, far_lead = label_on_ray(labels, u, pixels.v, to)
         numbers[i], numbers[BLOCK + i] = near, far
         parts[i] = _ONE
         if near != far:
-            parts[i] = np.float32(share_on_ray(labels, u, pixels.v, from_, to, near))
+            share = crossing(near_lead, far_lead)
+            number, lead = label_on_ray(labels, u, pixels.v, from_ + share * (to - from_))
+            parts[i] = np.float32(refine_crossing(share, near, near_lead, far, far_lead, number, lead))
         even = even and near == numbers[0] and far == numbers[0]
     for i in range(pixels.count, BLOCK):
         numbers[i], numbers[BLOCK + i], parts[i] = numbers[0], numbers[0], _ONE

@@ -14,7 +14,7 @@ from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
-from .label_block import find_numbers, next_number, weaken_samples
+from .label_block import even_number, find_numbers, next_number, weaken_samples
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
@@ -156,18 +156,22 @@ def _mix_labels(
     labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
 ):  # fmt: skip
     """As ``_mix_channels``, by the functions of labels, which share the slab of each pixel."""
-    even = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
-    block.mixed[:] = np.float32(0.0)
-    seen, number = 0, next_number(block.numbers, -1)
+    seen, number = 0, even_number(labels, begin, end, pixels)
+    even = number >= 0
+    if not even:
+        even = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
+        number = next_number(block.numbers, -1)
+        block.mixed[:] = np.float32(0.0)
     while number >= 0:
         lookup = lookup_at(channels, number)
         found = _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block)
         seen |= found
         _classify(lookup, found, block)
-        if not even:
-            weaken_samples(block.numbers, block.parts, number, block.samples)
         if kind != OWN:
             _find_span(lamps, lookup, here, there, block)
+        if even:
+            return seen
+        weaken_samples(block.numbers, block.parts, number, block.samples)
         add_samples(block.samples, block.shares, block.mixed)
         number = next_number(block.numbers, number)
     finish_mixing(block.mixed, block.samples, block.shares)
