@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from ..classify.label_cells import BESIDE
-from ..runtime.jit import inner_loop, kernel
+from ..classify.label_cells import BESIDE, MIXED, NO_KIND
+from ..runtime.jit import inner_loop
 from .label_fields import crossing, label_on_ray, refine_crossing, scanline_at, word_on_ray
 from .pixel_block import BLOCK
 from .rays_in_box import interval_in_box
@@ -33,42 +33,72 @@ def even_number(labels, begin, end, pixels):
     first, differ = -1, 0
     for part in range(parts):
         s = begin + (part + 0.5) * step
-        line = scanline_at(labels, pixels.v, s)
+        line = scanline_at(labels, pixels.v, s, 0.5, 0)
         if part == 0:
-            first = word_on_ray(labels, pixels.first, line, s)
+            first = word_on_ray(labels, pixels.first, line, s, 0.5, 0)
         for i in range(pixels.count):
-            differ |= word_on_ray(labels, pixels.first + i, line, s) ^ first
+            differ |= word_on_ray(labels, pixels.first + i, line, s, 0.5, 0) ^ first
     return first if differ == 0 and first < BESIDE else -1
 
 
-# Not a part of the loop that calls it: it would be compiled into each of its copies.
-@kernel(inner=True)
+@inner_loop
 def find_numbers(labels, box, intervals, begin, end, cut, pixels, numbers, parts):
     """Of each pixel of a block the functions at both ends of a slab, to ``numbers`` (2 * BLOCK,), and the share of the
-    nearer one, to ``parts``; whether all are the same.
+    nearer one, to ``parts``; whether the two differ anywhere.
 
     ``labels``: LabelField.  ``cut``: whether rays may begin or end within the slab.
     """
-    even = True
+    v, from_, to, crosses = pixels.v, begin, end, False
+    near_line, far_line = scanline_at(labels, v, begin, 0.0, 1), scanline_at(labels, v, end, 0.0, 1)
     for i in range(pixels.count):
         u = pixels.first + i
-        from_, to = begin, end
         if cut:
-            enter, leave = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
+            enter, leave = interval_in_box(box.columns, box.rows, intervals, v, pixels.first, i)
             from_, to = max(begin, np.float64(enter)), min(end, np.float64(leave))
             to = max(from_, to)
-        near, near_lead = label_on_ray(labels, u, pixels.v, from_)
-        far, far_lead = label_on_ray(labels, u, pixels.v, to)
-        numbers[i], numbers[BLOCK + i] = near, far
+            near_line, far_line = scanline_at(labels, v, from_, 0.0, 1), scanline_at(labels, v, to, 0.0, 1)
+        near = word_on_ray(labels, u, near_line, from_, 0.0, 1)
+        far = word_on_ray(labels, u, far_line, to, 0.0, 1)
         parts[i] = _ONE
-        if near != far:
-            share = crossing(near_lead, far_lead)
-            number, lead = label_on_ray(labels, u, pixels.v, from_ + share * (to - from_))
-            parts[i] = np.float32(refine_crossing(share, near, near_lead, far, far_lead, number, lead))
-        even = even and near == numbers[0] and far == numbers[0]
+        if (near | far) & MIXED != 0 or (near ^ far) & NO_KIND != 0:
+            near, near_lead = label_on_ray(labels, u, v, from_)
+            far, far_lead = label_on_ray(labels, u, v, to)
+            if near != far:
+                crosses = True
+                share = crossing(near_lead, far_lead)
+                number, lead = label_on_ray(labels, u, v, from_ + share * (to - from_))
+                parts[i] = np.float32(refine_crossing(share, near, near_lead, far, far_lead, number, lead))
+        numbers[i], numbers[BLOCK + i] = near & NO_KIND, far & NO_KIND
     for i in range(pixels.count, BLOCK):
         numbers[i], numbers[BLOCK + i], parts[i] = numbers[0], numbers[0], _ONE
-    return even
+    return crosses
+
+
+@inner_loop
+def look_up_numbers(channels, sheet, upper, lower, down, numbers, first, entries):
+    """Entries (BLOCK,) of ``channels.tables``, a sample of one sheet by the function of each pixel, from ``numbers``;
+    see ``scalar_block.look_up``.  How many lie within what these show."""
+    seen = 0
+    for i in range(BLOCK):
+        number = numbers[first + i]
+        value = sheet[upper + i] * (_ONE - down) + sheet[lower + i] * down
+        origin, rate = channels.numbers[number, 0], channels.numbers[number, 1]
+        begin = channels.begins[number] >> 2
+        entry = (channels.begins[number + 1] >> 2) - 1 - begin
+        if channels.numbers[number, 3] <= value <= channels.numbers[number, 4]:
+            entry = int(min(max((value - origin) * rate, _ZERO), np.float32(entry - 1)))
+            seen += 1
+        entries[i] = begin + entry
+    return seen
+
+
+@inner_loop
+def mix_ends(parts, samples, others):
+    """Mix the ``samples`` (4 * BLOCK,) of slabs by the functions at their begins with ``others``, at their ends."""
+    for plane in range(4):
+        for i in range(BLOCK):
+            at = BLOCK * plane + i
+            samples[at] = parts[i] * samples[at] + (_ONE - parts[i]) * others[at]
 
 
 @inner_loop

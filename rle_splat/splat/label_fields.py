@@ -183,20 +183,18 @@ def label_on_ray(field, u, v, s):
 
 
 @inner_loop
-def _nearest(position, count):
-    return min(max(int(position + 0.5), 0), count - 1)
+def scanline_at(field, v, s, offset, last):
+    """Where the numbers of a scanline begin, the one of a row's rays ``s`` voxels along the viewing direction.
+
+    ``offset``: 0.5 for the nearest, 0 for the first of a cell; ``last``: voxels at the end that do not count.
+    """
+    b, c = field.across[0, v] + s * field.across[1, v] + offset, field.sign * s + offset
+    line = field.strides[1] * min(max(int(b), 0), field.counts[1] - 1 - last)
+    return line + field.strides[2] * min(max(int(c), 0), field.counts[2] - 1 - last)
 
 
 @inner_loop
-def word_on_ray(field, u, at, s):
-    """Number and bits of the voxel nearest to a pixel's ray; ``at``: of its scanline, from ``scanline_at``."""
-    place = _nearest(field.along[0, u] + s * field.along[1, u], field.counts[0])
-    return int(field.cells.numbers[at + field.strides[0] * place])
-
-
-@inner_loop
-def scanline_at(field, v, s):
-    """Where the numbers of the scanline begin that is nearest to a row's rays, ``s`` voxels along the viewing
-    direction."""
-    line = field.strides[1] * _nearest(field.across[0, v] + s * field.across[1, v], field.counts[1])
-    return line + field.strides[2] * _nearest(field.sign * s, field.counts[2])
+def word_on_ray(field, u, line, s, offset, last):
+    """Number and bits of the voxel of ``scanline_at`` that a pixel's ray is at."""
+    a = field.along[0, u] + s * field.along[1, u] + offset
+    return int(field.cells.numbers[line + field.strides[0] * min(max(int(a), 0), field.counts[0] - 1 - last)])

@@ -14,7 +14,7 @@ from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
-from .label_block import even_number, find_numbers, next_number, weaken_samples
+from .label_block import even_number, find_numbers, look_up_numbers, mix_ends, next_number, weaken_samples
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
@@ -152,6 +152,20 @@ def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, he
 
 
 @inner_loop
+def _mix_own_labels(channels, crosses, here, block):
+    """Classify a block of a slab of one sheet, each pixel by the functions of its labels."""
+    sheet, upper, lower, down = here
+    seen = look_up_numbers(channels, sheet, upper, lower, down, block.numbers, 0, block.entries)
+    classify_values(channels.tables, block.entries, block.samples)
+    if crosses:
+        seen += look_up_numbers(channels, sheet, upper, lower, down, block.numbers, BLOCK, block.entries)
+        classify_values(channels.tables, block.entries, block.mixed)
+        mix_ends(block.parts, block.samples, block.mixed)
+    block.shares[: 2 * BLOCK] = np.float32(1.0)
+    return seen
+
+
+@inner_loop
 def _mix_labels(
     labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
 ):  # fmt: skip
@@ -159,7 +173,9 @@ def _mix_labels(
     seen, number = 0, even_number(labels, begin, end, pixels)
     even = number >= 0
     if not even:
-        even = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
+        crosses = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
+        if kind == OWN:
+            return _mix_own_labels(channels, crosses, here, block)
         number = next_number(block.numbers, -1)
         block.mixed[:] = np.float32(0.0)
     while number >= 0:
