@@ -6,11 +6,11 @@ any number of functions may meet, and a boundary is the same from both sides.  O
 voxels has count; where these have the same one, as nearly everywhere, it is taken without looking further.
 
 The indicator is smoothed by NARROW G - (NARROW - 1) G * G, with G a Gaussian of SIGMA voxels.  On a boundary of mean
-curvature H a Gaussian of s voxels makes of the indicator 1/2 - H s / sqrt(2 pi), so that it moves what is curved.  G * G
-is a Gaussian of sqrt(2) s, and with NARROW = sqrt(2) / (sqrt(2) - 1) the two errors cancel.  Measured on spheres and
-tori whose voxels are labeled by their centers (``tests/truths/test_label_boundaries.py``): more than 99 % of a boundary
-are within 0.25 voxels of where it belongs, where voxels as they are leave 80 %.  What is thin would vanish, so a
-voxel always keeps its own function, by LEAD at least.
+curvature H a Gaussian of s voxels makes of the indicator 1/2 - H s / sqrt(2 pi), so that it moves what is curved.
+G * G is a Gaussian of sqrt(2) s, and with NARROW = sqrt(2) / (sqrt(2) - 1) the two errors cancel.  Measured on spheres
+and tori whose voxels are labeled by their centers (``tests/truths/test_label_boundaries.py``): more than 99 % of a
+boundary are within 0.25 voxels of where it belongs, where voxels as they are leave 82 %.  What is thin would vanish, so
+a voxel always keeps its own function, by LEAD at least.
 
 Each voxel has the number of its function, bits that say where others are near, and how far its own function leads
 before the strongest other.  In a cell of two functions the interpolated leads decide; where more meet, voxels at a

@@ -32,7 +32,7 @@ from ..classify.lookup_table import LookupTable, extinction_of
 from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
-from ..effects.mixing import is_interpolated
+from ..effects.mixing import is_sampled
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
@@ -285,7 +285,7 @@ class ScalarSource(Source):
     @cached_property
     def _labels(self) -> LabelFunctions | None:
         """The functions of labels where each sample looks its own up."""
-        if not is_interpolated(self.scene):
+        if not is_sampled(self.scene):
             return None
         return LabelFunctions.of(self.scene.labels, self.scene.transfer_function)
 

@@ -10,7 +10,7 @@ from dataclasses import MISSING, fields, replace
 
 import numpy as np
 
-from ..effects.mixing import is_interpolated
+from ..effects.mixing import is_sampled
 from ..raycast.scalar_rays import rays_through
 from ..runtime.figures import percent_text
 from ..runtime.work_sizes import RAYS_AT_ONCE
@@ -40,7 +40,7 @@ def can_trace(source: Source) -> bool:
         return False
     if scene.transfer_function.gradient_opacity is not None:
         return False
-    if scene.labels is not None and not is_interpolated(scene):
+    if scene.labels is not None and not is_sampled(scene):
         return False
     return all(field.name in KNOWN or not _is_given(scene, field) for field in fields(Scene))
 

@@ -49,12 +49,9 @@ class Labels:
     names : dict of int to str
         Names of labels, for display.
     smooth : bool
-        Whether voxels beside an edge of a label are shared by the transfer functions on both sides, so that edges are
-        smooth; else an edge shows the steps of the voxels.
-    interpolated : bool
-        Whether under the classification ``post`` each sample between voxels belongs to the label whose smoothed
-        indicator is largest there (``classify.label_cells``), and is classified by its function; not with channels.
-        Else labels with functions are classified voxel by voxel, under ``pre``.
+        Whether edges are smooth; else an edge shows the steps of the voxels. Under the classification ``post`` a sample
+        then belongs to the label whose smoothed indicator is largest there (``classify.label_cells``). Under ``pre``
+        voxels beside an edge are shared by the transfer functions on both sides (``classify.label_edges``).
 
     Raises
     ------
@@ -66,7 +63,6 @@ class Labels:
     functions: dict = field(default_factory=dict)
     names: dict = field(default_factory=dict)
     smooth: bool = True
-    interpolated: bool = False
 
     def __post_init__(self):
         if self.volume.voxels.dtype.kind not in "iu":

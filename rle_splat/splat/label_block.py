@@ -17,8 +17,10 @@ from ..runtime.jit import inner_loop
 from .label_fields import crossing, label_on_ray, refine_crossing, scanline_at, word_on_ray
 from .pixel_block import BLOCK
 from .rays_in_box import interval_in_box
+from .sample_block import SPAN_BEGIN, SPAN_END
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+ROUNDING = 1e-6  # voxels
 
 
 @inner_loop
@@ -28,7 +30,7 @@ def even_number(labels, begin, end, pixels):
     ``labels``: LabelField.  A part of the slab in which rays move at most half a voxel to both sides of its middle has
     one function if the voxel nearest to the middle and those around it do.
     """
-    parts = max(math.ceil(labels.steepest * (end - begin)), 1)
+    parts = max(math.ceil(labels.steepest * (end - begin) - ROUNDING), 1)
     step = (end - begin) / parts
     first, differ = -1, 0
     for part in range(parts):
@@ -75,52 +77,35 @@ def find_numbers(labels, box, intervals, begin, end, cut, pixels, numbers, parts
 
 
 @inner_loop
-def look_up_numbers(channels, sheet, upper, lower, down, numbers, first, entries):
-    """Entries (BLOCK,) of ``channels.tables``, a sample of one sheet by the function of each pixel, from ``numbers``;
-    see ``scalar_block.look_up``.  How many lie within what these show."""
-    seen = 0
+def note_looks(channels, numbers, first, looks, rows):
+    """How pixels look their functions up, by ``numbers`` from ``first`` on: see ``scalar_block.look_between_each``."""
     for i in range(BLOCK):
         number = numbers[first + i]
-        value = sheet[upper + i] * (_ONE - down) + sheet[lower + i] * down
-        origin, rate = channels.numbers[number, 0], channels.numbers[number, 1]
-        begin = channels.begins[number] >> 2
-        entry = (channels.begins[number + 1] >> 2) - 1 - begin
-        if channels.numbers[number, 3] <= value <= channels.numbers[number, 4]:
-            entry = int(min(max((value - origin) * rate, _ZERO), np.float32(entry - 1)))
-            seen += 1
-        entries[i] = begin + entry
-    return seen
+        begin, end = channels.begins[number] >> 2, channels.begins[number + 1] >> 2
+        for n in range(7):
+            looks[BLOCK * n + i] = channels.numbers[number, n]
+        rows[i], rows[BLOCK + i] = end - begin - 1, begin
 
 
 @inner_loop
-def mix_ends(parts, samples, others):
-    """Mix the ``samples`` (4 * BLOCK,) of slabs by the functions at their begins with ``others``, at their ends."""
-    for plane in range(4):
-        for i in range(BLOCK):
-            at = BLOCK * plane + i
-            samples[at] = parts[i] * samples[at] + (_ONE - parts[i]) * others[at]
-
-
-@inner_loop
-def next_number(numbers, last):
-    """The smallest function number of a block above ``last``; -1 where there is none."""
-    found = -1
-    for i in range(2 * BLOCK):
-        number = numbers[i]
-        if number > last and (found < 0 or number < found):
-            found = number
-    return found
-
-
-@inner_loop
-def weaken_samples(numbers, parts, number, sampled):
-    """Multiply classified samples, (4 * BLOCK,), of a function by what of each pixel's slab belongs to it.
-
-    ``numbers``, ``parts``: of ``find_numbers``; the second half of the latter is written.
-    """
+def keep_near(samples, shares, mixed):
+    """Keep what the functions at the begins of slabs show, before those at their ends are looked up."""
+    mixed[: 4 * BLOCK] = samples[: 4 * BLOCK]
     for i in range(BLOCK):
-        part = parts[i] if numbers[i] == number else _ZERO
-        parts[BLOCK + i] = part + (_ONE - parts[i] if numbers[BLOCK + i] == number else _ZERO)
-    for plane in range(4):
-        for i in range(BLOCK):
-            sampled[BLOCK * plane + i] *= parts[BLOCK + i]
+        mixed[4 * BLOCK + i] = shares[BLOCK * SPAN_BEGIN + i]
+        mixed[5 * BLOCK + i] = shares[BLOCK * SPAN_END + i]
+
+
+@inner_loop
+def mix_ends(parts, mixed, samples, shares):
+    """Mix what the functions at the begins of slabs show, of ``keep_near``, with ``samples`` and ``shares`` of those at
+    their ends: extinctions by their ``parts`` of the slab, where what is shown begins and ends by these extinctions."""
+    for i in range(BLOCK):
+        near, far = parts[i] * mixed[3 * BLOCK + i], (_ONE - parts[i]) * samples[3 * BLOCK + i]
+        part = far / (near + far) if near + far > _ZERO else _ZERO
+        begin, end = mixed[4 * BLOCK + i], mixed[5 * BLOCK + i]
+        shares[BLOCK * SPAN_BEGIN + i] = begin + part * (shares[BLOCK * SPAN_BEGIN + i] - begin)
+        shares[BLOCK * SPAN_END + i] = end + part * (shares[BLOCK * SPAN_END + i] - end)
+        for plane in range(4):
+            at = BLOCK * plane + i
+            samples[at] = parts[i] * mixed[at] + (_ONE - parts[i]) * samples[at]

@@ -20,6 +20,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.shown_nearby import mean_extinction, nearby_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.effects.mixing import BY_PRE
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
@@ -382,7 +383,7 @@ def test_labels_keep_pre_and_modes_one_volume(stage):
     labels = Labels(Volume((blobs(4) > 0.5).astype(np.uint8), np.eye(4)), {1: None})
     labeled = render(replace(scene, labels=labels), Quality())
     assert labeled.report["plan"]["classification"] == "pre"
-    assert "Labels are classified voxel by voxel, so the classification is pre." in labeled.report["remarks"]
+    assert BY_PRE in labeled.report["remarks"]
     for mode in ("xray", "mip"):
         picture = render(replace(scene, mode=mode), Quality())
         alone = render(replace(scene, mode=mode, channels=()), Quality())

@@ -9,10 +9,11 @@ import pytest
 from rle_splat.accuracy.metrics import LEVEL
 from rle_splat.classify.label_cells import KINDS, WEIGHT_OF_ONE, cell_steps
 from rle_splat.classify.transfer_function import Shade
+from rle_splat.effects.mixing import BY_PRE
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Labels
+from rle_splat.scene import Channel, Labels
 from rle_splat.splat.label_fields import cell_field
 from rle_splat.splat.reference.label_parts import labels_at
 from rle_splat.volume.volume import Volume
@@ -172,7 +173,7 @@ def organs(stage, shade=None, size=(30, 28), **more):
     }
     labels[2:5, 3:9, 9:13] = -3
     scene = stage.on_turntable(np.zeros(volume.voxels.shape), 25.0, 20.0, False, size, 1.1)
-    given = Labels(Volume(labels, np.eye(4)), functions, interpolated=True)
+    given = Labels(Volume(labels, np.eye(4)), functions)
     own = function(70.0, 140.0, 0.5, (0.8, 0.8, 0.7), shade)
     return replace(scene, volume=volume, transfer_function=own, labels=given, headlight=shade is not None, **more)
 
@@ -233,7 +234,7 @@ def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
     solid = replace(function(0.0, 100.0, 1.0, (1.0, 1.0, 1.0), Shade(0.2, 0.8, 0.0, 10.0)), color=((0.0, 1, 1, 1),))
     clear = replace(solid, opacity=((0.0, 0.0),))
     scene = replace(
-        scene, transfer_function=clear, labels=Labels(labels, {1: solid}, interpolated=True), headlight=True
+        scene, transfer_function=clear, labels=Labels(labels, {1: solid}), headlight=True
     )  # fmt: skip
     with use_reference():
         picture = render(scene, fine())
@@ -275,8 +276,8 @@ def test_hidden_labels_show_nothing(stage):
         assert np.abs(more - picture).max() > 0.1 and (more[..., 3] >= picture[..., 3] - 0.05).all()
 
 
-def test_labels_are_voxels_unless_they_are_to_be_interpolated(stage):
+def test_labels_with_channels_are_classified_voxel_by_voxel(stage):
     scene = organs(stage)
     with use_reference():
-        picture = render(replace(scene, labels=replace(scene.labels, interpolated=False)), fine())
-    assert picture.report["plan"]["classification"] == "pre"
+        picture = render(replace(scene, channels=(Channel(scene.volume, scene.transfer_function),)))
+    assert picture.report["plan"]["classification"] == "pre" and BY_PRE in picture.report["remarks"]
