@@ -75,7 +75,7 @@ def edge_shares(numbers, hidden, first: int, last: int, *, threads: int = 0) -> 
     EdgeShares
         Indices are into planes ``first`` to ``last``; those of ``source`` may lie a plane beyond them.
     """
-    at = np.flatnonzero(_beside_edge(numbers)[first:last])
+    at = np.flatnonzero(beside_edge(numbers)[first:last])
     if not compiled():
         return EdgeShares(at, *reference.find_shares(numbers, hidden, first, at))
     counts = np.zeros(len(at), np.int64)
@@ -103,7 +103,7 @@ def nearest_seen(seen, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
         Indices into the flat mask.
     """
     nz, ny, nx = seen.shape
-    beside = _beside_edge(seen.astype(np.uint8)) & ~seen
+    beside = beside_edge(seen.astype(np.uint8)) & ~seen
     beside[:first], beside[last:] = False, False
     at, flat = np.flatnonzero(beside), seen.reshape(-1)
     z, y, x = np.unravel_index(at, seen.shape)
@@ -117,12 +117,19 @@ def nearest_seen(seen, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
     return at, nearest
 
 
-def _beside_edge(numbers) -> np.ndarray:
+def beside_edge(numbers) -> np.ndarray:
     """Bool, shape of ``numbers``: whether a voxel and its 26 neighbors have several functions."""
     least = most = numbers
     for axis in range(3):
         least, most = _extreme(least, np.minimum, axis), _extreme(most, np.maximum, axis)
     return least != most
+
+
+def beside_any(chosen) -> np.ndarray:
+    """Bool, shape of ``chosen``: whether a voxel or any of its 26 neighbors is chosen."""
+    for axis in range(3):
+        chosen = _extreme(chosen, np.logical_or, axis)
+    return chosen
 
 
 def _extreme(numbers, of_two, axis: int) -> np.ndarray:

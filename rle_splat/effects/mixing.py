@@ -8,7 +8,7 @@ from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
 from ..scene.changed import change
 from .kind import Kind
 
-BY_PRE = "Labels are classified voxel by voxel, so the classification is pre."
+BY_PRE = "Labels with channels are classified voxel by voxel, so the classification is pre."
 
 
 def is_mixed(scene: Scene) -> bool:
@@ -31,10 +31,14 @@ def only_hides(scene: Scene) -> bool:
     return labels is not None and labels.smooth and not scene.channels and set(labels.functions.values()) == {None}
 
 
+def is_sampled(scene: Scene) -> bool:
+    """Whether, post-classified, each sample of a scene looks up which label it belongs to."""
+    return scene.labels is not None and not scene.channels and not only_hides(scene)
+
+
 def _fit_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels: any post-classified one where they only hide, else one of classified voxels, since what
-    lies between two labels has no value to classify."""
-    if quality.classification == "post" and only_hides(scene):
+    """The quality for labels: any, but one of classified voxels where there are further channels, too."""
+    if quality.classification == "pre" or not scene.channels:
         return quality, ""
     try:
         return quality.classified("pre"), BY_PRE

@@ -8,7 +8,6 @@ from ..scene import Quality, Scene
 from ..scene.changed import change
 from .kind import Kind
 from .lighting_kinds import idle_because
-from .mixing import only_hides
 
 MANY = 16  # lights that cast shadows, above which the effect's reason has their price
 
@@ -55,8 +54,9 @@ def _indirect_light(scene: Scene, quality: Quality) -> tuple[bool, str]:
         reason = "indirect light is turned off"
     if reason is None and not _shadows(scene, quality)[0]:
         reason = "only light that casts shadows is scattered, and none does"
-    # Labels that do more than hide make a quality pre-classified.
-    if reason is None and (quality.classification == "pre" or (scene.labels is not None and not only_hides(scene))):
+    # Labels with channels make a quality pre-classified.
+    mixed = scene.labels is not None and bool(scene.channels)
+    if reason is None and (quality.classification == "pre" or mixed):
         reason = "the volume is pre-classified"
     return reason is None, reason or f"amount {scene.indirect_light:g}"
 

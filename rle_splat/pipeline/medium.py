@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ..classify.lookup_table import LookupTable
 from ..effects.ray_values import ValueMap
 from ..scene import Mist, Quality
-from ..splat.scalar_splat import scalar_splat_steps, value_splat_steps
+from ..splat.scalar_splat import LabelLook, scalar_splat_steps, value_splat_steps
 from ..splat.splat import splat_steps
 
 
@@ -103,12 +103,15 @@ class ScalarVoxels(Medium):
         Whether the volume absorbs light only, as in an X-ray picture.
     further : tuple of LookupTable
         Those of further channels.
+    labels : LabelLook or None
+        Whose tables classify in place of ``transfer``.
     """
 
     transfer: LookupTable | ValueMap
     brightest: float
     absorbs: bool = False
     further: tuple[LookupTable, ...] = ()
+    labels: LabelLook | None = None
 
     @property
     def shows_values(self) -> bool:
@@ -119,7 +122,8 @@ class ScalarVoxels(Medium):
         if self.shows_values:
             return value_splat_steps(tables, self.transfer, plane, self.quality, intervals)
         return scalar_splat_steps(
-            tables, self.transfer, plane, self.quality, intervals, self.absorbs, self.mist, self.further
+            tables, self.transfer, plane, self.quality, intervals, self.absorbs, self.mist, self.further,
+            self.labels,
         )
 
     def most_color(self, tables) -> float:

@@ -88,6 +88,8 @@ class PlannedTables:
         Whether labels or channels take part.
     thinned : bool
         Of scalars: whether each has a factor of extinction, as where labels take part.
+    labeled : bool
+        Of scalars: whether samples look up their labels.
     channels : int
         Of scalars: further channels that are classified where they are interpolated.
     """
@@ -99,6 +101,7 @@ class PlannedTables:
     mixed: bool = False
     thinned: bool = False
     channels: int = 0
+    labeled: bool = False
 
 
 def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, ...]:
@@ -121,6 +124,8 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("classify", "visible", own * count, 20),  # extinction, opacity and color
         MemoryRow("classify", "visible", voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
         MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
+        # The function of each voxel; 26 bytes of each at a boundary, of which organs have fewer than one in 16.
+        MemoryRow("mix", "visible", tables.labeled * voxels, 2 + 26 / 16),
         # Measured: 95 with lookup tables, 178 without.
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
         # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.

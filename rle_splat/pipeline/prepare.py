@@ -71,7 +71,10 @@ PICTURES = (
     SyntheticPicture("clip objects", 3.1, 0.0, scene="clips"),
     SyntheticPicture("X-ray", 18.1, 0.0, scene="xray"),
     SyntheticPicture("maximum", 16.4, 0.0, scene="mip"),  # the other modes have the same kernels
-    SyntheticPicture("labels", 21.6, 2.5, scene="labels"),
+    SyntheticPicture("labels", 4.4, 0.4, scene="labels", azimuth=90.0, perspective=True),
+    SyntheticPicture("labels, unlit", 33.0, 0.0, scene="unlit labels"),
+    SyntheticPicture("labels, hard walls", 7.4, 4.1, quality="fine", scene="labels"),
+    SyntheticPicture("labels, pre-classified", 21.6, 2.5, classification="pre", scene="labels"),
     SyntheticPicture("channels", 4.4, 0.4, scene="channels", azimuth=90.0, perspective=True),
     SyntheticPicture("channels, unlit", 33.0, 0.0, scene="unlit channels"),
     SyntheticPicture("channels, hard walls", 7.4, 4.1, quality="fine", scene="channels"),
@@ -111,12 +114,13 @@ def prepare_steps():
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, and with channels.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels and with
+      channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
-    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with channels;
-      with each footprint, model and record, and so as in the paper.
+    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with labels, with
+      channels; with each footprint, model and record, and so as in the paper.
 
     Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
     effects above at once, where together they have kernels of their own.
@@ -184,8 +188,8 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
     By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
-    the camera; "labels"; "channels" and "unlit channels", with itself as another one; "surfaces", with gradient
-    opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a triangle that
+    the camera; "labels" and "unlit labels"; "channels" and "unlit channels", with itself as another one; "surfaces",
+    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a triangle that
     cuts the ball.
     """
     camera, matrix = turntable(
@@ -204,13 +208,14 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
         middle = (scene.index_to_world @ (*3 * [SIDE / 2.0], 1.0))[:3]
         near = replace(camera, clip_start=float(np.linalg.norm(middle - camera.matrix_world[:3, 3])))
         return replace(scene, camera=near, clips=(Clip("box", box, "outside"), Clip("plane", np.eye(4))))
-    if picture.scene == "labels":
-        half = Volume((volume.voxels > np.median(volume.voxels)).astype(np.uint8), volume.affine)
-        return replace(scene, labels=Labels(half, {1: function}))
-    if picture.scene.endswith("channels"):
+    if picture.scene.endswith(("labels", "channels")):
         shade = None if picture.scene.startswith("unlit") else function.shade
         function = replace(function, shade=shade)
-        return replace(scene, transfer_function=function, channels=(Channel(volume, function),))
+        scene = replace(scene, transfer_function=function)
+        if picture.scene.endswith("channels"):
+            return replace(scene, channels=(Channel(volume, function),))
+        half = Volume((volume.voxels > np.median(volume.voxels)).astype(np.uint8), volume.affine)
+        return replace(scene, labels=Labels(half, {1: replace(function, color=((0.0, 1.0, 0.0, 0.0),))}))
     if picture.scene == "surfaces":
         return replace(scene, transfer_function=replace(function, gradient_opacity=GradientOpacity(0.0, 1.0)))
     beside = np.eye(4)

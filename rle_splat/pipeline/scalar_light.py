@@ -73,12 +73,16 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
     cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
     ranges = [shown_ranges(part.function.opacity) for part in parts]
-    # The means of channels depend on how much each shows.
-    weighted_by = (scalars.functions_key, scalars.length) if len(parts) > 1 else ()
+    # The means of channels, and the sides of labels, depend on how much each shows.
+    weighted_by = (scalars.functions_key, scalars.length) if len(parts) > 1 or scalars.labels else ()
     normals_key = surfaces_key, array_key(matrix), cuts, array_key(*ranges), shaded, weighted_by
 
     def place():
         faces, found = faces_of(scene.clips, matrix), []
+        if scalars.labels is not None:
+            (part,), (volume,), ((surface, _),) = parts, volumes, surfaces
+            given = surface, part.voxels, volume, matrix, faces, scalars.extinction()
+            return Placed(*(yield from scalars.labels.place_steps(*given, with_points=shaded, threads=threads)))
         for part, volume, (surface, _) in zip(parts, volumes, surfaces, strict=True):
             given = surface, part.voxels, volume, part.function, matrix, faces
             steps = place_steps(*given, with_points=shaded, threads=threads)

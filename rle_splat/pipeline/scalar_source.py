@@ -21,7 +21,7 @@ Of several channels, voxels are kept that matter to any of them.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +33,7 @@ from ..classify.lookup_table import LookupTable, extinction_of
 from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
+from ..effects.mixing import is_sampled
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
@@ -46,6 +47,7 @@ from ..scene import preintegrated_of
 from ..shade.lighting import Lighting
 from ..shade.sample_light import SampleLight
 from ..shade.shading import refuse_too_bright
+from ..splat.scalar_splat import LabelLook
 from ..view.depth_rules import value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
@@ -53,6 +55,7 @@ from .lighting import scene_lighting
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 from .scalar_channels import ScalarChannel, center_ends, find_value_ends, join_values, make_channel_table
+from .scalar_labels import LabelFunctions, ScalarLabels
 from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
@@ -66,7 +69,7 @@ ONE_VOXEL_THICK = (
 )
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
-HIDING = "Hiding labels"
+HIDING, BOUNDING = "Hiding labels", "Finding the boundaries of labels"
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +136,8 @@ class LitScalars:
         Whether their last channel is a factor of extinction.
     channels : tuple of ScalarChannel
         Further ones.
+    labels : ScalarLabels or None
+        Whose functions classify in place of ``transfer``.
     """
 
     source: ScalarSource
@@ -151,6 +156,7 @@ class LitScalars:
     codes_key: tuple = ()
     thinned: bool = False
     channels: tuple[ScalarChannel, ...] = ()
+    labels: ScalarLabels | None = None
 
     @property
     def visible_voxels(self) -> int:
@@ -167,7 +173,10 @@ class LitScalars:
 
     def extinction(self) -> np.ndarray:
         """(m,) float32 of the voxels by transfer functions alone, 1 / world length."""
-        found = extinction_of(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
+        kind = self.volume.voxels.dtype
+        if self.labels is not None:
+            return self.labels.extinction(self.voxels, kind, self.infinite)
+        found = extinction_of(self.transfer, self.voxels.stored, kind, self.infinite)
         return sum((channel.extinction() for channel in self.channels), found)
 
     @property
@@ -183,7 +192,8 @@ class LitScalars:
     def functions_key(self) -> tuple:
         """The keys of all transfer functions, as far as they classify."""
         functions = (self.source.scene.transfer_function, *(channel.function for channel in self.channels))
-        return tuple(function.classification_key for function in functions)
+        labels = () if self.labels is None else self.labels.key
+        return (*(function.classification_key for function in functions), *labels)
 
     @property
     def centers(self) -> tuple[float, ...]:
@@ -238,12 +248,16 @@ class LitScalars:
         # Of the function as it is: what is kept may be more.
         reach = Reach.of_values(scene.volume, find_shown_values(scene.transfer_function, scene.mode))
         shown = center_ends(reach, self.center)
+        look = None
+        if self.labels is not None:
+            shown = np.concatenate((shown, center_ends(self.labels.functions.reach(scene.volume), self.center)))
+            look = LabelLook(self.labels.cells, self.labels.tables)
         rows = RowVoxels(
             voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
         )
         return trace_rays(
             rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
-            self.further_tables, self.centers,
+            self.further_tables, self.centers, look,
         )  # fmt: skip
 
     def _channel_rows(self) -> ChannelVoxels | None:
@@ -272,6 +286,13 @@ class ScalarSource(Source):
     def _mixture(self) -> Mixture:
         return Mixture(self.scene.volume, self.scene.transfer_function, self.scene.labels)
 
+    @cached_property
+    def _labels(self) -> LabelFunctions | None:
+        """The functions of labels where each sample looks its own up."""
+        if not is_sampled(self.scene):
+            return None
+        return LabelFunctions.of(self.scene.labels, self.scene.transfer_function)
+
     @property
     def shows_values(self) -> bool:
         """Whether a pixel shows a value of its ray in place of emission and absorption."""
@@ -292,7 +313,7 @@ class ScalarSource(Source):
         voxels_key = volume.key if job.cache.keeps else ""
         if scene.channels and job.cache.keeps:
             voxels_key = (voxels_key, *(channel.volume.key for channel in scene.channels))
-        if scene.labels is not None:
+        if scene.labels is not None and (self._labels is None or self._labels.hides):
             voxels_key = (voxels_key, self._mixture.key)
             reveal_steps = partial(self._mixture.reveal_steps, threads=self.threads)
             steps = job.steps("revealed", voxels_key, reveal_steps, _bytes_of)
@@ -302,17 +323,24 @@ class ScalarSource(Source):
         blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         further = yield from self._channel_blocks(work)
         falling = scene_lighting(scene, scene.index_to_world)
+        cells = None
+        if self._labels is not None:
+            steps = time_steps(job.steps("labels", self._labels.key, self._labels.cell_steps), clock, "mixing")
+            cells = yield from announce(steps, 0.02, 0.02, BOUNDING)
         relevant, needed = yield from self._relevant_steps(
-            work, volume, blocks, further, voxels_key, falling is not None
+            work, volume, blocks, further, cells, voxels_key, falling is not None
         )  # fmt: skip
         with clock.stage("classify"):
             ends, infinite = find_value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
             channels = self._channels(work, relevant, further, length)
+            labels = None if cells is None else ScalarLabels.of(self._labels, cells, volume, ends, length)
         key = voxels_key, relevant.key
+        if labels is not None:
+            key = (*key, labels.key)
         return LitScalars(
             self, work, volume, relevant.voxels, key, ends, infinite, length, transfer, needed, falling,
-            channels=channels,
+            channels=channels, labels=labels,
         )  # fmt: skip
 
     def _channel_blocks(self, work: Work):
@@ -342,7 +370,7 @@ class ScalarSource(Source):
         scene, job, clock, unlit = self.scene, work.job, work.clock, voxels
         tf, key, length = scene.transfer_function, unlit.key, unlit.length
         factor = hidden_key = None
-        if scene.labels is not None:
+        if scene.labels is not None and unlit.labels is None:
             step = max(length * float(unlit.volume.spacing.min()), LEAST_DISTANCE)
             hidden_key = key, tf.classification_key, length
             factor = yield from self._hide_steps(work, unlit.voxels, hidden_key, lambda: unlit.extinction() * step)
@@ -379,12 +407,13 @@ class ScalarSource(Source):
         return ScalarVoxels(
             lit, self.quality, scene.mist, lit.transfer, self._most_color(lit), absorbs=scene.mode == "xray",
             further=lit.further_tables,
+            labels=None if lit.labels is None else LabelLook(lit.labels.cells, lit.labels.tables),
         )  # fmt: skip
 
-    def _relevant_steps(self, work: Work, volume, blocks: Blocks, further_blocks, voxels_key, lit: bool):
+    def _relevant_steps(self, work: Work, volume, blocks: Blocks, further_blocks, cells, voxels_key, lit: bool):
         """Generator of Progress: the RelevantVoxels of the scene, and the MemoryEstimate of all that is to come.
 
-        ``further_blocks``: the Blocks of each further channel.
+        ``further_blocks``: the Blocks of each further channel.  ``cells``: LabelCells, or None.
         """
         job, clock = work.job, work.clock
         reach = Reach.of_values(volume, find_shown_values(self.scene.transfer_function, self.scene.mode))
@@ -393,7 +422,9 @@ class ScalarSource(Source):
         further = [Reach.of(channel.volume, channel.transfer_function) for channel in channels]
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
         thinned = self.scene.transfer_function.gradient_opacity is not None
-        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels))
+        if cells is not None:
+            by_labels = self._labels.reach(volume)
+        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels), cells is not None)
 
         def estimate_for(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)
@@ -402,15 +433,18 @@ class ScalarSource(Source):
         # where the other end is not kept: pictures must not depend on what was shown before.  Nor may a ray's value.
         between = preintegrated_of(self.quality.depth_rule) is not None or self.shows_values
         # What is no number is never kept.  With several channels what is kept is what any of them shows now.
-        closed = not (between or channels) and blocks.nan_voxels == 0
+        exact = between or bool(channels) or cells is not None
+        closed = not exact and blocks.nan_voxels == 0
+
+        own_key = (voxels_key, _relevant_key(reach, further, closed))
 
         def serves(key, held: RelevantVoxels) -> bool:
-            if between or channels or key[0] != voxels_key or not held.reach.covers(reach):
+            if exact or len(key) != len(own_key) or key[0] != voxels_key or not held.reach.covers(reach):
                 return False
             held_blocks, blocks_shown = (np.count_nonzero(one.of_blocks(blocks)) for one in (held.reach, reach))
             return held_blocks <= WORTH_KEEPING * blocks_shown
 
-        key = (voxels_key, _relevant_key(reach, further, closed))
+        key = own_key if cells is None else (*own_key, self._labels.key, by_labels.key)
         found = None if job.has("relevant", key) else job.latest("relevant", serves)
         if found is not None:
             key = found
@@ -423,6 +457,11 @@ class ScalarSource(Source):
             steps = time_steps(
                 relevant_steps(channel.volume, shown, own, threads=self.threads), clock, "mixing"
             )  # fmt: skip
+            bits |= yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
+        if cells is not None:
+            steps = time_steps(relevant_steps(volume, by_labels, blocks, threads=self.threads), clock, "mixing")
+            shown = yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
+            steps = time_steps(self._labels.mask_steps(cells, shown), clock, "mixing")
             bits |= yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
         with clock.stage("classify"):
             if closed:
@@ -469,7 +508,8 @@ class ScalarSource(Source):
         if scene.mode != "composite":
             return 1.0
         shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
-        most_color = max(each.transfer.most_color for each in (lit, *lit.channels))
+        tables = [each.transfer for each in (lit, *lit.channels)] if lit.labels is None else lit.labels.tables
+        most_color = max(table.most_color for table in tables)
         brightest = refuse_too_bright(most_color * shine[0] + shine[1])
         return max(brightest, *mist_color(scene.mist))
 

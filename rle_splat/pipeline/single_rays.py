@@ -10,6 +10,7 @@ from dataclasses import MISSING, fields, replace
 
 import numpy as np
 
+from ..effects.mixing import is_sampled
 from ..raycast.scalar_rays import rays_through
 from ..runtime.figures import percent_text
 from ..runtime.work_sizes import RAYS_AT_ONCE
@@ -28,7 +29,7 @@ LEAST_SLABS = 4
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
     "background", "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "indirect_light",
-    "channels", "reasons_off",
+    "channels", "labels", "reasons_off",
 }  # fmt: skip
 
 
@@ -38,6 +39,8 @@ def can_trace(source: Source) -> bool:
     if not source.traces_rays or min(scene.volume.shape_xyz) < 2:
         return False
     if scene.transfer_function.gradient_opacity is not None:
+        return False
+    if scene.labels is not None and not is_sampled(scene):
         return False
     return all(field.name in KNOWN or not _is_given(scene, field) for field in fields(Scene))
 

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..shade.sample_light import ONE, light_of_samples
+from ..splat.reference.label_parts import labels_at, share_of_near
 from ..splat.scalar_scanline import NOT_KEPT
 from .ray_light import ray_light
 from .scalar_rays import COMPOSITED, HALF, NO_VALUE, SLIVER, SPAN, WALKED
@@ -17,7 +18,7 @@ from .scalar_rays import COMPOSITED, HALF, NO_VALUE, SLIVER, SPAN, WALKED
 CELL = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # corners as x, y, z
 
 
-def trace_rays(voxels, rays, lookup, channels, light, slabs, least, results):
+def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, results):
     """Fills ``results`` as ``scalar_rays.trace_rays`` does, but walks through empty bricks, too; ``light``: a
     SampleLight or None."""
     # Of each channel: where its values are among the planes of a voxel, its ranges that are shown, its lookup.
@@ -26,6 +27,9 @@ def trace_rays(voxels, rays, lookup, channels, light, slabs, least, results):
         first, last = channels.begins[n + 1 : n + 3]
         own = channels.tables[first:last], channels.sums[first:last], *channels.numbers[n + 1], (last - first) // 4 - 1
         parts.append((channels.planes[n + 1], further.shown[further.begins[n] : further.begins[n + 1]], own))
+    if labels is not None:
+        ends = zip(channels.begins, channels.begins[1:], channels.numbers)
+        functions = [(channels.tables[a:b], channels.sums[a:b], *n, (b - a) // 4 - 1) for a, b, n in ends]
     out, half, work = results
     work[:] = 0
     if min(voxels.shape) < 2:
@@ -53,8 +57,11 @@ def trace_rays(voxels, rays, lookup, channels, light, slabs, least, results):
         work[mine, COMPOSITED] += 1
         stretch = rays.first[mine] - cell[kept], rays.step[mine], a[kept], b[kept], rays.length[mine]
         light_of = None if light is None else partial(_light_of, light, falling, mine)
+        classify = partial(_classify_parts, parts)
+        if labels is not None:
+            classify = partial(_classify_labels, functions, labels, cell[kept])
         state[mine], half[mine] = _composite(
-            state[mine], half[mine], corners[kept][..., :-1], *stretch, parts, light_of, planes, slabs, least
+            state[mine], half[mine], corners[kept][..., :-1], *stretch, classify, light_of, planes, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
@@ -126,9 +133,31 @@ def _classify_slab(lookup, before, here):
     return sampled
 
 
-def _composite(state, half, corners, first, step, a, b, length, parts, light_of, light_planes, slabs, least):
+def _classify_parts(parts, whole, there, here, before, after):
+    """(n, 4) what slabs show of all channels, which have values ``there`` and ``here`` at their ends (n, planes);
+    ``whole``: whether all corners have one.  ``before``, ``after``: where the ends are."""
+    return sum(
+        np.where(whole[:, [plane]], _classify_slab(lookup, there[:, plane], here[:, plane]), 0.0)
+        for plane, _, lookup in parts
+    )
+
+
+def _classify_labels(functions, labels, cell, whole, there, here, before, after):
+    """As ``_classify_parts``, by the functions of labels; ``before``, ``after``: (n, 3) in the ``cell``."""
+    before, way = before + cell, after - before
+    near, far = labels_at(labels, before), labels_at(labels, after + cell)
+    share = share_of_near(near, far, lambda share: labels_at(labels, before + share[:, None] * way))
+    near, far = near[0], far[0]
+    found = np.zeros((len(near), 4))
+    for number in np.unique((near, far)):
+        part = (near == number) * share + (far == number) * (1.0 - share)
+        found += part[:, None] * _classify_slab(functions[number], there[:, 0], here[:, 0])
+    return found
+
+
+def _composite(state, half, corners, first, step, a, b, length, classify, light_of, light_planes, slabs, least):
     """The rays' color and transmittance (n, 4) after their slabs from ``a`` to ``b`` of one cell each, and where half
-    is absorbed; ``parts``: the channels, as ``trace_rays`` has them; ``light_of(seen, planes, s)``: light and
+    is absorbed; ``classify``: ``_classify_parts`` or ``_classify_labels``; ``light_of(seen, planes, s)``: light and
     highlights of the rays ``seen``, of so many ``light_planes``, or None."""
     count = np.maximum(np.ceil((b - a) * slabs - SLIVER), 1).astype(np.int64)
     thick = (b - a) / count
@@ -140,10 +169,8 @@ def _composite(state, half, corners, first, step, a, b, length, parts, light_of,
         before = here
         if slab == 0:
             continue
-        sampled = sum(
-            np.where(whole[:, [plane]], _classify_slab(lookup, there[:, plane], here[:, plane]), 0.0)
-            for plane, _, lookup in parts
-        )
+        ends = (first + step * along[:, None] for along in (s - thick, s))
+        sampled = classify(whole, there, here, *ends)
         seen = (slab <= count) & (sampled[:, 3] > 0.0) & (state[:, 3] >= least)
         color, sigma = sampled[:, :3], sampled[:, 3]
         if light_of is not None:

@@ -18,6 +18,7 @@ from ..runtime.bits import count_bits
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..shade.sample_light import ONE
+from ..splat.label_fields import crossing, label_at, refine_crossing
 from ..splat.scalar_scanline import columns_of
 from ..splat.scalar_slab import lookup_at
 from ..view.base_plane import BasePlane
@@ -283,6 +284,46 @@ def _classify_slab(lookup, before, here):
 
 
 @inner_loop
+def _ends_of(labels, lookup):
+    """Values that stand for those beyond them; with labels each function has its own."""
+    if labels is None:
+        return lookup.nearest, lookup.furthest
+    return np.float32(-math.inf), np.float32(math.inf)
+
+
+@inner_loop
+def _classify_clamped(lookup, before, here):
+    """``_classify_slab`` of values that may lie beyond those that stand for them."""
+    nearest, furthest = lookup.nearest, lookup.furthest
+    return _classify_slab(lookup, min(max(before, nearest), furthest), min(max(here, nearest), furthest))
+
+
+@inner_loop
+def _classify_labeled(labels, channels, lookup, before, here, start, step, begin, end):
+    """``_classify_slab`` by the functions of labels, each what of the slab belongs to it, if there are any.
+
+    ``start``, ``step``: voxels, a point and the way on which ``begin`` and ``end`` lie.
+    """
+    if labels is None:
+        return _classify_slab(lookup, before, here)
+    px, py, pz = start
+    dx, dy, dz = step
+    near, near_lead = label_at(labels, px + begin * dx, py + begin * dy, pz + begin * dz)
+    far, far_lead = label_at(labels, px + end * dx, py + end * dy, pz + end * dz)
+    r, g, bl, sigma = _classify_clamped(lookup_at(channels, near), before, here)
+    if near == far:
+        return r, g, bl, sigma
+    share = crossing(near_lead, far_lead)
+    t = begin + share * (end - begin)
+    number, lead = label_at(labels, px + t * dx, py + t * dy, pz + t * dz)
+    share = refine_crossing(share, near, near_lead, far, far_lead, number, lead)
+    more_r, more_g, more_bl, more = _classify_clamped(lookup_at(channels, far), before, here)
+    return (
+        more_r + share * (r - more_r), more_g + share * (g - more_g), more_bl + share * (bl - more_bl),
+        more + share * (sigma - more),
+    )  # fmt: skip
+
+
 def _find_channels(further, corners, start, step, cubics):
     """Put the cubics of further channels along a stretch into ``cubics``; that of one without a value at some corner
     is far below all values."""
@@ -320,21 +361,22 @@ def _add_channels(further, channels, cubics, begin, end, r, g, bl, sigma):
 
 @inner_loop
 def _composite_stretch(
-    further, channels, codes, own, lookup, light, number, corners, start, step, a, deep, length, slabs, least, scratch,
-    ray,
+    further, channels, labels, codes, own, lookup, light, number, corners, cell, start, step, a, deep, length, slabs,
+    least, scratch, ray,
 ):  # fmt: skip
     """Composite one stretch of a ray within a cell, cut into slabs; what ``ray`` is behind it.
 
-    ``further``, ``codes``: of RowVoxels.  ``channels``, ``lookup``, ``light``, ``slabs``, ``least``: see
+    ``further``, ``codes``: of RowVoxels.  ``channels``, ``labels``, ``lookup``, ``light``, ``slabs``, ``least``: see
     ``trace_rays``.  ``own``: scalars of the cell's corners.  ``number``: of the ray.  ``corners``: records of the
-    cell's four pairs of voxels along x.  ``start``: where the stretch begins in the cell, voxels; ``step``: voxels
-    along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and its length, in voxels of depth;
-    ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels) float64 and its last row.
-    ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
+    cell's four pairs of voxels along x.  ``cell``: its first voxel, x, y, z.  ``start``: where the stretch begins in
+    the cell, voxels; ``step``: voxels along x, y, z per voxel of depth.  ``a`` and ``deep``: where it begins, and its
+    length, in voxels of depth; ``length``: world length per voxel of depth.  ``scratch``: (POWERS + 1, channels)
+    float64 and its last row.  ``ray``: red, green, blue, transmittance, and the depth at which half is absorbed.
     """
-    nearest, furthest = lookup.nearest, lookup.furthest
+    nearest, furthest = _ends_of(labels, lookup)
     px, py, pz = start
     dx, dy, dz = step
+    at = cell[0] + px, cell[1] + py, cell[2] + pz
     red, green, blue, transmittance, at_half = ray
     cubics, planes, values = scratch
     c0, c1, c2, c3 = _cubic(own, px, py, pz, dx * deep, dy * deep, dz * deep)
@@ -349,7 +391,11 @@ def _composite_stretch(
         t = slab * part
         before = here
         here = min(max(((c3 * t + c2) * t + c1) * t + c0, nearest), furthest)
-        r, g, bl, sigma = _classify_slab(lookup, before, here) if has_value else (0.0, 0.0, 0.0, 0.0)
+        r, g, bl, sigma = 0.0, 0.0, 0.0, 0.0
+        if has_value:
+            r, g, bl, sigma = _classify_labeled(
+                labels, channels, lookup, before, here, at, (dx * deep, dy * deep, dz * deep), t - part, t
+            )
         r, g, bl, sigma = _add_channels(further, channels, values, t - part, t, r, g, bl, sigma)
         if sigma <= 0.0:
             continue
@@ -378,7 +424,7 @@ def _composite_stretch(
 
 
 @inner_loop
-def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scratch, results):
+def _trace(begin, end, voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results):
     """Rays [begin, end); see ``trace_rays``."""
     bits, row_start, bricks, scalars, codes, shown, (n_z, n_y, n_x), further = voxels
     out, half, work = results
@@ -444,7 +490,7 @@ def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scra
                     if _is_any_shown(further, own, corners, shown):
                         composited += 1
                         red, green, blue, transmittance, at_half = _composite_stretch(
-                            further, channels, codes, own, lookup, light, ray, corners,
+                            further, channels, labels, codes, own, lookup, light, ray, corners, (x, y, z),
                             (ox + dx * a - x, oy + dy * a - y, oz + dz * a - z), (dx, dy, dz), a, b - a,
                             rays.length[ray], slabs, least, buffers, (red, green, blue, transmittance, at_half),
                         )  # fmt: skip
@@ -461,14 +507,15 @@ def _trace(begin, end, voxels, rays, lookup, channels, light, slabs, least, scra
 
 
 @kernel
-def trace_rays(voxels, rays, lookup, channels, light, slabs, least, scratch, results):
+def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results):
     """Fill ``results``: premultiplied rgba (n, 4) float32 of single rays; where along them half is absorbed, (n,)
     float64, inf where less is; how many cells and empty bricks each walked through and how many cells it composited,
     (n, 2) int32.
 
     ``voxels``: RowVoxels; ``rays``: RayList; ``light``: RayLight, or None for rays that nothing lights, whose voxels
     have no codes then.  ``lookup``, ``channels``, ``least``: as ``splat_scalar_rows`` has them; extinctions of
-    ``channels`` are added to those of ``lookup``.  ``slabs``: that a voxel's depth is cut into, at least.  ``scratch``:
+    ``channels`` are added to those of ``lookup``.  ``labels``: a CellField, which says where each of ``channels``
+    classifies in place of ``lookup``, or None.  ``slabs``: that a voxel's depth is cut into, at least.  ``scratch``:
     (n, POWERS + 1, channels of codes and further channels) float64.
     """
-    share_out(_trace, scratch.shape[0], (voxels, rays, lookup, channels, light, slabs, least, scratch, results))
+    share_out(_trace, scratch.shape[0], (voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results))

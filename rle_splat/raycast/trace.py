@@ -8,7 +8,8 @@ from ..classify.lookup_table import LookupTable
 from ..runtime.jit import compiled, parallel_call
 from ..scene import Quality
 from ..shade.sample_light import SampleLight
-from ..splat.scalar_splat import channel_lookups, kernel_lookup
+from ..splat.label_fields import cell_field
+from ..splat.scalar_splat import LabelLook, channel_lookups, kernel_lookup
 from ..splat.splat import OPAQUE
 from ..volume.stored_scalars import StoredScalars
 from . import reference
@@ -19,26 +20,31 @@ from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
 def trace(
     voxels: RowVoxels, center: float, table: LookupTable, rays: RayList, slabs: int, quality: Quality,
     light: SampleLight | None = None, work=None, further: tuple[LookupTable, ...] = (), centers: tuple[float, ...] = (),
+    labels: LabelLook | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
     them half is absorbed (n,) float64, inf where less is.
 
     ``center``: what was taken from the stored values.  ``light``: that of which the voxels have codes; None where
     nothing shines.  ``work``: filled as ``trace_rays`` does, (n, 2) int32, or None.  ``further``, ``centers``: tables
-    of further channels, and what was taken from their values.  No extinction is thinned.
+    of further channels, and what was taken from their values.  ``labels``: whose tables classify in place of ``table``.
+    No extinction is thinned.
     """
     lookup, least = kernel_lookup(table, center), max(quality.termination, OPAQUE)
     voxels = voxels._replace(codes=None) if light is None else voxels
     channels = channel_lookups(lookup, further, centers, voxels.codes)
+    field = None
+    if labels is not None:
+        channels, field = labels.lookups(center), cell_field(labels.cells)
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
     results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
     if not compiled():
-        reference.trace_rays(voxels, rays, lookup, channels, light, slabs, least, results)
+        reference.trace_rays(voxels, rays, lookup, channels, field, light, slabs, least, results)
         return out, half
     planes = len(further) + (0 if light is None else voxels.codes.shape[1])
     scratch = np.empty((len(out), POWERS + 1, planes))
     falling = None if light is None else ray_light(light, rays)
     with parallel_call(quality.threads):
         voxels = voxels._replace(scalars=StoredScalars.of(voxels.scalars))
-        trace_rays(voxels, rays, lookup, channels, falling, slabs, least, scratch, results)
+        trace_rays(voxels, rays, lookup, channels, field, falling, slabs, least, scratch, results)
     return out, half

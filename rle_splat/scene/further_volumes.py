@@ -54,8 +54,9 @@ class Labels:
     names : dict of int to str
         Names of labels, for display.
     smooth : bool
-        Whether voxels beside an edge of a label are shared by the transfer functions on both sides, so that edges are
-        smooth; else an edge shows the steps of the voxels.
+        Whether edges are smooth; else an edge shows the steps of the voxels. Under the classification ``post`` a sample
+        then belongs to the label whose smoothed indicator is largest there (``classify.label_cells``). Under ``pre``
+        voxels beside an edge are shared by the transfer functions on both sides (``classify.label_edges``).
 
     Raises
     ------

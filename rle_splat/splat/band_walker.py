@@ -72,7 +72,10 @@ def _scratch_of(scratch, mine):
     """Row ``mine`` of each array of the Scratch: the one worker's own."""
     line, reach, live, cells, weights, placed = scratch.line
     state, length, alive, bright, bounds, reached, light = scratch.rows
-    samples, entries, spans, shares, length_inside, before, colors, classified, mixed = scratch.block
+    (
+        samples, entries, spans, shares, length_inside, before, colors, classified, mixed, numbers, parts, looks,
+        table_rows,
+    ) = scratch.block  # fmt: skip
     queue, places, starts, downs, depths = scratch.waiting
     return Scratch(
         VoxelLine(line[mine], reach[mine], live[mine], cells[mine], weights[mine], placed[mine]),
@@ -81,7 +84,7 @@ def _scratch_of(scratch, mine):
         Rows(state[mine], length[mine], alive[mine], bright[mine], bounds[mine], reached[mine], light[mine]),
         BlockScratch(
             samples[mine], entries[mine], spans[mine], shares[mine], length_inside[mine], before[mine], colors[mine],
-            classified[mine], mixed[mine],
+            classified[mine], mixed[mine], numbers[mine], parts[mine], looks[mine], table_rows[mine],
         ),
         WaitingBlocks(queue[mine], places[mine], starts[mine], downs[mine], depths[mine]),
     )

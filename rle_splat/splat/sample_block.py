@@ -17,7 +17,7 @@ from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, SPOT
 from ..shade.sample_light import ALMOST_NONE, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED
 from .pixel_block import BLOCK
 from .sample_lamps import AMBIENT, EVERYWHERE, GLOSS, HELD, LAMP, MATT, NO_PLANE, SHININESS
-from .scalar_block import mix_blocks, put_block, rows_of
+from .scalar_block import block_of, mix_blocks, put_block, rows_of
 
 ALMOST = np.float32(0.9)  # of the least weight: what is not the very first to be seen is lit by its own light
 ALMOST_OPPOSITE = 1e-6  # squared length of a half-way vector that counts as none
@@ -299,6 +299,26 @@ def find_span(
 
     places, number = (types.intp, types.intp), types.float32
     return types.void(sheet, *places, number, before, *places, number, number, number, shares), generate
+
+
+@intrinsic
+def find_span_each(
+    typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, shares
+):  # fmt: skip
+    """As ``find_span``, where each pixel has a table of its own; ``looks``: see ``scalar_block.look_between_each``."""
+
+    def generate(context, builder, signature, arguments):
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, shares = arguments
+        down, down_before = (Vector.spread(builder, number, BLOCK) for number in (down, down_before))
+        low, high = (block_of(context, builder, signature.args[8], looks, number) for number in (3, 4))
+        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
+        for number, end in zip((SPAN_BEGIN, SPAN_END), _span_shown(here, there, low, high), strict=True):
+            put_block(context, builder, signature.args[9], shares, number, end)
+        return context.get_dummy_value()
+
+    places, number = (types.intp, types.intp), types.float32
+    return types.void(sheet, *places, number, before, *places, number, looks, shares), generate
 
 
 def _lighter(between: bool, spans_known: bool = False):

@@ -8,7 +8,7 @@ shades itself).
 from __future__ import annotations
 
 from ..runtime.llvm import intrinsic, ir, types
-from ..runtime.vectors import DOUBLE, Vector, count_lanes, place, transpose4
+from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 from ..shade.sample_light import NORMAL
 from .pixel_block import BLOCK, composited, slab
 
@@ -157,6 +157,47 @@ def look_up(typing, sheet, upper, lower, down, low, high, origin, rate, last, en
     return types.int64(sheet, types.intp, types.intp, *numbers, types.int32, entries, shares), generate
 
 
+def _between(builder, here, there, numbers, final, base=None):
+    """Entries, ends of spans, shares, which slabs show anything, and of which the mean is to be taken; see
+    ``look_between``.  ``final``: the transparent entry; ``base``: of the first entry, 0 without."""
+    least, low, high, nearest, furthest, origin, rate = numbers
+    is_here, is_there = here.at_least(least), there.at_least(least)
+    one = Vector(builder, here.like(1.0))
+    half = Vector(builder, here.like(0.5))
+    zero = Vector(builder, here.like(0.0))
+    both, some = builder.and_(is_here, is_there), builder.or_(is_here, is_there)
+    counts = one.where(both, half)
+    light = half.where(both, one.where(is_here, zero))
+    first, second = there.where(is_there, here), here.where(is_here, there)
+    first, second = (value.most(nearest).least(furthest) for value in (first, second))
+    smallest, largest = first.least(second), first.most(second)
+    shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
+    most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
+    middle = (smallest + largest) * 0.5
+    inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
+    entry = entry_of(middle, origin, rate, most).where(inside, final)
+    width = (largest - smallest) * rate
+    wide = builder.and_(width.at_least(SPAN), shown)
+    whole = final.as_float()
+    ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
+    if base is not None:
+        entry, *ends = (Vector(builder, builder.add(each.value, base.value)) for each in (entry, *ends))
+    return entry, ends, (counts, light, (one / width.most(1.0)).where(wide, 0.0)), shown, wide
+
+
+def _put_between(context, builder, kinds, arrays, found):
+    """Put what ``_between`` has found into ``entries``, ``spans`` and ``shares``; what ``look_between`` returns."""
+    (entries_type, spans_type, shares_type), (entries, spans, shares) = kinds, arrays
+    entry, ends, parts, shown, wide = found
+    put_entries(context, builder, entries_type, entries, 0, entry)
+    for number, end in enumerate(ends):
+        put_entries(context, builder, spans_type, spans, number, end)
+    for number, share in enumerate(parts):
+        put_block(context, builder, shares_type, shares, number, share)
+    taken = count_lanes(builder, wide, BLOCK)
+    return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
+
+
 @intrinsic
 def look_between(
     typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high,
@@ -175,50 +216,54 @@ def look_between(
 
     def generate(context, builder, signature, arguments):
         sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
-        least, low, high, nearest, furthest, origin, rate, last, entries, spans, shares = arguments[8:]
-        sheet_type, before_type, entries_type, spans_type, shares_type = (
-            signature.args[n] for n in (0, 4, 16, 17, 18)
-        )
+        least, low, high, nearest, furthest, origin, rate, last = arguments[8:16]
         down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-        here = mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, 0)
-        there = mix_blocks(context, builder, before_type, before, upper_before, lower_before, down_before, 0)
+        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
         least, low, high, nearest, furthest, origin, rate = (
             Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
         )
-        is_here, is_there = here.at_least(least), there.at_least(least)
-        one = Vector(builder, here.like(1.0))
-        half = Vector(builder, here.like(0.5))
-        zero = Vector(builder, here.like(0.0))
-        both, some = builder.and_(is_here, is_there), builder.or_(is_here, is_there)
-        counts = one.where(both, half)
-        light = half.where(both, one.where(is_here, zero))
-        first, second = there.where(is_there, here), here.where(is_here, there)
-        first, second = (value.most(nearest).least(furthest) for value in (first, second))
-        smallest, largest = first.least(second), first.most(second)
-        shown = builder.and_(builder.and_(largest.at_least(low), high.at_least(smallest)), some)
         final = Vector.spread(builder, last, BLOCK)
-        most = Vector(builder, builder.sub(final.value, final.like(1))).as_float()
-        middle = (smallest + largest) * 0.5
-        inside = builder.and_(builder.and_(middle.at_least(low), high.at_least(middle)), some)
-        entry = entry_of(middle, origin, rate, most).where(inside, final)
-        width = (largest - smallest) * rate
-        wide = builder.and_(width.at_least(SPAN), shown)
-        whole = final.as_float()
-        ends = [(((end - origin) * rate) + 0.5).most(0.0).least(whole).truncated() for end in (smallest, largest)]
-        put_entries(context, builder, entries_type, entries, 0, entry)
-        for number, end in enumerate(ends):
-            put_entries(context, builder, spans_type, spans, number, end)
-        over = (one / width.most(1.0)).where(wide, 0.0)
-        for number, share in enumerate((counts, light, over)):
-            put_block(context, builder, shares_type, shares, number, share)
-        taken = count_lanes(builder, wide, BLOCK)
-        return builder.add(count_lanes(builder, shown, BLOCK), builder.shl(taken, ir.Constant(taken.type, 8)))
+        numbers = least, low, high, nearest, furthest, origin, rate
+        found = _between(builder, here, there, numbers, final)
+        return _put_between(context, builder, signature.args[16:], arguments[16:], found)
 
     numbers, places = (types.float32,), (types.intp, types.intp)
     returned = types.int64(
         sheet, *places, *numbers, before, *places, *numbers, *(numbers * 7), types.int32, entries, spans, shares
     )
     return returned, generate
+
+
+@intrinsic
+def look_between_each(
+    typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows, entries, spans,
+    shares,
+):  # fmt: skip
+    """As ``look_between``, where each pixel has a table of its own within a common one.
+
+    ``looks``: (7, BLOCK) float32: origin, rate, least, low, high, nearest, furthest.  ``rows``: (2, BLOCK) int32: the
+    transparent entry of each pixel's table, and where its first one is in the common one.
+    """
+
+    def generate(context, builder, signature, arguments):
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows = arguments[:10]
+        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
+        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
+        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
+        origin, rate, *others = (block_of(context, builder, signature.args[8], looks, n) for n in range(7))
+        final, base = (block_of(context, builder, signature.args[9], rows, n, INTEGER) for n in range(2))
+        found = _between(builder, here, there, (*others, origin, rate), final, base)
+        return _put_between(context, builder, signature.args[10:], arguments[10:], found)
+
+    places, number = (types.intp, types.intp), types.float32
+    return types.int64(sheet, *places, number, before, *places, number, looks, rows, entries, spans, shares), generate
+
+
+def block_of(context, builder, array_type, array, number, kind=FLOAT):
+    """Block ``number`` of a flat array."""
+    at = ir.Constant(ir.IntType(64), number * BLOCK)
+    return Vector.load(builder, place(context, builder, array_type, array, at), BLOCK, kind)
 
 
 def rows_of(context, builder, table_type, table, indices_type, indices, number, first=None):

@@ -19,6 +19,7 @@ from ..view.depth_rules import BETWEEN, OWN
 from ..view.footprints import voxel_at
 from .arguments import Box, ChannelLookups, CodePlanes, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
+from .label_fields import LabelField
 from .mist_block import MistRays
 from .pixel_block import BLOCK
 from .rays_in_box import NO_ROW, block_at
@@ -49,6 +50,8 @@ class ScalarMedium(NamedTuple):
     mist : MistRays
     channels : ChannelLookups or None
         Of several channels, which then classify in place of ``lookup``.
+    labels : LabelField or None
+        Which of ``channels``, all of the volume's own values, classifies where.
     grouped : True or None
         True where sheets are handled in groups (``scalar_group``), which needs ``sign``, ``absorbs`` and ``channels``
         to be None, no mist, whole rays, no thinning, and sheets with slabs of their own.
@@ -64,6 +67,7 @@ class ScalarMedium(NamedTuple):
     absorbs: bool | None
     mist: MistRays
     channels: ChannelLookups | None
+    labels: LabelField | None
     grouped: bool | None
     least: np.float32
 
@@ -290,12 +294,12 @@ def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels
     sample_before = _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks)
     if cut is None:
         return composite_slab(
-            None, medium.sign, medium.absorbs, None, medium.channels, medium, sheets, number, slab.kind, begin, end,
-            thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
+            None, medium.sign, medium.absorbs, None, medium.channels, medium.labels, medium, sheets, number, slab.kind,
+            begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
         )  # fmt: skip
     return composite_slab(
-        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium.channels, medium, sheets, number, slab.kind,
-        begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
+        rays.intervals, medium.sign, medium.absorbs, medium.mist, medium.channels, medium.labels, medium, sheets,
+        number, slab.kind, begin, end, thickness, row, sample, sample_before, pixels, own.rows, own.block, half,
     )  # fmt: skip
 
 
@@ -410,8 +414,8 @@ _splat_bands = band_walker(
 
 @kernel
 def splat_scalar_rows(
-    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, grouped, least, first_row, last_row,
-    workers, next_band, scratch, out, half, filled,
+    tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, labels, grouped, least, first_row,
+    last_row, workers, next_band, scratch, out, half, filled,
 ):
     """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
     or depths (4.2).
@@ -423,14 +427,14 @@ def splat_scalar_rows(
     tables : ScalarTables
     sheets : SheetList
     rays : Rays
-    box, lookup, sign, absorbs, planes, mist, channels, grouped, least
+    box, lookup, sign, absorbs, planes, mist, channels, labels, grouped, least
         See ``ScalarMedium``.
     first_row, last_row, workers, next_band, scratch
         See ``sheet_buffer.splat_rows``.
     out, half, filled
         Written: see ``sheet_buffer.splat_rows``; without compositing, see ``ray_sums``.
     """
-    medium = ScalarMedium(tables, box, lookup, planes, sign, absorbs, mist, channels, grouped, least)
+    medium = ScalarMedium(tables, box, lookup, planes, sign, absorbs, mist, channels, labels, grouped, least)
     share_out(
         _splat_bands, workers,
         (medium, sheets, rays, first_row, last_row, next_band, scratch, (out, half, filled)),

@@ -14,13 +14,21 @@ from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
+from .label_block import even_number, find_numbers, keep_near, mix_ends, note_looks
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .rays_in_box import inside_box, interval_in_box
-from .sample_block import find_span, light_between, light_mixed, light_own
+from .sample_block import find_span, find_span_each, light_between, light_mixed, light_own
 from .sample_lamps import HELD
-from .scalar_block import classify_spans, classify_values, composite_classified, look_between, look_up
+from .scalar_block import (
+    classify_spans,
+    classify_values,
+    composite_classified,
+    look_between,
+    look_between_each,
+    look_up,
+)  # fmt: skip
 from .sheet_row import note_half_depth
 from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
 
@@ -88,14 +96,14 @@ def _see(channels, intervals, lookup, kind, is_shortened, begin, end, here, ther
 
 
 @inner_loop
-def _classify(lookup, seen, block):
+def _classify(table, sums, seen, block):
     """Extinction times color, and extinction, of a block's entries, to ``block.samples``."""
     if seen & 255 > seen >> 8:
-        classify_values(lookup.table, block.entries, block.samples)
+        classify_values(table, block.entries, block.samples)
     else:
         block.samples[:] = np.float32(0.0)
     if seen >> 8 > 0:
-        classify_spans(lookup.sums, block.spans, block.shares, block.samples)
+        classify_spans(sums, block.spans, block.shares, block.samples)
 
 
 @inner_loop
@@ -142,7 +150,7 @@ def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, he
         own, own_before = _moved(here, plane), _moved(there, plane)
         found = _look_up(intervals, lookup, kind, is_shortened, begin, end, own, own_before, pixels, block)
         seen |= found
-        _classify(lookup, found, block)
+        _classify(lookup.table, lookup.sums, found, block)
         if kind != OWN:
             _find_span(lamps, lookup, own, own_before, block)
         add_samples(block.samples, block.shares, block.mixed)
@@ -151,15 +159,94 @@ def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, he
 
 
 @inner_loop
-def _classified(
-    channels, intervals, lamps, lookup, seen, kind, is_shortened, begin, end, here, there, pixels, block
+def _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there, pixels, block):
+    """As ``_look_up``, each pixel by the table that ``note_looks`` has noted."""
+    sheet, upper, lower, down = here
+    before, upper_before, lower_before, down_before = there
+    samples, looks, rows = block.samples, block.looks, block.table_rows
+    if kind == OWN:
+        before, upper_before, lower_before, down_before = here
+    elif intervals is not None:
+        if is_shortened and cut_ends(
+            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
+            upper_before, lower_before, down_before, least, samples,
+        ):
+            return look_between_each(
+                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, looks, rows, block.entries, block.spans,
+                block.shares,
+            )
+    return look_between_each(
+        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows, block.entries,
+        block.spans, block.shares,
+    )
+
+
+@inner_loop
+def _classify_each(
+    intervals, lamps, channels, first, kind, is_shortened, begin, end, here, there, pixels, block
 ):  # fmt: skip
-    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels; 0 where
-    nothing is seen."""
-    if channels is None:
-        _classify(lookup, seen, block)
+    """Look up and classify a block, each pixel by the function of its number from ``first`` on in ``block.numbers``; 0
+    where nothing is seen."""
+    note_looks(channels, block.numbers, first, block.looks, block.table_rows)
+    least = channels.numbers[0, 2]
+    seen = _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there, pixels, block)
+    _classify(channels.tables, channels.sums, seen, block)
+    if lamps is not None and kind != OWN:
+        sheet, upper, lower, down = here
+        before, upper_before, lower_before, down_before = there
+        find_span_each(
+            sheet, upper, lower, down, before, upper_before, lower_before, down_before, block.looks, block.shares
+        )  # fmt: skip
+    return seen
+
+
+@inner_loop
+def _mix_labels(
+    labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+):  # fmt: skip
+    """Classify a block of a slab by the functions of labels, which share the slab of each pixel; 0 where nothing is
+    seen."""
+    number = even_number(labels, begin, end, pixels)
+    if number >= 0:
+        lookup = lookup_at(channels, number)
+        seen = _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block)
+        _classify(lookup.table, lookup.sums, seen, block)
+        if kind != OWN:
+            _find_span(lamps, lookup, here, there, block)
         return seen
-    return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
+    crosses = find_numbers(labels, box, intervals, begin, end, cut, pixels, block.numbers, block.parts)
+    seen = _classify_each(intervals, lamps, channels, 0, kind, is_shortened, begin, end, here, there, pixels, block)
+    if crosses:
+        keep_near(block.samples, block.shares, block.mixed)
+        seen |= _classify_each(
+            intervals, lamps, channels, BLOCK, kind, is_shortened, begin, end, here, there, pixels, block
+        )  # fmt: skip
+        mix_ends(block.parts, block.mixed, block.samples, block.shares)
+    return seen
+
+
+@inner_loop
+def _mix(labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block):
+    if labels is None:
+        return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
+    return _mix_labels(
+        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+    )  # fmt: skip
+
+
+@inner_loop
+def _classified(
+    labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there, pixels,
+    block,
+):  # fmt: skip
+    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels or labels; 0
+    where nothing is seen."""
+    if channels is None:
+        _classify(lookup.table, lookup.sums, seen, block)
+        return seen
+    return _mix(
+        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+    )  # fmt: skip
 
 
 @inner_loop
@@ -262,17 +349,17 @@ def _composite_classified(
 
 @inner_loop
 def composite_slab(
-    intervals, sign, absorbs, mist, channels, medium, sheets, number, kind, begin, end, thickness, row, here, there,
-    pixels, rows, block, half,
+    intervals, sign, absorbs, mist, channels, labels, medium, sheets, number, kind, begin, end, thickness, row, here,
+    there, pixels, rows, block, half,
 ):  # fmt: skip
     """Composite a block of sheet ``number``, or add it to what ``ray_sums`` makes of the rays; how many of its pixels
     are not opaque.
 
-    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``: of Rays and ScalarMedium; what is None is not
-    compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the sheet
-    and the one before.
+    ``intervals``, ``sign``, ``absorbs``, ``mist``, ``channels``, ``labels``: of Rays and ScalarMedium; what is None is
+    not compiled.  ``begin``, ``end``, ``thickness`` (float32): the slab, voxels.  ``here``, ``there``: Samples of the
+    sheet and the one before.
     """
-    _, box, lookup, planes, _, _, _, _, _, _ = medium
+    _, box, lookup, planes, _, _, _, _, _, _, _ = medium
     r, b, v, first_pixel, count = pixels
     shortened = False
     if intervals is not None:
@@ -312,7 +399,8 @@ def composite_slab(
         )
         return LIVE
     seen = _classified(
-        channels, intervals, planes.lamps, lookup, seen, kind, shortened, begin, end, here, there, pixels, block
+        labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin, end, here, there,
+        pixels, block,
     )  # fmt: skip
     if seen == 0:
         return LIVE

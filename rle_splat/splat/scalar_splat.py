@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from ..classify.label_cells import LabelCells
 from ..classify.lookup_table import LookupTable
 from ..encode.scalars import ScalarVolume
 from ..runtime.jit import compiled, read_only, thread_count
@@ -13,6 +16,7 @@ from ..view.depth_rules import Sheets
 from ..volume.stored_scalars import StoredScalars
 from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
+from .label_fields import label_field
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
 from .reference.scalar_sheets import splat_scalar_sheets_numpy
@@ -27,19 +31,22 @@ ALMOST_MOST = 1.0 + 1e-5  # of the largest count: means of it may be rounded up,
 
 def scalar_splat_steps(
     encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, intervals=None,
-    absorbs: bool = False, mist: Mist | None = None, further: tuple[LookupTable, ...] = (),
+    absorbs: bool = False, mist: Mist | None = None, further: tuple[LookupTable, ...] = (), labels=None,
 ):
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
-    ``further``: of further channels, whose extinctions are added.
+    ``further``: of further channels, whose extinctions are added.  ``labels``: a LabelLook, whose tables classify in
+    place of ``table``, or None.
     """
     lookup = kernel_lookup(table, encoded.center)
     channels = channel_lookups(lookup, further, encoded.centers, encoded.codes)
+    if labels is not None:
+        channels = labels.lookups(encoded.center)
     if absorbs:
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
-    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, mist, channels)
+    image = yield from _steps(encoded, lookup, None, absorbs or None, plane, quality, intervals, mist, channels, labels)
     if absorbs:
         depths = image.pixels[..., 0].copy()
         image.pixels[..., :3] = -np.expm1(-depths)[..., None]
@@ -99,6 +106,18 @@ def channel_lookups(lookup: Lookup, further, centers, codes) -> ChannelLookups |
     return ChannelLookups.of(lookups, 1 + _columns(codes))
 
 
+class LabelLook(NamedTuple):
+    """Which function each point belongs to, a LabelCells, and the LookupTable of each function by its number."""
+
+    cells: LabelCells
+    tables: tuple[LookupTable, ...]
+
+    def lookups(self, center: float) -> ChannelLookups:
+        """The functions as kernels take them, for stored values less ``center``."""
+        found = ChannelLookups.of([kernel_lookup(table, center) for table in self.tables], 0)
+        return found._replace(planes=read_only(np.zeros(len(self.tables), np.int64)))
+
+
 def _columns(array) -> int:
     return 0 if array is None else array.shape[1]
 
@@ -128,7 +147,7 @@ def _planes_of(encoded: ScalarVolume) -> int:
 
 def _steps(
     encoded: ScalarVolume, lookup, sign, absorbs, plane: BasePlane, quality: Quality, intervals, mist=None,
-    channels=None,
+    channels=None, labels=None,
 ):  # fmt: skip
     """Generator of fractions done: the IntermediateImage of ``splat_scalar_rows``."""
     tables = _tables(encoded)
@@ -136,6 +155,7 @@ def _steps(
     rays = rays_of(plane, 1.0, True, intervals)
     box = box_of(plane, encoded.tables.shape_xyz, BLOCK)
     grouped = _grouped(plane.sheets, encoded.thinned, intervals, sign, absorbs, mist, channels)
+    field = None if labels is None else label_field(labels.cells, plane)
     image = IntermediateImage.blank(plane)
     least = np.float32(max(quality.termination, OPAQUE))
     light = encoded.light if sign is None and absorbs is None else None
@@ -143,7 +163,7 @@ def _steps(
     mist = mist_rays(plane, mist)
     if not compiled():
         yield from splat_scalar_sheets_numpy(
-            *arguments, encoded.thinned, light, plane, mist, channels, least, *image.arrays
+            *arguments, encoded.thinned, light, plane, mist, channels, field, least, *image.arrays
         )
         return image
     workers = thread_count(quality.threads)
@@ -151,7 +171,7 @@ def _steps(
     count = _planes_of(encoded)
     scratch = scratch_for(workers, tables, sheets, rays, None, count, before=True, group=group, light=held)
     planes = _planes(encoded, light, plane, float(least), scratch)
-    arguments = (*arguments, planes, mist, channels, grouped, least)
+    arguments = (*arguments, planes, mist, channels, field, grouped, least)
     yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
     return image
 

@@ -144,6 +144,13 @@ class BlockScratch(NamedTuple):
         Samples of each sheet of a group, classified and lit.
     mixed : (8 * BLOCK,) float32
         Sums over channels (``channel_block``).
+    numbers : (2 * BLOCK,) int32
+        Functions of labels at both ends of the slab (``label_block``).
+    parts : (BLOCK,) float32
+        What of the slab the first of them has.
+    looks : (7 * BLOCK,) float32
+    table_rows : (2 * BLOCK,) int32
+        How each pixel looks its function up (``scalar_block.look_between_each``).
     """
 
     samples: np.ndarray
@@ -155,6 +162,10 @@ class BlockScratch(NamedTuple):
     colors: np.ndarray
     classified: np.ndarray
     mixed: np.ndarray
+    numbers: np.ndarray
+    parts: np.ndarray
+    looks: np.ndarray
+    table_rows: np.ndarray
 
 
 class WaitingBlocks(NamedTuple):
@@ -320,6 +331,8 @@ def _shapes(
         "entries": (BLOCK, np.int32), "spans": (2 * BLOCK, np.int32), "shares": (5 * BLOCK, np.float32),
         "length_inside": (BLOCK, np.float32), "before": (BLOCK * (group + 1), numbers), "colors": (3 * BLOCK, numbers),
         "classified": (4 * BLOCK * group, np.float32), "mixed": (8 * BLOCK, np.float32),
+        "numbers": (2 * BLOCK, np.int32), "parts": (BLOCK, np.float32),
+        "looks": (7 * BLOCK, np.float32), "table_rows": (2 * BLOCK, np.int32),
         "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
         "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
     }

@@ -58,8 +58,7 @@ def test_labels_are_listed_hidden_and_colored(owner):
     left, right = (blue[20:28, column_of(x)].mean(axis=0) for x in (1.0, 6.0))
     assert left[2] == pytest.approx(left[3], abs=0.01) and left[0] < 0.01 < 0.3 < left[3]
     np.testing.assert_allclose(right[:3], right[3] * np.array(COLOR), atol=0.01)
-    assert reported()["plan"]["classification"] == "pre"
-    assert any("classification is pre" in remark for remark in reported()["remarks"])
+    assert reported()["plan"]["classification"] == "post"
 
     rows[1].show = False
     hidden = picture()[20:28]

@@ -39,7 +39,7 @@ def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     np.testing.assert_allclose(rgba[..., 1], rgba[..., 3], atol=1e-5)
     effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
     assert effect["reason"] == "1 label(s) with a transfer function, 1 hidden"
-    assert any("the classification is pre" in remark for remark in report["remarks"])
+    assert report["plan"]["classification"] == "post"
 
 
 def test_edges_of_labels_show_voxels_where_that_is_wanted(picture, labels, write_json):

@@ -189,7 +189,7 @@ def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, th
     """The rows of the intermediate image, taken so many at a time (more threads: test_same_picture)."""
     scene = STAGE.on_turntable(FIELDS["smooth"](20)[:, :17], 35.0, 25.0, True, size=(70, 61))
     whole = STAGE.render(scene, threads=1, classification=classification)
-    module, name, first_row = {"pre": (splat, "splat_rows", 7), "post": (scalar_splat, "splat_scalar_rows", 12)}[
+    module, name, first_row = {"pre": (splat, "splat_rows", 7), "post": (scalar_splat, "splat_scalar_rows", 13)}[
         classification
     ]
     calls, work = [], getattr(module, name)

@@ -20,6 +20,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.shown_nearby import mean_extinction, nearby_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.effects.mixing import BY_PRE
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
@@ -78,8 +79,24 @@ def fine(**knobs):
     return Quality(name="custom", termination=1 / 4096, **usual | knobs)
 
 
-def marched(scene, steps=16):
-    """(H, W, 4) by sums over ``steps`` samples to a voxel of each ray: each channel trilinear, then classified."""
+def optics(value, tf):
+    """(n, 3) color and (n,) extinction of values, by interpolation between a transfer function's points."""
+    alpha = np.interp(value, *np.array(tf.opacity).T)
+    color = np.stack([np.interp(value, *np.array(tf.color)[:, [0, c]].T) for c in (1, 2, 3)], axis=1)
+    return np.nan_to_num(color), -np.log1p(-np.nan_to_num(alpha)) / tf.opacity_unit_distance
+
+
+def of_channels(scene, at):
+    """(n, 3) source and (n,) extinction at points (n, 3): each channel trilinear, then classified."""
+    source, sigma = 0.0, 0.0
+    for one in (scene, *scene.channels):
+        color, own = optics(trilinear(one.volume.voxels, at), one.transfer_function)
+        source, sigma = source + color * own[:, None], sigma + own
+    return source, sigma
+
+
+def marched(scene, steps=16, medium=of_channels):
+    """(H, W, 4) by sums over ``steps`` samples to a voxel of each ray; ``medium``: what there is at points."""
     camera, shape = scene.camera, np.array(scene.volume.voxels.shape[::-1])
     columns, rows = np.meshgrid(np.arange(scene.width) + 0.5, np.arange(scene.height) + 0.5)
     assert camera.sensor_fit == "VERTICAL"
@@ -102,14 +119,7 @@ def marched(scene, steps=16):
     delta = np.maximum(leave - enter, 0.0) / count
     for number in range(count):
         at = first + (enter + (number + 0.5) * delta)[:, None] * step
-        source, sigma = 0.0, 0.0
-        for one in (scene, *scene.channels):
-            value = trilinear(one.volume.voxels, at)
-            tf = one.transfer_function
-            alpha = np.interp(value, *np.array(tf.opacity).T)
-            color = np.stack([np.interp(value, *np.array(tf.color)[:, [0, c]].T) for c in (1, 2, 3)], axis=1)
-            own = -np.log1p(-np.nan_to_num(alpha)) / tf.opacity_unit_distance
-            source, sigma = source + np.nan_to_num(color) * own[:, None], sigma + own
+        source, sigma = medium(scene, at)
         depth = sigma * delta * length
         share = np.divide(-np.expm1(-depth), sigma, out=np.zeros_like(sigma), where=sigma > 0.0)
         total += (through * share)[:, None] * source
@@ -373,7 +383,7 @@ def test_labels_keep_pre_and_modes_one_volume(stage):
     labels = Labels(Volume((blobs(4) > 0.5).astype(np.uint8), np.eye(4)), {1: None})
     labeled = render(replace(scene, labels=labels), Quality())
     assert labeled.report["plan"]["classification"] == "pre"
-    assert "Labels are classified voxel by voxel, so the classification is pre." in labeled.report["remarks"]
+    assert BY_PRE in labeled.report["remarks"]
     for mode in ("xray", "mip"):
         picture = render(replace(scene, mode=mode), Quality())
         alone = render(replace(scene, mode=mode, channels=()), Quality())

@@ -7,7 +7,7 @@ import pytest
 
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import Labels, Quality, RleSplatError
+from rle_splat.scene import Channel, Labels, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
 from tests.truths.test_shadows import lit_blob, point, scene_of, sun
 from tests.ways import NUMPY, both
@@ -23,7 +23,10 @@ INDIRECT_IS_OFF = {
     "a headlight": ({"lights": (), "headlight": True}, "post", "only light that casts shadows is scattered"),
     "a lamp without shadows": ({"lights": (sun((0, 0, -1), casts_shadow=False),)}, "post", "only light that casts"),
     "by hand": ({"effects": {"indirect light": False}}, "post", "by hand"),
-    "labels": ({"labels": ALL_LABELED}, "post", "the volume is pre-classified"),
+    "labels and channels": (
+        {"labels": ALL_LABELED, "channels": (Channel(ALL_LABELED.volume, lit_blob().transfer_function),)}, "post",
+        "the volume is pre-classified",
+    ),
     "a mode": ({"mode": "mip"}, "post", "nothing is shaded"),
 }  # fmt: skip
 

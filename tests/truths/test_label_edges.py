@@ -156,10 +156,10 @@ def test_a_gradient_opacity_that_thins_nothing_changes_nothing_of_what_labels_hi
     np.testing.assert_array_equal(one.rgba, other.rgba)
 
 
-def test_steps_of_voxels_or_colors_are_pre_classified(stage):
+def test_steps_of_voxels_or_colors_leave_the_classification(stage):
     for labels in (Labels(majority(in_sphere), {1: None}, smooth=False), Labels(majority(in_sphere), {1: OPAQUE})):
-        picture = stage.render(half_hidden(stage, labels=labels), classification="post", depth_rule="preintegrated-2")
-        assert picture.report["plan"]["classification"] == "pre" and picture.report["remarks"]
+        picture = stage.render(half_hidden(stage, labels=labels), **POST)
+        assert picture.report["plan"]["classification"] == "post" and not picture.report["remarks"]
 
 
 def test_an_oblique_plane_of_labels_has_no_steps(stage):

@@ -14,6 +14,7 @@ from ..pixel_block import accumulator
 from ..ray_sums import HALF
 from ..scalar_block import SPAN
 from ..scalar_scanline import NOT_KEPT
+from .label_parts import label_parts
 from .sheet_buffer import composite_numpy, fade_added_numpy, leave_unseen, slab_numpy, within_holes
 
 ONE = np.float32(1.0)
@@ -105,17 +106,23 @@ def _classify(kind, here, there, lookup, cut):
     return _samples_between(here, there, lookup, first, last)
 
 
-def _classify_channels(kind, here, there, channels, cut):
+def _classify_channels(kind, here, there, channels, cut, parts=None):
     """As ``_classify``, by several channels; and where what is shown begins and ends (H, W) each: see
-    ``channel_block``."""
+    ``channel_block``.  ``parts``: what of each slab belongs to each of them, (channels, H, W), where they are the
+    functions of labels."""
     mixed = np.zeros((*here.shape[:2], 4), np.float32)
     counts, begin, end = np.zeros((3, *here.shape[:2]), np.float32)
     shine = here[..., 1:]
-    for plane, first, last, numbers in zip(channels.planes, channels.begins, channels.begins[1:], channels.numbers):
+    ends = zip(channels.planes, channels.begins, channels.begins[1:], channels.numbers)
+    for number, (plane, first, last, numbers) in enumerate(ends):
+        if parts is not None and not parts[number].any():
+            continue
         lookup = (channels.tables[first:last], channels.sums[first:last], *numbers, (last - first) // 4 - 1)
         own, own_before = (np.concatenate((one[..., [plane]], one[..., 1:]), axis=-1) for one in (here, there))
         sampled, counted, planes = _classify(kind, own, own_before, lookup, cut)
         sampled = sampled * np.broadcast_to(counted, counts.shape)[..., None]
+        if parts is not None:
+            sampled = sampled * parts[number][..., None]
         mixed += sampled
         part = np.divide(sampled[..., 3], mixed[..., 3], out=np.zeros_like(counts), where=mixed[..., 3] > 0.0)
         more = counted > counts
@@ -227,7 +234,8 @@ def _light_numpy(light, plane, position, planes):
 
 
 def splat_scalar_sheets_numpy(
-    tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, channels, least, pixels, half, filled
+    tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, channels, labels, least, pixels,
+    half, filled,
 ):
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does.
@@ -281,7 +289,8 @@ def splat_scalar_sheets_numpy(
             sampled, counted, shine = _classify(sheets.kind[sheet], here, there, lookup, cut)
             span = None
         else:
-            sampled, counted, shine, span = _classify_channels(sheets.kind[sheet], here, there, channels, cut)
+            parts = None if labels is None else label_parts(labels, *slab, len(channels.planes))
+            sampled, counted, shine, span = _classify_channels(sheets.kind[sheet], here, there, channels, cut, parts)
         if thinned:
             in_slab = in_slab * shine[..., -1]
         if absorbs is not None:

@@ -1,0 +1,192 @@
+"""Labels of a post-classified scan: the functions that classify it, and where each of them does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..classify.classification import opacity_distance
+from ..classify.label_cells import NO_KIND, NORMAL_OF_ONE, LabelCells, cell_steps
+from ..classify.label_edges import beside_any
+from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
+from ..classify.reference import pack
+from ..classify.relevant import Reach
+from ..classify.transfer_function import TransferFunction
+from ..classify.visible import VisibleVoxels
+from ..runtime.jit import read_only
+from ..runtime.steps import map_steps
+from ..runtime.work_sizes import MIXED_AT_ONCE
+from ..scene import Labels
+from ..shade.sample_light import ONE
+from ..shade.surface_normals import Surfaces
+from ..shade.surface_points import place_steps, shown_ranges
+from ..volume.blocks import cut_chunks
+
+CLEAR = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 0.0, 0.0, 0.0),))  # of a hidden label
+SOLID = TransferFunction(opacity=((0.0, 1.0),), color=((0.0, 0.0, 0.0, 0.0),))
+
+
+@dataclass(frozen=True, eq=False)
+class LabelFunctions:
+    """The transfer functions of labels, those that look alike once.
+
+    Attributes
+    ----------
+    labels : Labels
+    functions : tuple of TransferFunction or None
+        Number 0 is the scene's own; None hides.
+    known : (k,) ndarray of integers
+        Ascending labels that have a function.
+    numbers : (k,) ndarray of uint16
+        Function number of each of them.
+    """
+
+    labels: Labels
+    functions: tuple
+    known: np.ndarray
+    numbers: np.ndarray
+
+    @classmethod
+    def of(cls, labels: Labels, own: TransferFunction) -> LabelFunctions:
+        """Of the labels of a scene whose own transfer function is ``own``."""
+        functions, known = {own.classification_key: own}, sorted(labels.functions)
+        order = {own.classification_key: 0}
+        numbers = []
+        for label in known:
+            function = labels.functions[label]
+            key = None if function is None else function.classification_key
+            functions.setdefault(key, function)
+            numbers.append(order.setdefault(key, len(order)))
+        return cls(labels, tuple(functions.values()), np.array(known), np.array(numbers))
+
+    @property
+    def hides(self) -> bool:
+        """Whether any label is hidden."""
+        return None in self.functions
+
+    @cached_property
+    def key(self) -> tuple:
+        """All that decides which function a point belongs to."""
+        return self.labels.volume.key, tuple(self.known), tuple(self.numbers), self.labels.smooth
+
+    @cached_property
+    def functions_key(self) -> tuple:
+        """What each function classifies by."""
+        return tuple(function and function.classification_key for function in self.functions)
+
+    def numbers_of(self, first: int, last: int) -> np.ndarray:
+        """(planes, ny, nx) uint16: function numbers of planes [first, last)."""
+        labels = np.asarray(self.labels.volume.voxels[first:last])
+        at = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
+        return np.where(self.known[at] == labels, self.numbers[at], 0).astype(np.uint16)
+
+    def cell_steps(self):
+        """Generator of fractions done: the LabelCells."""
+        shape = self.labels.volume.shape_xyz
+        return cell_steps(self.numbers_of, len(self.functions), shape, self.labels.smooth)
+
+    def reach(self, volume) -> Reach:
+        """Of what the functions of labels show, all together."""
+        found = [Reach.of(volume, function).ends for function in self.functions[1:] if function is not None]
+        return Reach(np.concatenate([np.empty((0, 2), volume.voxels.dtype), *found]))
+
+    def mask_steps(self, cells: LabelCells, bits: np.ndarray):
+        """Generator of fractions done: takes from ``bits``, as of ``relevant_steps``, what is further than two voxels
+        from all labels with a function: these end within a voxel of theirs, slabs that they end in within another."""
+        nx, ny, nz = cells.shape_xyz
+        shows = np.array([number > 0 and function is not None for number, function in enumerate(self.functions)])
+        planes = cells.numbers.reshape(nz, ny, nx)
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            low = max(first - 2, 0)
+            shown = shows[planes[low : last + 2] & NO_KIND]
+            near = beside_any(beside_any(shown))[first - low : last - low]
+            own = np.zeros((len(near) * ny, bits.shape[1]), np.uint64)
+            pack(near.reshape(-1, nx), own)
+            bits[first * ny : last * ny] &= own
+        return bits
+
+
+@dataclass(frozen=True, eq=False)
+class ScalarLabels:
+    """Labels of kept voxels.
+
+    Attributes
+    ----------
+    functions : LabelFunctions
+    cells : LabelCells
+    tables : tuple of LookupTable
+        One for each function.
+    """
+
+    functions: LabelFunctions
+    cells: LabelCells
+    tables: tuple[LookupTable, ...]
+
+    @classmethod
+    def of(cls, functions: LabelFunctions, cells: LabelCells, volume, ends, length: float) -> ScalarLabels:
+        """``ends``: smallest and largest stored value of ``volume``; ``length``: world length of its unit."""
+        shown = (CLEAR if function is None else function for function in functions.functions)
+        tables = (lookup_table(volume, one, ends, opacity_distance(volume, one, length)) for one in shown)
+        return cls(functions, cells, tuple(tables))
+
+    @property
+    def key(self) -> tuple:
+        return self.functions.key, self.functions.functions_key
+
+    def extinction(self, voxels: VisibleVoxels, kind, infinite) -> np.ndarray:
+        """(m,) float32 of voxels, each by its own function, 1 / world length; see ``extinction_of``."""
+        numbers, found = self.cells.of_rows(voxels.row_start, voxels.column), np.empty(len(voxels), np.float32)
+        for number in np.unique(numbers):
+            own = numbers == number
+            found[own] = extinction_of(self.tables[number], voxels.stored[own], kind, infinite)
+        return found
+
+    def place_steps(self, surfaces: Surfaces, voxels: VisibleVoxels, volume, matrix, faces, extinction, *,
+                    with_points: bool, threads: int):  # fmt: skip
+        """As ``surface_points.place_steps``, with the normals of labels at their boundaries.
+
+        Such a normal points to where there is less matter: of two functions to the one of less extinction on average.
+        Elsewhere a voxel is turned to where its own function shows less.  ``extinction``: (m,), of the voxels.
+        """
+        rows = voxels.row_start, voxels.column
+        numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
+        count = len(self.tables)
+        dense = np.bincount(numbers, extinction, count) / np.maximum(np.bincount(numbers, minlength=count), 1)
+        at = np.flatnonzero(records >= 0)
+        at = at[self.cells.normals[records[at]].any(axis=1)]
+        own, other = self.cells.kinds[records[at], :2].astype(np.int64).T
+        inward = (dense[own] > dense[other]) | ((dense[own] == dense[other]) & (own < other))
+        slopes = self.cells.normals[records[at]] / NORMAL_OF_ONE @ np.linalg.inv(volume.affine[:3, :3])
+        slopes *= (np.sign(volume.slope) * np.where(inward, 1.0, -1.0))[:, None]
+        slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
+        vectors = np.array(surfaces.vectors)
+        vectors[at] = np.rint(slopes * ONE)
+        turned = replace(surfaces, vectors=read_only(vectors))
+        alike = self._alike(numbers)
+        alike[at] = -1
+        codes = offsets = None
+        groups = np.unique(alike)
+        for n, group in enumerate(groups):
+            function = SOLID if group < 0 else self.functions.functions[group]
+            steps = place_steps(turned, voxels, volume, function, matrix, faces, with_points=with_points,
+                                threads=threads)  # fmt: skip
+            found = yield from map_steps(steps, lambda done, n=n: (n + done) / len(groups))
+            if n == 0:
+                codes, offsets = (None if one is None else np.array(one) for one in found)
+                continue
+            mine = alike == group
+            for to, one in zip((codes, offsets), found):
+                if to is not None:
+                    to[mine] = one[mine]
+        return codes, offsets
+
+    def _alike(self, numbers) -> np.ndarray:
+        """(m,) int64: of each voxel's function the first one that shows the same values."""
+        first, known = {}, []
+        for number, function in enumerate(self.functions.functions):
+            key = shown_ranges((function or self.functions.functions[0]).opacity).tobytes()
+            known.append(first.setdefault(key, number if function is not None else 0))
+        return np.array(known)[numbers]

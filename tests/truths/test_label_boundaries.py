@@ -1,0 +1,283 @@
+"""Proves where boundaries of labels lie under post-classification: against closed forms of spheres, a torus, and three
+bodies that meet in a line; and pictures against a march along rays that shares no code with the renderer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.classify.label_cells import KINDS, WEIGHT_OF_ONE, cell_steps
+from rle_splat.classify.transfer_function import Shade
+from rle_splat.effects.mixing import BY_PRE
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import use_reference
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Channel, Labels
+from rle_splat.splat.label_fields import cell_field
+from rle_splat.splat.reference.label_parts import labels_at
+from rle_splat.volume.volume import Volume
+from tests.truths.test_channels import blobs, fine, function, marched, optics, trilinear
+
+N = 56
+MOST = 0.25  # voxels, at 99 % of a boundary
+STEP = 0.005
+NARROW = 2.0 + 2.0**0.5  # sqrt(2) / (sqrt(2) - 1)
+
+
+def center(seed):
+    return N / 2 + np.random.default_rng(seed).random(3)
+
+
+def directions(seed, count=1500):
+    found = np.random.default_rng(seed).normal(size=(count, 3))
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def sphere(seed, radius):
+    """Signed distance of points (..., 3), points of the surface, and normals."""
+    at, out = center(seed), directions(seed)
+    return lambda p: np.linalg.norm(p - at, axis=-1) - radius, at + radius * out, out
+
+
+def torus(seed):
+    at, (turn, _) = center(seed), np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    around, along = np.random.default_rng(seed + 1).random((2, 1500)) * 2.0 * np.pi
+    flat = np.stack((np.cos(around), np.sin(around), np.zeros_like(around)), axis=1)
+    out = np.cos(along)[:, None] * flat + np.sin(along)[:, None] * (0.0, 0.0, 1.0)
+
+    def distance(p):
+        x, y, z = np.moveaxis((p - at) @ turn.T, -1, 0)
+        return np.hypot(np.hypot(x, y) - 16.0, z) - 6.0
+
+    return distance, at + (16.0 * flat + 6.0 * out) @ turn, out @ turn
+
+
+def voxels_of(number_of):
+    """(N, N, N) uint16: the number at each voxel's center; ``number_of``: of points (..., 3), x, y, z."""
+    return number_of(np.moveaxis(np.indices((N, N, N)), 0, -1)[..., ::-1].astype(float)).astype(np.uint16)
+
+
+def cells_of(labels, smooth=True):
+    count = int(labels.max()) + 1
+    return drain(cell_steps(lambda first, last: labels[first:last], count, labels.shape[::-1], smooth))
+
+
+def errors(cells, points, normals, inner):
+    """(n,) distance along the normals from points of a boundary to where ``inner`` ends, voxels."""
+    away = np.arange(-1.0, 1.0, STEP)
+    places = (points[:, None] + away[:, None] * normals[:, None]).reshape(-1, 3)
+    inside = labels_at(cell_field(cells), places)[0].reshape(len(points), -1) == inner
+    return np.abs(away[0] - 0.5 * STEP + STEP * inside.sum(axis=1))
+
+
+@pytest.mark.parametrize("body", ("sphere of 9", "sphere of 13", "sphere of 20", "torus"))
+def test_boundaries_of_closed_forms(body):
+    makers = {
+        "sphere of 9": lambda seed: sphere(seed, 9.0), "sphere of 13": lambda seed: sphere(seed, 13.0),
+        "sphere of 20": lambda seed: sphere(seed, 20.0), "torus": torus,
+    }  # fmt: skip
+    after, before = [], []
+    for seed in range(4):
+        distance, points, normals = makers[body](seed)
+        labels = voxels_of(lambda p, distance=distance: distance(p) < 0.0)
+        for found, smooth in ((after, True), (before, False)):
+            found.append(errors(cells_of(labels, smooth), points, normals, 1))
+    after, before = np.concatenate(after), np.concatenate(before)
+    print(body, [(np.sqrt((e**2).mean()), np.quantile(e, 0.99), (e < MOST).mean()) for e in (after, before)])
+    assert np.quantile(after, 0.99) <= MOST
+    assert np.quantile(before, 0.99) > 0.35, "the measurement sees the steps of the voxels"
+    assert np.sqrt((after**2).mean()) < 0.65 * np.sqrt((before**2).mean())
+
+
+def test_three_bodies_that_meet_in_a_line():
+    """Three sectors around an oblique axis: no fourth number appears, and boundaries lie where they belong, also near
+    the line."""
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    at = center(3)
+
+    def sector(p):
+        x, y, _ = np.moveaxis((p - at) @ turn.T, -1, 0)
+        return np.floor((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * 3.0).clip(0, 2) + 1
+
+    cells = cells_of(voxels_of(sector))
+    random = np.random.default_rng(4)
+    points = at + (random.random((60000, 3)) - 0.5) * (12.0, 12.0, 24.0) @ turn
+    found = labels_at(cell_field(cells), points)[0]
+    assert set(np.unique(found)) == {1, 2, 3}
+    x, y, _ = np.moveaxis((points - at) @ turn.T, -1, 0)
+    angle, radius = np.arctan2(y, x) + np.pi, np.hypot(x, y)
+    nearest = np.abs(angle[:, None] - np.arange(4) * 2.0 * np.pi / 3.0).min(axis=1)
+    distance = np.where(nearest < 0.5 * np.pi, radius * np.sin(np.minimum(nearest, 0.5 * np.pi)), radius)
+    wrong = found != sector(points)
+    print("three bodies", np.quantile(distance[wrong], 0.99), distance[wrong].max(), (wrong & (distance > MOST)).mean())
+    near = distance < 1.0
+    assert (wrong & (distance > MOST)).sum() < 0.01 * near.sum()
+    assert distance[wrong].max() < 0.6
+    # Within a voxel of the line itself.
+    assert distance[wrong & (radius < 1.0)].max() < 0.5
+
+
+def blurred(values, taps):
+    for axis in range(3):
+        values = np.apply_along_axis(lambda line: np.convolve(line, taps, "same"), axis, values)
+    return values
+
+
+def test_records_are_those_of_the_definition():
+    """Weights are those of the smoothed indicator in float64, and a voxel's own function leads."""
+    random = np.random.default_rng(5)
+    labels = random.integers(0, 4, (6, 5, 7)).repeat(3, 0).repeat(3, 1).repeat(3, 2).astype(np.uint16)
+    labels[random.random(labels.shape) < 0.03] = 4
+    cells = cells_of(labels)
+    taps = np.exp(-0.5 * (np.arange(-4, 5) / 1.6) ** 2)
+    taps /= taps.sum()
+    smoothed = []
+    for number in range(5):
+        once = blurred(np.pad((labels == number).astype(float), 8, mode="edge"), taps)
+        smoothed.append((NARROW * once - (NARROW - 1.0) * blurred(once, taps))[8:-8, 8:-8, 8:-8])
+    smoothed = np.stack(smoothed)
+    rows = np.repeat(np.arange(labels.shape[0] * labels.shape[1]), np.diff(cells.row_start))
+    z, y, x = rows // labels.shape[1], rows % labels.shape[1], cells.column
+    assert (cells.kinds[:, 0] == labels[z, y, x]).all()
+    weights = cells.weights / WEIGHT_OF_ONE
+    assert (weights[:, 0] >= weights[:, 1:].max(axis=1) + 0.0999).all(), "a voxel's own function leads"
+    for slot in range(1, KINDS):
+        known = cells.kinds[:, slot] < 5
+        expected = smoothed[cells.kinds[known, slot], z[known], y[known], x[known]]
+        np.testing.assert_allclose(weights[known, slot], expected, atol=2e-4)
+    assert (np.diff(weights[:, 1:], axis=1) <= 0.0).all(), "by falling weight"
+
+
+def test_what_is_thin_stays():
+    """A sheet, a line and a single voxel of another label: their voxels' centers belong to them."""
+    labels = np.zeros((9, 9, 20), np.uint16)
+    labels[4, :, 2] = labels[4, 4, 6] = labels[4, 4, 12] = labels[:, :, 17] = 1
+    found = labels_at(cell_field(cells_of(labels)), np.argwhere(labels)[:, ::-1].astype(float))[0]
+    assert (found == 1).all()
+    beside = labels_at(cell_field(cells_of(labels)), np.argwhere(labels)[:, ::-1] + (0.15, 0.0, 0.0))[0]
+    assert (beside == 1).mean() > 0.99, "none is thinner than a third of a voxel"
+
+
+def organs(stage, shade=None, size=(30, 28), **more):
+    """Smooth values, of which four labels that meet have their own functions, one is hidden, and the rest goes on."""
+    volume = Volume((blobs(0) * 200.0).astype(np.uint8), np.eye(4))
+    z, y, x = np.indices(volume.voxels.shape)
+    inside = (x - 7.2) ** 2 + (y - 6.8) ** 2 + (z - 6.1) ** 2 < 30.0
+    labels = np.where(inside, 10 + (x > 7) + 2 * (y + 0.4 * z > 9.0), 0).astype(np.int16)
+    functions = {
+        10: function(40.0, 120.0, 0.6, (0.9, 0.2, 0.1), shade),
+        11: function(0.0, 200.0, 0.9, (0.2, 0.9, 0.2), shade, 2.0),
+        12: function(30.0, 60.0, 0.4, (0.2, 0.3, 1.0), shade),
+        -3: None,
+    }
+    labels[2:5, 3:9, 9:13] = -3
+    scene = stage.on_turntable(np.zeros(volume.voxels.shape), 25.0, 20.0, False, size, 1.1)
+    given = Labels(Volume(labels, np.eye(4)), functions)
+    own = function(70.0, 140.0, 0.5, (0.8, 0.8, 0.7), shade)
+    return replace(scene, volume=volume, transfer_function=own, labels=given, headlight=shade is not None, **more)
+
+
+def of_labels(scene, at):
+    """(n, 3) source and (n,) extinction at points: the value trilinear, classified by the label whose smoothed
+    indicator, trilinear, is largest."""
+    labels, (first, *rest) = scene.labels.volume.voxels, (0, *scene.labels.functions)
+    taps = np.exp(-0.5 * (np.arange(-4, 5) / 1.6) ** 2)
+    taps /= taps.sum()
+    own = np.where(np.isin(labels, rest), labels, first)
+    if not hasattr(of_labels, "fields"):
+        fields = []
+        for label in (first, *rest):
+            once = blurred(np.pad((own == label).astype(float), 8, mode="edge"), taps)
+            fields.append((NARROW * once - (NARROW - 1.0) * blurred(once, taps))[8:-8, 8:-8, 8:-8])
+        fields = np.stack(fields)
+        mine = np.stack([own == label for label in (first, *rest)])
+        lead, other = (fields * mine).sum(axis=0), np.where(mine, -9.0, fields).max(axis=0)
+        lead = np.maximum(lead, other + np.maximum(0.1, other - lead - 0.1))
+        of_labels.fields = np.where(mine, lead, fields)
+    number = np.argmax([trilinear(field, at) for field in of_labels.fields], axis=0)
+    value, source, sigma = trilinear(scene.volume.voxels, at), np.zeros((len(at), 3)), np.zeros(len(at))
+    for n, label in enumerate((first, *rest)):
+        tf = scene.labels.functions.get(label, scene.transfer_function)
+        if tf is not None and (number == n).any():
+            color, own_sigma = optics(value[number == n], tf)
+            source[number == n], sigma[number == n] = color * own_sigma[:, None], own_sigma
+    return source, sigma
+
+
+@pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
+def test_a_picture_is_a_march_along_rays(stage, rays):
+    scene = organs(stage)
+    visible = replace(scene.labels, functions={k: f for k, f in scene.labels.functions.items() if f is not None})
+    scene = replace(scene, labels=visible)
+    expected = marched(scene, 10, of_labels)
+    with use_reference():
+        picture = render(scene, fine(rays=rays))
+    assert picture.report["plan"]["classification"] == "post"
+    error = np.abs(picture.rgba - expected).max(axis=-1)
+    print(np.quantile(error, (0.5, 0.9, 0.99)) / LEVEL, error.max() / LEVEL)
+    with use_reference():
+        without = render(replace(scene, labels=None), fine())
+    assert np.abs(without.rgba - expected).max() > 20 * LEVEL, "the labels count"
+    assert np.quantile(error, 0.99) < 3.0 * LEVEL
+
+
+@pytest.mark.parametrize("spacing", ((1.0, 1.0, 1.0), (1.0, 1.0, 1.6)), ids=("cubes", "flat voxels"))
+def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
+    """A solid label among even values, which have no gradient: the headlight shows the normals of its boundary."""
+    shape, at, radius = (24, 30, 32), np.array((15.3, 14.6, 11.9)) * spacing, 9.0
+    z, y, x = np.indices(shape)
+    inside = sum((n * s - c) ** 2 for n, s, c in zip((x, y, z), spacing, at)) < radius**2
+    affine = np.diag((*spacing, 1.0))
+    even, labels = Volume(np.full(shape, 100, np.uint8), affine), Volume(inside.astype(np.uint8), affine)
+    scene = replace(stage.on_turntable(np.zeros(shape), 30.0, 20.0, False, (60, 60), 1.0), volume=even)
+    solid = replace(function(0.0, 100.0, 1.0, (1.0, 1.0, 1.0), Shade(0.2, 0.8, 0.0, 10.0)), color=((0.0, 1, 1, 1),))
+    clear = replace(solid, opacity=((0.0, 0.0),))
+    scene = replace(
+        scene, transfer_function=clear, labels=Labels(labels, {1: solid}), headlight=True
+    )  # fmt: skip
+    with use_reference():
+        picture = render(scene, fine())
+    matrix, side = scene.camera.matrix_world, scene.camera.ortho_scale
+    across = ((np.arange(60) + 0.5) / 60 - 0.5) * side
+    starts = matrix[:3, 3] + across[None, :, None] * matrix[:3, 0] - across[:, None, None] * matrix[:3, 1]
+    sphere_at = scene.volume_matrix[:3, :3] @ at + scene.volume_matrix[:3, 3]
+    beside = starts - sphere_at
+    away = np.linalg.norm(beside - (beside @ matrix[:3, 2])[..., None] * matrix[:3, 2], axis=-1)
+    scale = np.linalg.norm(scene.volume_matrix[:3, 0])
+    inner = away < 0.8 * radius * scale
+    facing = np.sqrt(1.0 - (away[inner] / (radius * scale)) ** 2)
+    error = picture.rgba[inner][:, 0] - (0.2 + 0.8 * facing)
+    print(inner.sum(), np.sqrt((error**2).mean()), np.abs(error).max(), picture.rgba[inner][:, 3].min())
+    assert picture.rgba[inner][:, 3].min() > 0.99
+    assert np.sqrt((error**2).mean()) < 0.03
+
+
+@pytest.mark.parametrize("shade", (None, Shade(0.2, 0.7, 0.3, 15.0)), ids=("unlit", "lit"))
+@pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
+def test_kernels_draw_what_numpy_draws(stage, shade, rays):
+    scene = organs(stage, shade)
+    one = render(scene, fine(rays=rays)).rgba
+    with use_reference():
+        other = render(scene, fine(rays=rays)).rgba
+    assert np.abs(one - other).max() < 0.1 * LEVEL
+    assert one.tobytes() == render(scene, fine(rays=rays, threads=1)).rgba.tobytes(), "threads change nothing"
+
+
+def test_hidden_labels_show_nothing(stage):
+    """A hidden label beside others, and labels that only hide."""
+    scene = organs(stage)
+    with use_reference():
+        picture = render(scene, fine()).rgba
+        nothing = dict.fromkeys(map(int, np.unique(scene.labels.volume.voxels)))
+        assert render(replace(scene, labels=replace(scene.labels, functions=nothing)), fine()).rgba.max() == 0.0
+        shown = {label: f for label, f in scene.labels.functions.items() if f is not None}
+        more = render(replace(scene, labels=replace(scene.labels, functions=shown)), fine()).rgba
+        assert np.abs(more - picture).max() > 0.1 and (more[..., 3] >= picture[..., 3] - 0.05).all()
+
+
+def test_labels_with_channels_are_classified_voxel_by_voxel(stage):
+    scene = organs(stage)
+    with use_reference():
+        picture = render(replace(scene, channels=(Channel(scene.volume, scene.transfer_function),)))
+    assert picture.report["plan"]["classification"] == "pre" and BY_PRE in picture.report["remarks"]
