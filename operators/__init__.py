@@ -22,6 +22,7 @@ from . import (
     export_segments,
     extract_surface,
     frame_volume,
+    hide_mesh,
     import_volume,
     keep_connected,
     keyframe_transfer,
@@ -42,6 +43,7 @@ from . import (
     threshold_segment,
     transfer_files,
     turntable,
+    update_world_light,
     use_window_tool,
     window_level,
 )
@@ -52,7 +54,7 @@ MODULES = (
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
-    change_segment, export_segments,
+    change_segment, export_segments, update_world_light, hide_mesh,
 )
 
 

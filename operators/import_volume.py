@@ -73,6 +73,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     """Mix-in: read the volumes at ``paths()`` and add an object for each."""
 
     nothing_chosen = "No file was chosen; set filepath, or directory and files."
+    guesses: tuple = ()  # warnings about files whose layout was guessed
     is_channel = False  # whether the volumes are added to the picture of another one
 
     preset: EnumProperty(
@@ -119,25 +120,24 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        corners, sentences = [], []
+        corners, warnings, sentences = [], list(self.guesses), []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
-            for sentence in (*found.remarks, remark):
-                if sentence:
-                    self.report({"WARNING"}, translate(sentence))
+            warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
             corners.append(box.world_corners(owner))
-            inside = viewports.hiding_sentence(context.view_layer, corners[-1])
-            imported = filled("Imported {volume}.", volume=owner.name)
-            sentences.append(" ".join(filter(None, (imported, inside, translate(reason)))))
+            sentences += [filled("Imported {volume}.", volume=owner.name), translate(reason)]
         self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
+        eyes = viewports.eyes_of(None if bpy.app.background else context.window) or [None]
+        warnings += dict.fromkeys(
+            viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes)
         if self.use_headlight and corners:
             sentences.append(first_light.light_if_dark(context, len(corners), corners[0]))
-        for sentence in filter(None, sentences):
-            self.report({"INFO"}, sentence)
+        # Together, since of several messages a window shows the last one alone.
+        self.report({"WARNING" if any(warnings) else "INFO"}, " ".join(filter(None, (*warnings, *sentences))))
 
     def _show(self, context, added: int) -> None:
         """Open the eyes of the window's viewports, or close them for a scene's first volumes, as the user prefers."""
@@ -186,8 +186,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
                 f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
                 "set Shape and Type in the import dialog.")
         if not guess.certain:
-            self.report({"WARNING"}, f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; "
-                                     "if it looks wrong, import it again with its Shape and Type.")
+            self.guesses += (
+                f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; if it looks wrong, "
+                "import it again with its Shape and Type.",)
         spacing = tuple(options.spacing)
         source_options.fill_from_guess(options, guess)
         if any(spacing):

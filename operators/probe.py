@@ -11,6 +11,9 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import NO_VOLUME, refuse
 
 
+REST = 2.0  # seconds
+
+
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
     """Tell the value, voxel, position and label at the first visible surface along a ray; in a viewport, under the
     mouse"""
@@ -18,6 +21,8 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
     bl_idname = "rle_splat.probe"
     bl_label = "Value at Surface"
     bl_options = set()
+
+    _moved = False  # whether the mouse has moved since the last tick
 
     origin: FloatVectorProperty(name="Origin", description="Where the ray begins, in world space")
     direction: FloatVectorProperty(
@@ -34,7 +39,36 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
         if context.region is None or context.region_data is None:
             return self.execute(context)
         probe.hover(context, (event.mouse_region_x, event.mouse_region_y))
+        if probe.is_watched(context.area):
+            return {"PASS_THROUGH"}
+        probe.watch(context.area)
+        self._timer = context.window_manager.event_timer_add(REST, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL", "PASS_THROUGH"}
+
+    def modal(self, context, event):
+        """Pass all events on; forget the value once the mouse has left the region, and end while it rests."""
+        if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE"):
+            self._moved = True
+            x, y = event.mouse_x - context.region.x, event.mouse_y - context.region.y
+            if not (0 <= x < context.region.width and 0 <= y < context.region.height):
+                probe.forget()
+                probe.redraw(context.area)
+                return self._end(context)
+        elif event.type == "TIMER":
+            if not self._moved:  # Blender saves nothing by itself while an operator goes on
+                return self._end(context)
+            self._moved = False
         return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        self._end(context)
+
+    def _end(self, context) -> set:
+        if probe.is_watched(context.area):
+            probe.watch(None)
+        context.window_manager.event_timer_remove(self._timer)
+        return {"CANCELLED", "PASS_THROUGH"}
 
     def execute(self, context):
         if not any(self.direction):

@@ -68,6 +68,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         "the volume's transfer function")
 
     is_new = False  # only files are written
+    _viewport_has_depth = False  # whether the view of the button is a perspective one
 
     @classmethod
     def poll(cls, context):
@@ -75,6 +76,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
 
     def invoke(self, context, _event):
         self.is_confirmed = True
+        view = context.region_data
+        self._viewport_has_depth = view is not None and view.is_perspective
         if not self.filepath:
             self.filepath = free_path(*DEFAULT_NAME, figure.is_free)
         if context.scene.camera is None:
@@ -82,7 +85,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def draw(self, _context):
+    def draw(self, context):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -92,6 +95,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         if self.scale_bar:
             layout.prop(self, "scale_length")
             layout.prop(self, "scale_depth")
+            if self.scale_depth == "NONE" and self._is_perspective(context):
+                layout.label(text="None in a perspective view: set Scale at", icon="INFO")
         layout.prop(self, "color_bar")
         layout.prop(self, "use_caption")
         if self.use_caption:
@@ -99,6 +104,13 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         layout.prop(self, "compare")
         if not self.compare:
             layout.prop(self, "title")
+
+    def _is_perspective(self, context) -> bool:
+        """Whether lengths of the figure's view differ with depth."""
+        if self.view == "CAMERA":
+            camera = context.scene.camera
+            return camera is not None and camera.type == "CAMERA" and camera.data.type == "PERSP"
+        return self._viewport_has_depth
 
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:

@@ -5,6 +5,7 @@ its progress, and Esc ends it.  The scene's output settings are changed for the 
 """
 
 import os
+import textwrap
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
@@ -24,6 +25,7 @@ from ..bridge.render.output_settings import (
     final_path,
     free_path,
     look_through,
+    why_no_movie,
     write_to,
 )
 from ..bridge.translations import filled
@@ -32,6 +34,7 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 
 TURN, OWN = "TURN", "CAMERA"
+LETTERS = 44  # characters in a line of the dialog
 TICK = 0.2  # seconds between looks at whether Blender still renders
 
 _canceled: list = []  # not empty when the render in progress was canceled
@@ -79,6 +82,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
 
     _kept = None
     _timer = None
+    _added: tuple = ()  # Held camera and Empty that this call has made
 
     @classmethod
     def poll(cls, context):
@@ -89,20 +93,27 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             return False
         return True
 
-    def draw(self, _context):
+    def draw(self, context):
         layout = self.layout
         layout.use_property_split = True
         turns = self.path == TURN
         for name in ("path", *(("frames", "angle", "azimuth", "elevation", "perspective") if turns else ()), "output"):
             layout.prop(self, name)
+        problem = why_no_movie(context.scene.render)
+        for line in textwrap.wrap(problem, LETTERS):
+            row = layout.row()
+            row.alert = self.output == MOVIE
+            row.label(text=line, translate=False)
         if turns:
             layout.prop(self, "render")
 
     def invoke(self, context, event):
         self._is_confirmed = True
+        if self.output == MOVIE and why_no_movie(context.scene.render):
+            self.output = PNG  # and the dialog says why
         if not self.filepath:
             name = bpy.path.clean_name(f"{volumes.volume_object(context).name} Turntable", replace=" ")
-            self.filepath = free_path(name, EXTENSIONS[MOVIE], lambda path: not os.path.exists(path))
+            self.filepath = free_path(name, EXTENSIONS[self.output], lambda path: not os.path.exists(path))
         return ExportHelper.invoke(self, context, event)
 
     def check(self, _context):
@@ -133,9 +144,11 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             return self._watch(context) if in_window else self._render_through(context)
         except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
             self._finish(context)
+            self._remove_added()
             return refuse(self, _sentence(problem))
         except BaseException:
             self._finish(context)
+            self._remove_added()
             raise
 
     def _path(self, context) -> tuple:
@@ -146,9 +159,10 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             if scene.camera is None:
                 raise RleSplatError("The scene has no active camera; add one and animate it, or choose Turn.")
             return scene.camera, self._frames(scene)
-        frames = self._frames(scene)
+        frames, before = self._frames(scene), set(scene.objects)
         camera, pivot = camera_path.turning_camera(
             context, owner, is_perspective=self.perspective, elevation=self.elevation)
+        self._added = tuple(Held(one) for one in (camera, pivot) if one not in before)
         camera_path.keyframe_turn(pivot, self.azimuth, self.angle, frames)
         context.view_layer.update()
         return camera, frames
@@ -199,10 +213,18 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             self._kept.restore()
             self._kept = None
 
+    def _remove_added(self) -> None:
+        """Remove the camera and the Empty of an animation that did not come about."""
+        found = [one for one in (held.find() for held in self._added) if one is not None]
+        cameras = [one.data for one in found if one.type == "CAMERA"]
+        bpy.data.batch_remove(found)
+        bpy.data.batch_remove([data for data in cameras if data.users == 0])
+
     def _say(self) -> set:
         """Report how it ended.  The window may show another scene by then, and that which was rendered may be gone."""
         scene = self._scene.find()
         if _canceled:
+            self._remove_added()
             self.report({"WARNING"}, filled(
                 "The animation was canceled; what was rendered is at {file}.", file=self._written))
         elif scene is not None and scene.rle_splat.failed_frames:

@@ -5,7 +5,7 @@ import bpy
 from ..bridge.data import effects
 from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import is_pre_classified
-from ..bridge.scene import first_light
+from ..bridge.scene import first_light, world_render
 from ..bridge.scene.world import state as world_state
 from ..bridge.volumes import encoded, volumes
 from .places import OfVolume, paragraph
@@ -40,6 +40,8 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
         column.prop(settings, "use_world")
         paragraph(context, layout, world_state(context.scene), icon="WORLD")
+        if world_render.is_needed(context.scene):
+            layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
         row = layout.row()
         row.active = has_shadows
         row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off

@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections import Counter
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ..data import preferences
 from ..loop import timer
 from ..messages import tell
-from ..scene import render_scene
+from ..scene import render_scene, viewports
 from ..translations import filled
+from ..volumes import box
 from . import drawing, shown, surface
 from .viewport import Viewport
 
@@ -28,7 +30,7 @@ class Live:
     """A viewport, and what is held for drawing it.
 
     ``keys``: of the volumes that it shows.  ``framebuffer``: the viewport's own, during a redraw.  ``placed``: textures
-    of the pictures of ``version``.  ``waits``: see ``BlenderSurface``.
+    of the pictures of ``version``.  ``waits``: see ``BlenderSurface``.  ``mesh``: name of one that hides them all.
     """
 
     def __init__(self):
@@ -36,6 +38,7 @@ class Live:
         self.keys, self.framebuffer = (), None
         self.version, self.placed = -1, []
         self.waits: list = []
+        self.mesh = ""
 
 
 _lives: dict[int, Live] = {}  # by address of the region
@@ -165,10 +168,25 @@ def _tick():
         return TICK
     had = live.viewport.problem
     if live.viewport.work():
+        live.mesh = _find_mesh_before(live, region)
         region.tag_redraw()
         _tell_of(live.viewport, had)
         _redraw_panels(area)
     return TICK
+
+
+def _find_mesh_before(live: Live, region) -> str:
+    """Name of a mesh that hides the volumes of a viewport; looked for where its refined pictures are blank."""
+    viewport = live.viewport
+    if not viewport.is_refined or viewport.problem or any(one.rgba[..., 3].any() for one in viewport.pictures):
+        return ""
+    window = surface.window_of(region)
+    owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
+    corners = [found for found in map(box.world_corners, owners) if len(found)]
+    if window is None or not corners or not window.scene.rle_splat.meshes_occlude:
+        return ""
+    names = viewports.hiding_meshes(window.view_layer, np.concatenate(corners), viewport.eye)
+    return names[0] if names else ""
 
 
 def _redraw_panels(area) -> None:
@@ -186,6 +204,18 @@ def viewports_of(area) -> list[Viewport]:
 def problem_of(area) -> str:
     """Why an area's viewports do not show volumes; "" without a problem."""
     return next((one.problem for one in viewports_of(area) if one.problem), "")
+
+
+def mesh_before(area) -> str:
+    """Name of a mesh that hides all volumes in a viewport of an area; "" without one."""
+    addresses = {region.as_pointer() for region in area.regions if region.type == "WINDOW"}
+    return next((live.mesh for address, live in _lives.items() if address in addresses and live.mesh), "")
+
+
+def sentence_of_mesh(area) -> str:
+    """Which mesh hides all volumes in a viewport of an area; "" without one."""
+    mesh = mesh_before(area)
+    return filled("{mesh} hides the volume in this view.", mesh=mesh) if mesh else ""
 
 
 def remark_of(area) -> str:

@@ -187,6 +187,16 @@ def region_of(address: int):
     return None, None
 
 
+def window_of(region):
+    """The window that shows a region of a 3D view; None if it was closed."""
+    address = region.as_pointer()
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if any(one.as_pointer() == address for one in area.regions):
+                return window
+    return None
+
+
 def active_framebuffer():
     """The framebuffer that is being drawn to."""
     return gpu.state.active_framebuffer_get()

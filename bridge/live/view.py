@@ -191,6 +191,19 @@ def with_margin(pixels, width: int, height: int, margin: int = AROUND) -> tuple[
     return max(left - margin, 0), max(top - margin, 0), min(right + margin, width), min(bottom + margin, height)
 
 
+def eye_of(view_matrix, is_perspective: bool) -> np.ndarray:
+    """(4,) float64: where a view is seen from in the world, homogeneous; the last number is 0 for parallel rays.
+
+    Parameters
+    ----------
+    view_matrix : (4, 4) array_like
+        World to view space; the view looks along its own -Z.
+    is_perspective : bool
+        Or orthographic.
+    """
+    return np.linalg.inv(np.array(view_matrix, np.float64))[:, 3 if is_perspective else 2]
+
+
 def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
     """The depths at which a viewport's framebuffer ends rays.
 
@@ -230,7 +243,9 @@ def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
 
 
 def furthest_of_blocks(depths: np.ndarray, side: int) -> np.ndarray:
-    """Of each block of ``side`` x ``side`` pixels the furthest depth, so that thin lines end no ray of a draft.
+    """Of each block of ``side`` x ``side`` pixels the furthest depth, also of the pixels around it.
+
+    So lines of up to three pixels, such as those of boxes, end no ray of a draft.
 
     Parameters
     ----------
@@ -243,11 +258,14 @@ def furthest_of_blocks(depths: np.ndarray, side: int) -> np.ndarray:
     """
     for axis, size in enumerate(depths.shape):
         padding = [(0, 0), (0, 0)]
-        padding[axis] = 0, -size % side
-        padded = np.pad(depths, padding, mode="edge") if size % side else depths
-        parts = [padded[n::side] if axis == 0 else padded[:, n::side] for n in range(side)]
-        depths = np.maximum.reduce(parts) if side > 2 else np.maximum(*parts)  # a reduction takes five times as long
-    return depths
+        padding[axis] = 1, 1 + -size % side
+        padded = np.moveaxis(np.pad(depths, padding, mode="edge"), axis, 0)
+        count = -(-size // side)
+        found = np.maximum(padded[: count * side : side], padded[1 : 1 + count * side : side])
+        for n in range(2, side + 2):
+            np.maximum(found, padded[n : n + count * side : side], out=found)
+        depths = np.moveaxis(found, 0, axis)
+    return np.ascontiguousarray(depths)
 
 
 def differ(depths: np.ndarray, others: np.ndarray, share: float) -> bool:

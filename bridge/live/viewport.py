@@ -16,7 +16,7 @@ import numpy as np
 
 from ..messages import sentence_of
 from .frames import Contents, RegionPicture, Shot, picture_steps, shot_of
-from .view import Matrices, ViewportView, differ
+from .view import Matrices, ViewportView, differ, eye_of
 
 BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
@@ -133,6 +133,12 @@ class Viewport:
     def halvings(self) -> int:
         """How often the number of voxels along each side of a volume was halved for what is shown."""
         return max((one.halvings for one in self.pictures), default=0)
+
+    @property
+    def eye(self) -> np.ndarray:
+        """(4,) float64: where the view is seen from in the world, homogeneous, see ``eye_of``."""
+        matrices = self._request.matrices
+        return eye_of(np.reshape(matrices.view, (4, 4)), matrices.window[15] == 0.0)
 
     @property
     def is_busy(self) -> bool:

@@ -203,6 +203,7 @@ def position_text(position, volume) -> str:
 
 
 _hovered: dict = {}  # address of an area -> what lies under the mouse in it
+_watched: list = []  # at most the address of the area whose mouse is followed, until it leaves
 
 
 def hovered(area) -> str:
@@ -217,9 +218,24 @@ def hover(context, mouse) -> None:
     if _hovered.get(address) != line:
         _hovered.clear()  # the mouse is over one area at a time
         _hovered[address] = line
-        for region in context.area.regions:
-            if region.type == "TOOL_HEADER":
-                region.tag_redraw()
+        redraw(context.area)
+
+
+def redraw(area) -> None:
+    """Redraw the header of an area that tells what lies under the mouse."""
+    for region in area.regions:
+        if region.type == "TOOL_HEADER":
+            region.tag_redraw()
+
+
+def watch(area) -> None:
+    """Note that the mouse is followed in an area, or, for None, nowhere."""
+    _watched[:] = [] if area is None else [area.as_pointer()]
+
+
+def is_watched(area) -> bool:
+    """Whether the mouse is followed in an area."""
+    return area.as_pointer() in _watched
 
 
 def forget() -> None:

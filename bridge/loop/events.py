@@ -16,7 +16,7 @@ from ..live import slice_pictures
 from ..look import thumbnails
 from ..pictures import backdrop_work, outdated, picture_files, update
 from ..render import mesh_shadows, over_render
-from ..scene import image_changes, meshes, render_scene, world_nodes, world_render
+from ..scene import image_changes, meshes, render_scene, world_render
 from ..volumes import segments, series, source_paths, volumes
 from . import index, store, timer, work
 
@@ -37,8 +37,6 @@ def forget_all(*_arguments) -> None:
     meshes.forget()
     volumes.forget_all()
     image_changes.forget()
-    world_nodes.forget()
-    world_render.forget()
     index.forget()
 
 

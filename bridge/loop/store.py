@@ -1,4 +1,4 @@
-"""Everything that was read of files: voxels, label maps, and channels on the grid of a volume.
+"""Everything that was read of files: voxels, label maps, channels on the grid of a volume, and the light of images.
 
 Entries are keyed by their content.  For each purpose and in each scene an object wants the entry that it asked for
 last, and an entry stays in memory while an object wants it.  Beyond MOST_BYTES objects that no window shows lose
@@ -26,9 +26,9 @@ class Wish(NamedTuple):
     Attributes
     ----------
     owner, scene : int
-        Session ids of the object that shows the entry, and of the scene whose time it is read for.
+        Session ids of the object or the world that shows the entry, and of the scene whose time it is read for.
     purpose : object
-        "voxels", "labels", or the session id of a channel's object.
+        "voxels", "labels", "light", or the session id of a channel's object.
     """
 
     owner: int
@@ -36,7 +36,8 @@ class Wish(NamedTuple):
     purpose: object
 
 
-AHEAD = Wish(0, 0, "ahead")  # for one entry that nothing shows yet
+ANY = 0  # in place of a scene: the entry is that of any time
+AHEAD = Wish(0, ANY, "ahead")  # for one entry that nothing shows yet
 
 _entries: dict = {}  # key -> value
 _wanted: dict = {}  # Wish -> key, the least recently used first
@@ -95,8 +96,9 @@ def withdraw_others(owner, depsgraph, purposes) -> None:
 def forget_deleted() -> None:
     """Drop what only deleted objects and scenes wanted."""
     wishes = [wish for wish in _wanted if wish != AHEAD]
-    owners, scenes = {wish.owner for wish in wishes}, {one.session_uid for one in bpy.data.scenes}
+    owners, scenes = {wish.owner for wish in wishes}, {ANY, *(one.session_uid for one in bpy.data.scenes)}
     held = {one.session_uid for one in bpy.data.objects if one.session_uid in owners and not presence.is_deleted(one)}
+    held.update(one.session_uid for one in bpy.data.worlds)
     withdraw([wish for wish in wishes if not (wish.owner in held and wish.scene in scenes)])
 
 
@@ -112,6 +114,8 @@ def nbytes() -> int:
 
 
 def _bytes_of(value) -> int:
+    if isinstance(value, tuple):  # the light of an image: a few numbers
+        return 0
     volume = getattr(value, "volume", value)  # of a label map
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes

@@ -159,7 +159,9 @@ def write_to(scene, output: str, path: str) -> str:
             f"The folder {os.path.dirname(final)} cannot be made: {problem.strerror}; choose another one."
         ) from None
     if output == MOVIE:
-        _check_size(scene.render)
+        problem = why_no_movie(scene.render)
+        if problem:
+            raise RleSplatError(problem)
         versions.use_movie(scene.render)
     else:
         versions.use_pictures(scene.render, {PNG: "PNG", EXR: "OPEN_EXR"}[output])
@@ -169,11 +171,11 @@ def write_to(scene, output: str, path: str) -> str:
     return final
 
 
-def _check_size(render) -> None:
-    """RleSplatError for a size that the codec of the movie refuses."""
+def why_no_movie(render) -> str:
+    """Why the codec of the movie refuses the size of a scene's pictures; "" where it does not."""
     width, height = image_size(render)
-    if width % 2 or height % 2:
-        raise RleSplatError(
-            f"A movie needs an even width and height, and the picture is {width} x {height} pixels; change the "
-            "resolution in the output properties, or write pictures."
-        )
+    if width % 2 == 0 and height % 2 == 0:
+        return ""
+    return filled(
+        "A movie needs an even width and height, and the picture is {width} x {height} pixels; change the resolution "
+        "in the output properties, or write pictures.", width=width, height=height)

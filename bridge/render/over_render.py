@@ -25,6 +25,7 @@ from ..live import slices
 from ..pictures import backdrop_work, images, pictures
 from ..scene import placements, render_scene
 from ..scene.camera import frame_crop, image_size
+from ..translations import filled, translate
 from . import compositor, mesh_shadows
 from .placeholder import placeholder
 from .render_log import RenderLog
@@ -185,12 +186,9 @@ def _draw(scene, depsgraph, image, log: RenderLog) -> None:
             mesh_shadows.show(scene)
             images.clear(image)
             return
-        with_meshes = settings.meshes_occlude and layer.use_solid
-        scenes, quality = render_scene.read_scenes(
-            placed, depsgraph, with_meshes=with_meshes, warn=lambda sentence: log.note(scene, sentence))
-        rendering = drain(_picture_steps(placed, scenes, quality, tolerance_of(depsgraph.scene_eval), log))
+        rendering, scenes, quality = _render(scene, depsgraph, placed, log)
         pictures.show(image, rendering)
-        themselves = [(one.owner, plain) for one, plain in zip(placed, scenes) if one.instancer is None]
+        themselves = [(placed[n].owner, plain) for n, plain in scenes.items() if placed[n].instancer is None]
         effects = [*rendering.report["effects"], _shadows_on_meshes(themselves, depsgraph, quality, log)]
         log.report = {**rendering.report, "effects": effects, "view_layer": layer.name}
         if not rendering.rgba[..., 3].any():
@@ -215,22 +213,66 @@ def _why_empty(settings, depsgraph) -> str:
     return placements.why_hidden(placements.Placement(owner), depsgraph) or "it is no volume"
 
 
-def _picture_steps(placed: list, scenes: list, quality, tolerance: float | None, log: RenderLog):
-    """Generator of Progress: one picture of all volumes that a view layer shows."""
+class _VolumeError(Exception):
+    """A volume of a picture cannot be rendered: its number, and why."""
 
-    def make(plain, n):
-        """The picture of volume number ``n``, or of a span of it, by the plan of its first picture."""
+
+def _render(scene, depsgraph, placed: list, log: RenderLog) -> tuple:
+    """One picture of all volumes of a view layer that can be drawn; the log names those that cannot.
+
+    Returns
+    -------
+    rendering : Rendering
+    scenes : dict of int to Scene
+        Number in ``placed`` -> the scene of a volume that was drawn.
+    quality : Quality
+
+    Raises
+    ------
+    Exception
+        Why the first volume cannot be drawn, where none can.
+    """
+    with_meshes = scene.rle_splat.meshes_occlude and depsgraph.view_layer.use_solid
+    scenes, problems, quality = render_scene.read_scenes(
+        placed, depsgraph, with_meshes=with_meshes, warn=lambda sentence: log.note(scene, sentence))
+    rendering = None
+    while scenes and rendering is None:
+        try:
+            rendering = drain(_picture_steps(placed, scenes, quality, tolerance_of(depsgraph.scene_eval), log))
+        except _VolumeError as failed:
+            n, problems[n] = failed.args
+            del scenes[n]
+    if rendering is None:
+        raise problems[min(problems)]
+    for n, problem in sorted(problems.items()):
+        log.fail(scene, filled(
+            "{volume} is left out of the picture: {reason}", volume=repr(placed[n].stands_for.name),
+            reason=translate(messages.sentence_of(problem))))
+    return rendering, scenes, quality
+
+
+def _picture_steps(placed: list, scenes: dict, quality, tolerance: float | None, log: RenderLog):
+    """Generator of Progress: one picture of some volumes; _VolumeError names one that cannot be rendered."""
+    numbers = list(scenes)
+
+    def make(plain, at):
+        """The picture of volume number ``at`` of these, or of a span of it, by the plan of its first picture."""
+        n = numbers[at]
         drawn_as = placed[n].owner.name, n, quality, tolerance
         planned, earlier = log.plans.get(drawn_as, (quality, None))
-        rendering = yield from render_scene.steps(
-            plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False)
+        try:
+            rendering = yield from render_scene.steps(
+                plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False)
+        except Exception as problem:
+            raise _VolumeError(n, problem) from problem
         plan = rendering.report["plan"]
         log.plans[drawn_as] = hold_plan(quality, plan) if planned is quality else planned, plan
         return rendering
 
-    if len(scenes) == 1:
-        return make(scenes[0], 0)
-    return several_steps(scenes, make, 1 if tolerance is not None else MOST_SPANS)
+    found = list(scenes.values())
+    if len(found) == 1:
+        return make(found[0], 0)
+    return several_steps(found, make, 1 if tolerance is not None else MOST_SPANS)
 
 
 def _shadows_on_meshes(volumes: list, depsgraph, quality, log: RenderLog) -> dict:

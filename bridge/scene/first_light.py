@@ -12,6 +12,7 @@ from ..volumes import volumes
 from . import render_scene, viewports
 
 DARK = 0.5  # of the brightness under a headlight: Blender's default scene gives about 0.4
+SIDES = np.concatenate((np.eye(3), -np.eye(3)))  # directions to an eye, in the world
 UNUSED = "The scene's lights do not shine on it."
 
 
@@ -43,9 +44,13 @@ def light_if_dark(context, added: int, corners: np.ndarray) -> str:
     if not (lights or world):  # the volume then has a headlight in any case
         return ""
     radiance = None if world is None else world.radiance
-    to_eye = np.append(eye[:3, 2] / np.linalg.norm(eye[:3, 2]), 0.0)
-    falling = lighting(np.eye(4), Shade(0.0, 1.0, 0.0, 1.0), lights, eye=to_eye, world=radiance)
-    if relative_brightness(falling, middle) >= DARK:
+
+    def brightness(to_eye) -> float:
+        falling = lighting(np.eye(4), Shade(0.0, 1.0, 0.0, 1.0), lights, eye=np.append(to_eye, 0.0), world=radiance)
+        return relative_brightness(falling, middle)
+
+    # The dullest side counts, too: from above, a lamp above it leaves no volume dark.
+    if min(map(brightness, (eye[:3, 2] / np.linalg.norm(eye[:3, 2]), *SIDES))) >= DARK:
         return ""
     settings.lighting = "HEADLIGHT"
     return "The scene's lights leave it dark, so a headlight lights it; see Lighting."

@@ -20,7 +20,9 @@ from ..look.transfer_nodes import is_transfer_tree
 from .glass import share_of
 
 # What an update can name without changing a surface: an object that a surface follows is named beside it.
-WITHOUT_SURFACE = (bpy.types.Scene, bpy.types.World, bpy.types.Image, bpy.types.Camera, bpy.types.Light)
+WITHOUT_SURFACE = (
+    bpy.types.Scene, bpy.types.World, bpy.types.Image, bpy.types.Camera, bpy.types.Light, bpy.types.Action,
+)  # fmt: skip
 OBJECTS_WITHOUT = "CAMERA", "EMPTY", "LIGHT", "LIGHT_PROBE", "SPEAKER"
 
 
@@ -41,27 +43,66 @@ class Surfaces(NamedTuple):
     pane_shares: np.ndarray | None
 
 
+class _Piece(NamedTuple):
+    """One instance of a mesh in the world.
+
+    Attributes
+    ----------
+    what : object
+        The same for the same triangles: the number of what was read of an object, or the bytes of others.
+    matrix : bytes
+        (4, 4) float64.
+    shares : tuple of (tuple of float or None)
+        What each material slot lets through, see ``glass.share_of``; empty for opaque triangles.
+    """
+
+    what: object
+    matrix: bytes
+    shares: tuple
+
+
+class _View(NamedTuple):
+    """What a view layer shows: what it was read by, its pieces, and the surfaces made of them."""
+
+    by: tuple
+    pieces: tuple
+    surfaces: Surfaces
+
+
 class _Read:
-    """The surfaces read last of each view layer, and the number of events so far that may have changed any."""
+    """What was read last, the number of events so far that may have changed a surface, and of meshes that were read.
+
+    ``meshes``: (session id of a scene, name of a view layer) -> {(session id of an object, address of its evaluated
+    data): (number, triangles, materials)}.  The address is that of the same data until the object is named by an event.
+    """
 
     stamp = 0
-    known: dict = {}  # (session id of a scene, name of a view layer) -> (what they were read by, Surfaces)
+    count = 0
+    known: dict = {}  # (session id of a scene, name of a view layer) -> _View
+    meshes: dict = {}
 
 
 @persistent
 def _on_update(_scene=None, depsgraph=None):
-    if depsgraph is None or (depsgraph.mode != "RENDER" and any(_has_surface(one.id) for one in depsgraph.updates)):
-        _Read.stamp += 1
+    if depsgraph is None or depsgraph.mode == "RENDER":
+        return
+    updates = [one for one in depsgraph.updates if _has_surface(one.id)]
+    _Read.stamp += bool(updates)
+    tagged = {one.id.original.session_uid for one in updates if one.is_updated_geometry}
+    for meshes in _Read.meshes.values() if tagged else ():
+        for key in [key for key in meshes if key[0] in tagged]:
+            del meshes[key]
 
 
 @persistent
-def _on_other(*_arguments):
+def _on_undo(*_arguments):
     _Read.stamp += 1
+    _Read.meshes.clear()
 
 
 HANDLERS = (
-    ("depsgraph_update_post", _on_update), ("frame_change_post", _on_other), ("undo_post", _on_other),
-    ("redo_post", _on_other),
+    ("depsgraph_update_post", _on_update), ("frame_change_post", _on_update), ("undo_post", _on_undo),
+    ("redo_post", _on_undo),
 )  # fmt: skip
 
 
@@ -76,7 +117,10 @@ def _has_surface(one) -> bool:
 
 
 def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
-    """``read_surfaces``, which in a viewport reads again only after an event that may have changed a surface."""
+    """``read_surfaces``, which in a viewport reads again only the meshes that an event has named.
+
+    The arrays are the same ones for as long as no surface differs.
+    """
     instead = instead or {}
     if depsgraph.mode == "RENDER":
         return read_surfaces(depsgraph, without, instead)
@@ -85,19 +129,24 @@ def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
         _Read.stamp, tuple(one.session_uid for one in without),
         tuple((one.session_uid, triangles.tobytes()) for one, triangles in instead.items()),
     )
-    if of not in _Read.known or _Read.known[of][0] != by:
-        _Read.known[of] = by, read_surfaces(depsgraph, without, instead)
-    return _Read.known[of][1]
+    view = _Read.known.get(of)
+    if view is None or view.by != by:
+        read, _Read.meshes[of] = _read_pieces(depsgraph, without, instead, _Read.meshes.get(of, {}))
+        pieces = tuple(piece for piece, *_ in read)
+        surfaces = view.surfaces if view is not None and view.pieces == pieces else _join(read)
+        _Read.known[of] = view = _View(by, pieces, surfaces)
+    return view.surfaces
 
 
 def is_known(array) -> bool:
     """Whether an array is one of those that ``known_surfaces`` returns again, so that it is hashed once."""
-    return any(array is one for _, surfaces in _Read.known.values() for one in surfaces)
+    return any(array is one for view in _Read.known.values() for one in view.surfaces)
 
 
 def forget() -> None:
     """Drop all surfaces."""
     _Read.known.clear()
+    _Read.meshes.clear()
 
 
 def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
@@ -112,36 +161,59 @@ def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
     instead : dict of bpy.types.Object to ndarray, optional
         Triangles of some objects in their own space, in place of those of their meshes; they are opaque.
     """
-    local: dict[int, tuple] = {}
-    shares: dict[int, np.ndarray | None] = {}
-    pieces, shares_of_pieces = [], []
+    return _join(_read_pieces(depsgraph, without, instead or {}, {})[0])
+
+
+def _read_pieces(depsgraph, without, instead: dict, known: dict) -> tuple[list, dict]:
+    """(_Piece, triangles, materials) of each instance; and what is known of meshes now, as ``_Read.meshes`` has it."""
+    pieces: list = []
+    meshes: dict = {}
+    shares: dict = {}
     for instance in seen_meshes(depsgraph, without):
-        evaluated = instance.object
-        triangles, materials = (instead or {}).get(evaluated.original), None
-        if triangles is None:
-            data_pointer = evaluated.data.as_pointer()
-            if data_pointer not in local:
-                local[data_pointer] = _object_triangles(evaluated, depsgraph)
-            triangles, materials = local[data_pointer]
+        evaluated, original = instance.object, instance.object.original
+        matrix = np.array(instance.matrix_world, dtype=np.float64).tobytes()
+        if original in instead:
+            triangles = instead[original]
+            pieces.append((_Piece(triangles.tobytes(), matrix, ()), triangles, None))
+            continue
+        # Objects generated by geometry nodes have no original; of one original several meshes may be shown.
+        key = None if original is None else original.session_uid, evaluated.data.as_pointer()
+        if key not in meshes:
+            found = known.get(key) if original is not None else None
+            if found is None:
+                _Read.count += 1
+                found = _Read.count, *_object_triangles(evaluated, depsgraph)
+            meshes[key] = found
+        number, triangles, materials = meshes[key]
+        for slot in evaluated.material_slots:
+            if slot.material not in shares:
+                share = share_of(slot.material)
+                shares[slot.material] = None if share is None else tuple(share.tolist())
+        passing = tuple(shares[slot.material] for slot in evaluated.material_slots)
+        pieces.append((_Piece(number, matrix, passing), triangles, materials))
+    return pieces, meshes
+
+
+def _join(pieces: list) -> Surfaces:
+    """The surfaces of pieces as ``_read_pieces`` returns them."""
+    placed, passing = [], []
+    for piece, triangles, materials in pieces:
         if not len(triangles):
             continue
-        matrix = np.array(instance.matrix_world, dtype=np.float64)
-        pieces.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])
-        shares_of_pieces.append(np.zeros((len(triangles), 4)))
-        for number, slot in enumerate(evaluated.material_slots if materials is not None else ()):
-            key = slot.material.as_pointer() if slot.material is not None else 0
-            if key not in shares:
-                shares[key] = share_of(slot.material)
-            if shares[key] is not None:
+        matrix = np.frombuffer(piece.matrix).reshape(4, 4)
+        placed.append(triangles @ matrix[:3, :3].T + matrix[:3, 3])
+        passing.append(np.zeros((len(triangles), 4)))
+        for number, share in enumerate(piece.shares):
+            if share is not None:
                 # Blender draws an index beyond the slots by the last of them.
-                shares_of_pieces[-1][np.minimum(materials, len(evaluated.material_slots) - 1) == number] = shares[key]
-    if not pieces:
+                passing[-1][np.minimum(materials, len(piece.shares) - 1) == number] = share
+    if not placed:
         return Surfaces(np.empty((0, 3, 3), dtype=np.float64), None, None)
-    world, passing = np.concatenate(pieces), np.concatenate(shares_of_pieces)
-    finite, glass = np.isfinite(world).all(axis=(1, 2)), passing.any(axis=1)
+    world, shares = np.concatenate(placed), np.concatenate(passing)
+    finite, glass = np.isfinite(world).all(axis=(1, 2)), shares.any(axis=1)
     if not (finite & glass).any():
         return Surfaces(world[finite & ~glass], None, None)
-    return Surfaces(world[finite & ~glass], world[finite & glass], passing[finite & glass])
+    return Surfaces(world[finite & ~glass], world[finite & glass], shares[finite & glass])
 
 
 def seen_meshes(depsgraph, without=()):

@@ -92,20 +92,23 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
 
     Returns
     -------
-    plain : list of Scene
-        The scene of each volume, of the cropped render region if there is one.
+    scenes : dict of int to Scene
+        Number in ``placed`` -> the scene of that volume, of the cropped render region if there is one.
+    problems : dict of int to Exception
+        Number in ``placed`` -> why that volume cannot be read.
     quality : Quality
         The knobs.
     """
     view = read_camera(depsgraph)
     surfaces = read_occluders(depsgraph) if with_meshes else {}
-    plain = [
-        _in_picture(
-            one.owner, depsgraph, view, True, one.matrix is None, None, matrix=one.matrix, warn=warn, **surfaces
-        )
-        for one in placed
-    ]
-    return plain, settings.quality_of(depsgraph.scene_eval)
+    scenes, problems = {}, {}
+    for n, one in enumerate(placed):
+        try:
+            scenes[n] = _in_picture(
+                one.owner, depsgraph, view, True, one.matrix is None, None, matrix=one.matrix, warn=warn, **surfaces)
+        except Exception as problem:  # the others are shown all the same
+            problems[n] = problem
+    return scenes, problems, settings.quality_of(depsgraph.scene_eval)
 
 
 def _in_picture(volume_object, depsgraph, view, in_region: bool, moving: bool, camera, **of_view) -> Scene:

@@ -4,9 +4,10 @@ import math
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Quaternion
+from mathutils import Matrix, Quaternion, Vector
 
 from ...rle_splat.scene import RleSplatError
+from ..live.view import eye_of
 from ..loop import timer
 from ..translations import filled
 
@@ -22,6 +23,7 @@ SIDES = {
     "A": ((0, 1, 0), (0, 0, 1)), "P": ((0, -1, 0), (0, 0, 1)), "L": ((-1, 0, 0), (0, 0, 1)),
     "R": ((1, 0, 0), (0, 0, 1)), "S": ((0, 0, -1), (0, -1, 0)), "I": ((0, 0, 1), (0, -1, 0)),
 }  # fmt: skip
+FAR = 1e30  # world units; Blender takes no infinite distance
 TAB_WAIT, TAB_TRIES = 0.1, 10  # seconds; a sidebar knows its tabs when it was drawn
 
 
@@ -146,14 +148,17 @@ def open_tab(window) -> None:
     timer.start(choose, TAB_WAIT)
 
 
-def hiding_meshes(view_layer, corners: np.ndarray) -> list[str]:
-    """Return the names of the visible meshes whose bounding box contains a box.
+def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
+    """Return the names of the visible meshes that hide a box.
 
     Parameters
     ----------
     view_layer : bpy.types.ViewLayer
     corners : (n, 3) ndarray
-        World space.
+        Of the box, world space.
+    eye : (4,) array_like, optional
+        Homogeneous, see ``eye_of``: a mesh that meets all rays from it to the corners and the middle hides the box.
+        Without an eye, a mesh whose bounding box contains the box does.
     """
     found = []
     for one in view_layer.objects:
@@ -162,19 +167,38 @@ def hiding_meshes(view_layer, corners: np.ndarray) -> list[str]:
         matrix = np.array(one.matrix_world)
         if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
             continue
-        inside = (corners - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
-        bounds = np.array(one.bound_box)
-        if (inside >= bounds.min(axis=0)).all() and (inside <= bounds.max(axis=0)).all():
+        inside, bounds = _to_local(corners, matrix), np.array(one.bound_box)
+        if eye is None:
+            hides = (inside >= bounds.min(axis=0)).all() and (inside <= bounds.max(axis=0)).all()
+        else:
+            points = np.concatenate((inside, inside.mean(axis=0, keepdims=True)))
+            hides = _meets_all(one.evaluated_get(view_layer.depsgraph), np.linalg.solve(matrix, eye), points)
+        if hides:
             found.append(one.name)
     return found
 
 
-def hiding_sentence(view_layer, corners: np.ndarray) -> str:
+def _to_local(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    return (points - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
+
+
+def _meets_all(evaluated, eye: np.ndarray, points: np.ndarray) -> bool:
+    """Whether a mesh meets the rays from an eye to some points, all in its own space."""
+    for point in points:
+        towards = eye[:3] - eye[3] * point  # to the eye, of any length for an eye at infinity
+        length = float(np.linalg.norm(towards))
+        if not 0.0 < length < math.inf:
+            return False
+        reach = length if eye[3] else math.inf
+        if not evaluated.ray_cast(Vector(point), Vector(towards / length), distance=min(reach, FAR))[0]:
+            return False
+    return True
+
+
+def hiding_sentence(view_layer, corners: np.ndarray, eye=None) -> str:
     """What to do where a mesh hides a box; "" where none does.  The parameters are those of ``hiding_meshes``."""
-    names = hiding_meshes(view_layer, corners)
-    if not names:
-        return ""
-    return filled("It lies inside {mesh}, which hides it: hide that object, or move one of them.", mesh=names[0])
+    names = hiding_meshes(view_layer, corners, eye)
+    return filled("{mesh} hides it: hide that object, or move one of them.", mesh=names[0]) if names else ""
 
 
 def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
@@ -207,6 +231,18 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
     if context.scene.camera is None:
         raise RleSplatError("There is no 3D viewport and no active camera, so no view; add a camera.")
     return np.array(context.scene.camera.matrix_world, dtype=np.float64), None
+
+
+def eyes_of(window) -> list:
+    """``eye_of`` of the 3D viewports of a window, or of None, as they are drawn next; not of views through a camera."""
+    found = []
+    for area in _viewports(window):
+        view = area.spaces.active.region_3d
+        if view.view_perspective != "CAMERA":
+            placed = Matrix.Translation(view.view_location) @ view.view_rotation.to_matrix().to_4x4()
+            moved = placed @ Matrix.Translation((0.0, 0.0, view.view_distance))
+            found.append(eye_of(moved.inverted(), view.view_perspective == "PERSP"))
+    return found
 
 
 def show_textures(window) -> None:

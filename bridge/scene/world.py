@@ -79,7 +79,7 @@ def state(scene) -> str:
     if color is None and world_nodes.has_image(world):
         has_directions, origin = True, FROM_IMAGE
     elif color is None:
-        light, problem = world_render.known_light(scene)
+        light, problem = world_render.light_of(scene)
         if problem:
             return problem
         (color, environment), origin = light, RENDERED

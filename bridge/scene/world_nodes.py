@@ -7,12 +7,11 @@ from mathutils import Euler
 
 from ...rle_splat.shade.environment import panorama_moments
 from .. import versions
+from ..loop import store
 from . import image_changes
 
 MOST_NUMBERS = 2**25  # in the pixels of an image; a larger one would take too long and is rendered instead
 LINEAR = ("Linear Rec.709", "Linear", "Non-Color")  # color spaces whose numbers are scene-linear as they are
-
-_known: dict = {}  # what an image was read by -> its mean and environment; at most one
 
 
 def surface_of(tree):
@@ -65,10 +64,11 @@ def light_of(world) -> tuple | None:
         return None
     image, strength, turn = found
     key = image.session_uid, image_changes.state_of(image), image_changes.events_of(world), strength, turn.tobytes()
-    if key not in _known:
-        _known.clear()
-        _known[key] = panorama_moments(_pixels_of(image) * np.float32(strength), turn.T)
-    return _known[key]
+    found = store.find(key)
+    if found is None:
+        found = panorama_moments(_pixels_of(image) * np.float32(strength), turn.T)
+        store.put(store.Wish(world.original.session_uid, store.ANY, "light"), key, found)
+    return found
 
 
 def has_image(world) -> bool:
@@ -90,11 +90,6 @@ def _image_of(world) -> tuple | None:
     if turn is None:
         return None
     return texture.image.original, max(node.inputs["Strength"].default_value, 0.0), turn
-
-
-def forget() -> None:
-    """Forget the image, before another file is opened."""
-    _known.clear()
 
 
 def _is_background(node) -> bool:

@@ -5,17 +5,17 @@ is the light on a surface that faces as the vertex does, whatever nodes the worl
 Cycles samples it.  It is fitted by spherical harmonics of order 2.
 
 Baking, unlike a render, writes into no render slot, and of the handlers of renders and frames it calls render_stats
-alone.  A scene of its own keeps it apart from the user's.  It is done before the light is needed: from a timer in a
-window, once the world's nodes were still for a moment; by operators that make pictures; and when a render begins.  In a
-window a render begins on a thread of its own, where no datablock may be made.  So it waits there until the timer has
-baked the light.  The light is kept by a hash of the world's nodes, the last one in the file too.
+alone.  A scene of its own keeps it apart from the user's.  It is done by *Update World Light*, by operators that make
+pictures, and, where a render runs on the main thread, before each of its frames.  In a window a render has a thread of
+its own, where no datablock may be made: it shows the light that there is, and says if that is an earlier one.
+
+The light is a property of the scene, so it follows undo and is saved: a line for each state of the world.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import time
 from contextlib import suppress
 
 import bmesh
@@ -23,45 +23,25 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ...rle_splat.runtime.steps import Progress
 from ...rle_splat.scene import Environment, RleSplatError
 from ...rle_splat.shade.environment import sphere_moments
 from .. import versions
-from ..loop import timer
-from ..messages import sentence_of
+from ..held import Held
+from ..messages import sentence_of, tell
 from . import image_changes, world_nodes
 
 FINENESS, SAMPLES = 4, 16  # of the sphere, which has 642 vertices then, and for each of them
 EVEN = 0.005  # of the mean: a light that changes by less with direction is one of all directions alike
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
-STILL = 0.5  # seconds without a change before a world is rendered
-BRIEF, LONGEST = 0.02, 10.0  # seconds between looks of a render that waits for the light, and until it goes on without
-MOST_KEPT = 64
-STALE = "The world has changed since its light was rendered; the volume shows the earlier light."
-NOT_YET = "The world's light is not rendered yet, so it is left out; press Save Picture to render it."
-SOON = "The world's light is rendered as soon as the world is still."
+MOST_KEPT = 1024  # states of a world
+STALE = (
+    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.")
+NOT_YET = "The world's light is not rendered yet, so it is left out; press Update World Light."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
 
-class _WorldLight:
-    """Light by the digest of a world; the last digest of each world by session id; what the timer waits for."""
-
-    known: dict = {}
-    last: dict = {}
-    failed: dict = {}  # digest -> why it could not be rendered
-    wanted: tuple | None = None  # session id of the scene, digest of its world
-    since = 0.0  # when that was asked for first
-    is_awaited = False  # by a render, which does not begin before
-
-
 def light_of(scene) -> tuple[tuple | None, str]:
-    """As ``known_light``; in a window a light that is not there is rendered soon."""
-    found, problem = known_light(scene)
-    if problem:
-        _want(scene, digest_of(scene))
-    return found, problem
-
-
-def known_light(scene) -> tuple[tuple | None, str]:
     """The rendered light of a scene's world.
 
     Returns
@@ -71,31 +51,34 @@ def known_light(scene) -> tuple[tuple | None, str]:
     problem : str
         Why it is not the world's light of now; "" where it is.
     """
-    key = digest_of(scene)
-    found = _kept(scene, key)
+    lines = scene.rle_splat.world_light
+    found = _read_line(_line_of(lines, digest_of(scene)))
     if found is not None:
-        _WorldLight.last[scene.world.session_uid] = key
         return found, ""
-    if key in _WorldLight.failed:
-        return None, _WorldLight.failed[key]
-    earlier = _WorldLight.known.get(_WorldLight.last.get(scene.world.session_uid))
-    if earlier is not None:
-        return earlier, STALE
-    return None, SOON if timer.is_waiting(_tick) else NOT_YET
+    earlier = _read_line(lines.rpartition("\n")[2])
+    return (None, NOT_YET) if earlier is None else (earlier, STALE)
 
 
-def _kept(scene, key: str) -> tuple | None:
-    """The light of a digest from memory, or from the file."""
-    if key not in _WorldLight.known and scene.rle_splat.world_light:
-        with suppress(ValueError, TypeError, RleSplatError):  # one that is damaged is rendered again
-            saved, mean, first, second = json.loads(scene.rle_splat.world_light)
-            if saved == key:
-                _WorldLight.known[key] = tuple(map(float, mean)), None if first is None else Environment(first, second)
-    return _WorldLight.known.get(key)
+def _line_of(lines: str, key: str) -> str:
+    """The line of a digest, "" without one."""
+    begin = lines.find(f'["{key}", ')
+    return "" if begin < 0 else lines[begin:].partition("\n")[0]
+
+
+def _read_line(line: str) -> tuple | None:
+    """The light of a line; None for one that is damaged, which is rendered again."""
+    with suppress(ValueError, TypeError, RleSplatError):
+        _, mean, first, second = json.loads(line)
+        return tuple(map(float, mean)), None if first is None else Environment(first, second)
+    return None
+
+
+def _is_there(scene, key: str) -> bool:
+    return _read_line(_line_of(scene.rle_splat.world_light, key)) is not None
 
 
 def make_ready(scene, depsgraph) -> None:
-    """Render the light of a scene's world if it is needed and not known; for operators.
+    """Render the light of a scene's world if it is needed and not there; a failure is printed.
 
     Parameters
     ----------
@@ -103,8 +86,42 @@ def make_ready(scene, depsgraph) -> None:
         Its evaluated state.
     """
     image_changes.look_again()
-    if is_needed(depsgraph.scene_eval) and _kept(scene, digest_of(depsgraph.scene_eval)) is None:
-        render_light(scene, digest_of(depsgraph.scene_eval))
+    if is_needed(depsgraph.scene_eval) and not _is_there(scene, digest_of(depsgraph.scene_eval)):
+        try:
+            add_light(scene, *render_light(scene))
+        except RleSplatError as problem:  # the picture is made all the same, and says what it lacks
+            tell(str(problem))
+
+
+def update_steps(scene):
+    """Generator of Progress: the light of a scene's world now and, of an animated world, in all frames of the scene.
+
+    Returns
+    -------
+    str
+        The new value of the scene's ``world_light``.
+
+    Raises
+    ------
+    RleSplatError
+        If it cannot be rendered.
+    """
+    image_changes.look_again()
+    held, now = Held(scene), scene.frame_current
+    frames = [*range(scene.frame_start, scene.frame_end + 1), now][-MOST_KEPT:]
+    found: dict = {}
+    for n, frame in enumerate(frames):
+        yield Progress(n / len(frames), "rendering the world's light")
+        key, line = render_light(held.get(), frame, known=found)
+        found.pop(key, None)  # to the end: that of now is the last
+        found[key] = line
+    return "\n".join(found.values())
+
+
+def add_light(scene, key: str, line: str) -> None:
+    """Add a line to the light of a scene."""
+    lines = [one for one in scene.rle_splat.world_light.split("\n") if _read_line(one) and not _line_of(one, key)]
+    scene.rle_splat.world_light = "\n".join([*lines, line][-MOST_KEPT:])
 
 
 def is_needed(scene) -> bool:
@@ -112,122 +129,69 @@ def is_needed(scene) -> bool:
     settings = scene.rle_splat
     if scene.world is None or settings.lighting != "SCENE" or not settings.use_world:
         return False
-    return world_nodes.plain_color(scene.world) is None and world_nodes.light_of(scene.world) is None
-
-
-def forget() -> None:
-    """Drop all light and wishes, before another file is opened."""
-    for held in (_WorldLight.known, _WorldLight.last, _WorldLight.failed):
-        held.clear()
-    _WorldLight.wanted = None
-    timer.stop(_tick)
-
-
-def _want(scene, key: str) -> None:
-    """Render the world of a scene once it is still; not in background mode, where no timer runs, and in renders.
-
-    Views that are drawn again and again ask often; only another world begins the wait anew.
-    """
-    if not bpy.app.background and not bpy.app.is_job_running("RENDER"):
-        wanted = scene.original.session_uid, key
-        if wanted != _WorldLight.wanted:
-            _WorldLight.wanted, _WorldLight.since = wanted, time.perf_counter()
-        timer.start(_tick, STILL)
-
-
-def _tick():
-    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
-    left = _WorldLight.since + STILL - time.perf_counter()
-    if left > 0.0:
-        return left
-    if bpy.app.is_job_running("RENDER") and not _WorldLight.is_awaited:
-        return timer.BUSY
-    wanted, _WorldLight.wanted = _WorldLight.wanted, None
-    scene = next((one for one in bpy.data.scenes if wanted and one.session_uid == wanted[0]), None)
-    if scene is not None and is_needed(scene):  # its world may have been removed meanwhile
-        key = digest_of(scene)
-        if _kept(scene, key) is None and key not in _WorldLight.failed:
-            render_light(scene, key)
-    return None
+    return world_nodes.plain_color(scene.world) is None and not world_nodes.has_image(scene.world)
 
 
 @persistent
-def _on_update(scene=None, depsgraph=None):
-    """An edited world is rendered even if no viewport and no panel shows its light."""
-    if depsgraph is not None and depsgraph.id_type_updated("WORLD") and scene.rle_splat.use_composite:
-        if is_needed(scene):
-            _want(scene, digest_of(scene))
+def _on_render(scene, *_arguments):
+    """Before a render and each of its frames, on the main thread: the world is that of the frame by then."""
+    if scene.rle_splat.use_composite and not bpy.app.is_job_running("RENDER") and is_needed(scene):
+        image_changes.look_again()
+        if not _is_there(scene, digest_of(scene)):
+            with suppress(RleSplatError):  # the render notes what it lacks
+                add_light(scene, *render_light(scene))
 
 
-@persistent
-def _on_render_init(scene, *_arguments):
-    """A world is rendered before the render that needs it begins."""
-    if not scene.rle_splat.use_composite:
-        return
-    image_changes.look_again()
-    if is_needed(scene):
-        key = digest_of(scene)
-        if _kept(scene, key) is None:
-            if bpy.app.is_job_running("RENDER"):
-                _await(scene, key)
-            else:
-                render_light(scene, key)
+HANDLERS = (("render_init", _on_render), ("render_pre", _on_render))
 
 
-def _await(scene, key: str) -> None:
-    """Wait on the render's own thread until the timer, which runs on the main thread, has rendered a world.
-
-    Blender calls ``render_init`` before it evaluates the scene.
-    """
-    if not timer.is_waiting(_tick):
-        return  # no edit was seen; timers are registered on the main thread alone
-    until = time.perf_counter() + LONGEST
-    _WorldLight.wanted, _WorldLight.since, _WorldLight.is_awaited = (scene.session_uid, key), 0.0, True
-    while key not in _WorldLight.known and key not in _WorldLight.failed and time.perf_counter() < until:
-        time.sleep(BRIEF)
-    _WorldLight.is_awaited = False
-
-
-HANDLERS = (("depsgraph_update_post", _on_update), ("render_init", _on_render_init))
-
-
-def render_light(scene, key: str) -> tuple | None:
-    """Render the light of a scene's world and keep it, in memory and in the scene.
+def render_light(scene, frame: int | None = None, known: dict | None = None) -> tuple[str, str]:
+    """Render the light of a scene's world at a frame, by default the current one.
 
     Parameters
     ----------
-    key : str
-        Digest of the world.
+    known : dict of str to str
+        Lines by digest, which are not made again.
 
     Returns
     -------
-    (tuple of float, Environment or None) or None
-        Mean radiance and environment; None after a failure, which is noted.
+    key, line : str
+        Digest of the world at that frame, and its light as a line of ``world_light``.
+
+    Raises
+    ------
+    RleSplatError
+        If it cannot be rendered, such as by a build without Cycles.
     """
     made: list = []
     try:
-        light = _fitted(*_baked(scene, made))
-    except Exception as problem:  # of Blender's own operators, such as a build without Cycles
-        _WorldLight.failed[key] = f"The world's light could not be rendered: {sentence_of(problem)}"
-        return None
+        own = _scene_of(scene, scene.frame_current if frame is None else frame, made)
+        with bpy.context.temp_override(scene=own, view_layer=own.view_layers[0]):
+            key = digest_of(bpy.context.evaluated_depsgraph_get().scene_eval)
+        if known and key in known:
+            return key, known[key]
+        mean, environment = _fitted(*_bake(own, made))
+    except Exception as problem:  # of Blender's own operators
+        raise RleSplatError(f"The world's light could not be rendered: {sentence_of(problem)}") from problem
     finally:
         bpy.data.batch_remove(made)
-    while len(_WorldLight.known) >= MOST_KEPT:
-        _WorldLight.known.pop(next(iter(_WorldLight.known)))
-    _WorldLight.known[key] = mean, environment = light
     moments = (None, None) if environment is None else (environment.first.tolist(), environment.second.tolist())
-    scene.rle_splat.world_light = json.dumps((key, mean, *moments))
-    return light
+    return key, json.dumps((key, mean, *moments))
 
 
-def _baked(scene, made: list) -> tuple[np.ndarray, np.ndarray]:
-    """Normals and radiances of a white sphere's vertices, (n, 3) float64 each; ``made`` gets datablocks to remove."""
+def _scene_of(scene, frame: int, made: list):
+    """A scene with nothing but the world of another one, at a frame; ``made`` gets datablocks to remove."""
     own = bpy.data.scenes.new("RLE Splat World Light")
     made.append(own)
-    own.world = scene.world.copy()  # to change what it is sampled by
+    own.world = scene.world.original.copy()  # to change what it is sampled by
     made.append(own.world)
     own.world.cycles.sampling_method, own.world.cycles.sample_map_resolution = "MANUAL", MAP
-    own.frame_current, own.frame_subframe = scene.frame_current, scene.frame_subframe
+    own.frame_current, own.frame_subframe = frame, scene.frame_subframe
+    return own
+
+
+def _bake(own, made: list) -> tuple[np.ndarray, np.ndarray]:
+    """Normals and radiances of a white sphere's vertices, (n, 3) float64 each; ``made`` gets datablocks to remove."""
     own.render.engine = "CYCLES"
     own.cycles.device, own.cycles.samples = "CPU", SAMPLES  # settings of its own, whatever the user's scene has
     own.cycles.use_adaptive_sampling = own.cycles.use_denoising = False

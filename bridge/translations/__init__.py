@@ -56,6 +56,8 @@ WHOLE = (
     "The file states no unit of length; mm is assumed.",
     "The file does not say where the patient's left and right are.",
     "The file does not say how it lies in the patient, so left and right are not known.",
+    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.",
+    "The world's light is not rendered yet, so it is left out; press Update World Light.", "rendering the world's light",
     "Looking through the voxels", "Shading", "Splatting", "Warping", "counting the values", "adding the volume",
     "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
     "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",

@@ -1,6 +1,6 @@
 """The wire box that shows the extent of a volume in the viewport.
 
-The cube of an Empty is centered on the object and has equal sides.  The box of a volume starts at the center of its
+The symbol of an Empty is centered on the object and has equal sides.  The box of a volume starts at the center of its
 first voxel and may be long, rotated or sheared by the affine.  So the Empty instances a collection with a mesh of
 twelve edges.  A click on the box selects the Empty, framing the Empty frames the box, copies and appends include it,
 and without faces it is never rendered.  The object's matrix remains the volume's placement.
@@ -13,7 +13,7 @@ from .attached import rescale_attached
 
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
 EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
-HANDLE_FRACTION = 0.02  # half side of the Empty's own cube, as a fraction of the box's diagonal
+HANDLE_FRACTION = 0.02  # half length of the Empty's own axes, as a fraction of the box's diagonal
 
 
 def corners_of(shape_xyz, affine) -> np.ndarray:
@@ -48,7 +48,7 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
     old = volume_object.instance_collection
     corners = corners_of(shape_xyz, affine)
     give_wire(volume_object, f"{volume_object.name} Box", corners.tolist(), EDGES, scene_scale)
-    volume_object.empty_display_type = "CUBE"
+    volume_object.empty_display_type = "PLAIN_AXES"  # a cube would look like a second object
     diagonal = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
     volume_object.empty_display_size = max(diagonal * scene_scale * HANDLE_FRACTION, 1e-6)
     if old is not None and old.users == 0:

@@ -2,7 +2,8 @@
 
 Undo restores the text of a path, but not the place of the .blend that a relative path was meant for: after Save As it
 could lead to another patient's file of the same name.  So handlers make the paths of the open file absolute on loading,
-on Append and after saving, and relative only while a file is written.
+on Append and after saving, and relative only while a file is written.  A datablock whose path Blender itself remaps,
+such as a Volume or an Image, would not do: undo after Save As brings back its old text, which then leads nowhere.
 
 A relative path in memory is relative to the file that its value comes from: the library, for linked data and for
 properties that an override leaves unchanged.  Make Local and Duplicate call no handler.  So the resolved paths of

@@ -38,6 +38,15 @@ def test_the_light_of_the_default_scene_is_too_weak_and_three_times_as_much_is_n
     assert lighting() == expected
 
 
+@pytest.mark.parametrize("energy, expected", ((1500.0, "HEADLIGHT"), (6000.0, "SCENE")))
+def test_a_light_above_is_judged_from_the_sides_too(tmp_path, energy, expected):
+    """Seen from above, where both are bright."""
+    add_light(energy)
+    scenes.add_camera((0.0, 0.0, 10.0))
+    import_raw(tmp_path, use_headlight=True)
+    assert lighting() == expected
+
+
 @pytest.mark.parametrize("radiance, expected", ((0.01, "HEADLIGHT"), (0.5, "SCENE")))
 def test_the_light_of_the_world_counts(tmp_path, radiance, expected):
     add_light(1000.0)

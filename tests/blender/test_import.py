@@ -45,7 +45,7 @@ def test_raw_with_everything_given(tmp_path, bridge, order, header):
         filepath=str(path), shape=(7, 6, 5), dtype="int16", byte_order=order, header_bytes=header,
         spacing=(0.7, 0.7, 2.5), use_calibration=True, slope=2.0, intercept=-24.0, modality="CT", value_unit="HU")
     owner = active()
-    assert owner.type == "EMPTY" and owner.empty_display_type == "CUBE" and owner.rle_splat.is_volume
+    assert owner.type == "EMPTY" and owner.empty_display_type == "PLAIN_AXES" and owner.rle_splat.is_volume
     volume = bridge("volumes.volumes").load_volume(owner)
     np.testing.assert_array_equal(volume.voxels, voxels)
     # 0.7 as typed, not the float32 nearest to it: the command line gets the same affine

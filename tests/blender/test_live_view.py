@@ -181,9 +181,18 @@ def test_a_body_is_found_in_the_picture(view):
 
 def test_a_thin_line_ends_no_ray_of_a_draft(view):
     depths = np.full((7, 9), 5.0, np.float32)
-    depths[3] = 1.0
-    assert (view.furthest_of_blocks(depths, 2) == 5.0).all()
+    for rows in (slice(3, 4), slice(2, 5)):  # the latter covers whole blocks
+        depths[rows] = 1.0
+        assert (view.furthest_of_blocks(depths, 2) == 5.0).all()
+    depths[1:5] = 1.0
+    assert (view.furthest_of_blocks(depths, 2) == 1.0).any(), "a mesh ends rays"
     assert view.furthest_of_blocks(depths, 2).shape == (4, 5)
+    depths = np.random.default_rng(0).random((7, 9), np.float32)
+    around = [
+        [depths[max(y - 1, 0) : y + 3, max(x - 1, 0) : x + 3].max() for x in range(0, 9, 2)] for y in range(0, 7, 2)
+    ]
+    np.testing.assert_array_equal(view.furthest_of_blocks(depths, 2), around)
+    depths[2:6] = 1.0
     assert view.differ(depths, np.full_like(depths, 5.0), 0.002)
     assert not view.differ(depths, depths * np.float32(1.0001), 0.002)
 

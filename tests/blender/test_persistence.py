@@ -88,6 +88,32 @@ def test_undo_across_save_as_leads_to_the_same_files(phantom, bridge, tmp_path):
         np.testing.assert_array_equal(volumes.load_volume(owner).voxels, phantom[1] // 100)
 
 
+@pytest.mark.parametrize("kind", ["volumes", "images"])
+def test_paths_that_blender_remaps_do_not_outlive_undo_after_save_as(kind, tmp_path):
+    """Why a volume's path is ours: once this fails, Blender's own remapping could take its place."""
+    folders = [tmp_path / "first", tmp_path / "second" / "deeper"]
+    for folder in folders:
+        folder.mkdir(parents=True)
+    (folders[0] / "scan.raw").write_bytes(b"scan")
+    save(folders[0] / "scene.blend")
+    made = bpy.data.volumes.new("scan") if kind == "volumes" else bpy.data.images.new("scan", 1, 1)
+    made.use_fake_user = True
+    if kind == "images":
+        made.source = "FILE"
+    made.filepath = "//scan.raw"
+    bpy.ops.ed.undo_push(message="made")
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.ed.undo_push(message="cube")
+    save(folders[1] / "scene.blend")
+
+    def leads_to_the_file() -> bool:
+        return os.path.isfile(bpy.path.abspath(getattr(bpy.data, kind)["scan"].filepath))
+
+    assert leads_to_the_file()
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert not leads_to_the_file()
+
+
 def test_undo_and_redo(volume_object, bridge):
     transfer = bridge("look.transfer")
     start = transfer.read_transfer(volume_object)

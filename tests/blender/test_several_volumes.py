@@ -99,6 +99,22 @@ def test_cubes_apart_and_one_that_is_hidden(cubes, tmp_path):
     assert "'red' is not in the picture: it is hidden from renders" in bpy.context.scene.rle_splat.render_problem
 
 
+@pytest.mark.parametrize("bad", ["file", "scale"])
+def test_a_volume_that_cannot_be_drawn_is_left_out_and_named(bad, cubes, bridge, tmp_path):
+    cubes["red"].location.z = 12.0
+    if bad == "file":  # found while the scene is read
+        (tmp_path / "red.raw").unlink()
+        bridge("loop.store").forget_all()
+    else:  # found while the picture is made
+        cubes["red"].scale = 0.0, 1.0, 1.0
+    agree(scenes.rendered(tmp_path / "out.exr"), over([(depth("blue", N), BLUE)]))
+    settings = bpy.context.scene.rle_splat
+    assert settings.render_problem.startswith("'red' is left out of the picture: ") and settings.failed_frames == "1"
+    cubes["blue"].scale = 0.0, 1.0, 1.0
+    picture = scenes.rendered(tmp_path / "out.exr")  # nothing is left: a placeholder
+    assert picture[..., 3].min() == 1.0 and "left out" not in settings.render_problem
+
+
 def test_an_instance_is_the_volume_moved_there(cubes, tmp_path):
     cubes["blue"].hide_render = True
     red = cubes["red"]
@@ -135,8 +151,9 @@ def test_two_instances_and_their_clip_objects(cubes, bridge):
     depsgraph = bpy.context.evaluated_depsgraph_get()
     placed = bridge("scene.placements").shown(depsgraph)
     assert [one.stands_for.name for one in placed] == sorted((instancer.name, other.name)) and plane.parent == red
-    plain, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
-    heights = sorted((scene.volume_matrix[2, 3], scene.clips[0].matrix_world[2, 3]) for scene in plain)
+    plain, problems, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
+    assert not problems
+    heights = sorted((scene.volume_matrix[2, 3], scene.clips[0].matrix_world[2, 3]) for scene in plain.values())
     np.testing.assert_allclose(heights, ((20.0, 20.0), (40.0, 40.0)), atol=1e-6)
 
 

@@ -115,7 +115,7 @@ def test_what_changes_no_surface_reads_none(grid, volume_object, meshes, bridge,
     bpy.context.scene.world = bpy.data.worlds.new("World")
     update()
     held = known(meshes)
-    monkeypatch.setattr(meshes, "read_surfaces", lambda *_: pytest.fail("the triangles are read again"))
+    monkeypatch.setattr(meshes, "_read_pieces", lambda *_: pytest.fail("the meshes are looked at again"))
     lamp.location.x = 1.0
     update()
     lamp.data.energy = 3.0
@@ -140,3 +140,75 @@ def test_another_file_has_none(grid, meshes):
     assert known(meshes) and meshes._Read.known
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not meshes._Read.known
+
+
+@pytest.fixture
+def reads(meshes, monkeypatch):
+    """Names of the meshes whose triangles were read."""
+    found, read = [], meshes.mesh_triangles
+    monkeypatch.setattr(meshes, "mesh_triangles", lambda mesh: (found.append(mesh.name), read(mesh))[1])
+    return found
+
+
+@pytest.mark.parametrize(("edit", "expected"), [
+    (move, []), (hide, []), (move_parent, []), (be_glass, []), (bend, ["Grid"]), (modify, ["Grid"]),
+    (add_another, ["Cube"]),
+])  # fmt: skip
+def test_only_the_mesh_that_was_edited_is_read_again(edit, expected, grid, meshes, reads):
+    bpy.ops.mesh.primitive_monkey_add()
+    update()
+    known(meshes)
+    assert sorted(reads) == ["Grid", "Suzanne"]
+    reads.clear()
+    edit(grid)
+    update()
+    found = known(meshes)
+    assert reads == expected
+    for mine, true in zip(found, meshes.read_surfaces(bpy.context.evaluated_depsgraph_get())):
+        np.testing.assert_array_equal(mine, true)
+
+
+def test_a_frame_in_which_no_surface_differs_costs_nothing(grid, volume_object, meshes, monkeypatch):
+    volume_object.keyframe_insert("location", frame=1)
+    volume_object.location.x = 2.0
+    volume_object.keyframe_insert("location", frame=9)
+    update()
+    held = known(meshes)
+    monkeypatch.setattr(meshes, "_read_pieces", lambda *_: pytest.fail("the meshes are looked at again"))
+    for frame in (3, 5):
+        bpy.context.scene.frame_set(frame)
+        assert known(meshes) is held
+
+
+def test_an_event_after_which_no_surface_differs_keeps_the_arrays(grid, meshes):
+    held = known(meshes)
+    grid.color = 1.0, 0.0, 0.0, 1.0  # an event of an object with a surface
+    update()
+    assert known(meshes) is held
+
+
+def test_undo_reads_all_again(grid, meshes, reads):
+    bpy.ops.ed.undo_push(message="before")
+    bend(grid)
+    update()
+    bpy.ops.ed.undo_push(message="bend")
+    known(meshes)
+    bpy.ops.ed.undo()
+    reads.clear()
+    found = known(meshes)
+    assert reads == ["Grid"] and np.ptp(found.triangles[..., 2]) == 0.0
+
+
+def test_instances_of_generated_geometry_and_of_one_mesh_in_two_objects(grid, meshes):
+    other = grid.copy()
+    bpy.context.scene.collection.objects.link(other)
+    other.location.x = 7.0
+    other.modifiers.new("array", "ARRAY")
+    text = bpy.data.objects.new("text", bpy.data.curves.new("text", "FONT"))
+    text.data.body = "abc"
+    bpy.context.scene.collection.objects.link(text)
+    for act in (lambda: None, lambda: setattr(text.data, "body", "ab"), lambda: bend(grid)):
+        act()
+        update()
+        found, expected = known(meshes), meshes.read_surfaces(bpy.context.evaluated_depsgraph_get())
+        np.testing.assert_array_equal(found.triangles, expected.triangles)

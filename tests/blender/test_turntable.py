@@ -205,6 +205,48 @@ def test_what_cannot_be_rendered_is_refused(cube, tmp_path):
         bpy.ops.rle_splat.turntable(filepath=str(tmp_path / "turn"), path="CAMERA", output="PNG")
 
 
+def test_a_size_that_no_movie_has_is_said_in_the_dialog_which_proposes_pictures(cube, bridge):
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 643, 361, 100
+    assert "643 x 361" in bridge("render.output_settings").why_no_movie(scene.render)
+    operator = import_module(f"{MODULE}.operators.turntable")
+    chosen = SimpleNamespace(output="MP4", filepath="turn.mp4")
+    manager = SimpleNamespace(fileselect_add=lambda _operator: None)
+    context = SimpleNamespace(scene=scene, window_manager=manager)
+    operator.RLE_SPLAT_OT_turntable.invoke(chosen, context, None)
+    assert chosen.output == "PNG"
+    scene.render.resolution_x, scene.render.resolution_y = 644, 362
+    chosen.output = "MP4"
+    operator.RLE_SPLAT_OT_turntable.invoke(chosen, context, None)
+    assert chosen.output == "MP4" and not bridge("render.output_settings").why_no_movie(scene.render)
+
+
+@pytest.mark.parametrize("end", ["canceled", "refused"])
+def test_an_animation_that_did_not_come_about_leaves_no_camera(end, cube, tmp_path, monkeypatch):
+    operator = import_module(f"{MODULE}.operators.turntable")
+    scene, before = bpy.context.scene, set(bpy.data.objects)
+    cameras, camera = len(bpy.data.cameras), scene.camera
+    if end == "canceled":
+        bpy.app.handlers.render_pre.append(lambda *_: operator._canceled.append(True))
+        turn(tmp_path, output="PNG", frames=1)
+        bpy.app.handlers.render_pre.pop()
+    else:
+        monkeypatch.setattr(operator.camera_path, "keyframe_turn", lambda *_: 1 / 0)
+        with pytest.raises(RuntimeError):
+            bpy.ops.rle_splat.turntable(filepath=str(tmp_path / "turn"), frames=2, output="PNG")
+    made = {one for one in set(bpy.data.objects) - before if one.type in ("CAMERA", "EMPTY")}
+    assert made == set() and len(bpy.data.cameras) == cameras and scene.camera == camera
+
+
+def test_undo_removes_the_camera_and_its_empty(cube, tmp_path):
+    bpy.ops.ed.undo_push(message="before")
+    before = {one.name for one in bpy.data.objects}
+    turn(tmp_path, output="PNG", frames=1)
+    bpy.ops.ed.undo_push(message="Turntable")
+    bpy.ops.ed.undo()
+    assert {one.name for one in bpy.data.objects if one.type in ("CAMERA", "EMPTY")} <= before
+
+
 def test_a_scene_without_a_camera_gets_the_new_one(cube, tmp_path):
     bpy.context.scene.camera = None
     turn(tmp_path, frames=1, output="PNG")

@@ -110,7 +110,7 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     cube.name = "Around"
     owner = scenes.import_raw(tmp_path, CUBE)
     viewports, layer = bridge("scene.viewports"), bpy.context.view_layer
-    assert "It lies inside Around, which hides it" in capfd.readouterr().out
+    assert "Around hides it" in capfd.readouterr().out
     corners = bridge("volumes.box").world_corners(owner)
     assert viewports.hiding_meshes(layer, corners) == ["Around"]
 
@@ -129,6 +129,31 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     assert not hides(hide_viewport=True)
     assert not hides(location=(0.0, 0.0, 101.0))  # they cross
     assert not hides(scale=(0.0, 1.0, 1.0))
+
+
+def test_a_mesh_between_the_eye_and_the_volume_hides_it(addon, bridge):
+    """Wherever the eye is: before a wall, inside a thick one, within the same room; and for parallel rays."""
+    viewports, layer = bridge("scene.viewports"), bpy.context.view_layer
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, -8.0, 0.0), scale=(9.0, 1.0, 9.0))
+    wall = bpy.context.object
+    for eye, expected in (
+        ((0.0, -20.0, 0.0, 1.0), [wall.name]), ((0.0, -8.0, 0.0, 1.0), [wall.name]), ((0.0, -5.0, 0.0, 1.0), []),
+        ((0.0, -1.0, 0.0, 0.0), [wall.name]), ((0.0, 1.0, 0.0, 0.0), []), ((0.0, 20.0, 0.0, 1.0), []),
+    ):
+        assert viewports.hiding_meshes(layer, corners, eye) == expected, eye
+    wall.scale, wall.location = (30.0, 30.0, 30.0), (0.0, 0.0, 0.0)
+    layer.update()
+    assert viewports.hiding_meshes(layer, corners, (0.0, -5.0, 0.0, 1.0)) == [], "a room"
+    assert bpy.ops.rle_splat.hide_mesh(mesh=wall.name) == {"FINISHED"}
+    assert not wall.visible_get() and wall.hide_render
+    wall.hide_set(False)
+    wall.location.x = 5.0
+    wall.scale = 1.0, 30.0, 30.0
+    layer.update()
+    assert viewports.hiding_meshes(layer, corners, (20.0, 0.0, 0.0, 1.0)) == [wall.name]
+    np.testing.assert_allclose(viewports.eye_of(np.linalg.inv([[1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 1, 5], [0, 0, 0, 1]]),
+                                                True), (3.0, 4.0, 5.0, 1.0))
 
 
 def test_without_a_window_nothing_is_moved(addon, bridge):

@@ -97,7 +97,8 @@ def test_the_image_and_cycles_say_the_same_of_a_turned_world(addon, bridge, kind
     scene = bpy.context.scene
     mean, environment = bridge("scene.world_nodes").light_of(scene.world)
     before = held()
-    rendered_mean, rendered = bridge("scene.world_render").render_light(scene, "key")
+    render = bridge("scene.world_render")
+    rendered_mean, rendered = render._read_line(render.render_light(scene)[1])
     assert before == held()
     np.testing.assert_allclose(rendered_mean, mean, rtol=0.02)
     np.testing.assert_allclose(rendered.first, environment.first, atol=0.02 * max(mean))
@@ -157,7 +158,9 @@ def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
     # A gradient along +X: brighter from the right.
     assert first[12:20, 20:24, 0].mean() > 1.2 * first[12:20, 8:12, 0].mean()
     ramp.color_ramp.elements[1].color = (0.3, 0.3, 0.3, 1.0)
-    assert read(bridge, ball, warn=said.append).environment is plain.environment and "has changed" in said[1]
+    earlier = read(bridge, ball, warn=said.append).environment
+    np.testing.assert_array_equal(earlier.first, plain.environment.first)
+    assert "has changed" in said[1]
     again = picture()
     assert again[..., 0].max() < 0.7 * first[..., 0].max()
 
@@ -179,7 +182,7 @@ def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, bridge, t
     for name in names:
         getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
     sky_world()
-    assert bridge("scene.world_render").render_light(scene, "key") is not None
+    assert bpy.ops.rle_splat.update_world_light() == {"FINISHED"}
     for name in names:
         getattr(bpy.app.handlers, name).pop()
     assert called == []
@@ -199,6 +202,70 @@ def test_in_background_a_render_begins_with_the_worlds_light(ball, bridge):
     assert read(bridge, ball, warn=said.append).environment is not None and not said
 
 
+def animate(ramp):
+    """Make the world twice, and then three times as bright."""
+    strength = next(n for n in bpy.context.scene.world.node_tree.nodes if n.type == "BACKGROUND").inputs["Strength"]
+    for frame in (1, 2, 3):
+        strength.default_value = frame
+        strength.keyframe_insert("default_value", frame=frame)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = 1, 3
+
+
+def test_each_frame_of_an_animated_world_has_its_own_light(ball, bridge):
+    animate(sky_world())
+    scene = bpy.context.scene
+    scene.frame_set(2)
+    called = []
+    bpy.app.handlers.frame_change_post.append(lambda *_: called.append("frame"))
+    assert bpy.ops.rle_splat.update_world_light() == {"FINISHED"}
+    bpy.app.handlers.frame_change_post.pop()
+    assert scene.frame_current == 2 and called == [] and scene.rle_splat.world_light.count("\n") == 2
+    said, found = [], []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        found.append(read(bridge, ball, warn=said.append).world)
+    assert said == []
+    np.testing.assert_allclose(found, np.outer((1.0, 2.0, 3.0), found[0]), rtol=0.01)
+
+
+def test_in_background_each_frame_is_rendered_with_its_own_light(ball, bridge, tmp_path):
+    """A white ball under a brighter and brighter world, of which nothing was rendered before."""
+    animate(sky_world())
+    scene = scenes.use_cycles((8, 8))
+    ball.rle_splat.use_shading = True
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    scene.rle_splat.world_light = ""
+    scenes.write_exr(tmp_path / "frame")
+    bpy.ops.render.render(animation=True)
+    assert scene.rle_splat.render_problem == "" and scene.rle_splat.world_light.count("\n") == 2
+    found = [scenes.load_pixels(path)[..., :3].max() for path in sorted(tmp_path.glob("frame*.exr"))]
+    steps = np.diff(found)  # there is ambient light, too
+    assert steps[0] > 0.5 * found[0] and abs(steps[1] - steps[0]) < 0.02 * steps[0]
+
+
+def test_undo_brings_back_the_light_of_the_world_before(ball, bridge):
+    ramp = sky_world()
+    picture()
+    bpy.ops.ed.undo_push(message="before")
+    first = read(bridge, ball).world
+    ramp.color_ramp.elements[1].color = (0.3, 0.3, 0.3, 1.0)
+    picture()
+    assert read(bridge, ball).world[0] < 0.7 * first[0]
+    bpy.ops.ed.undo_push(message="darker")
+    bpy.ops.ed.undo()
+    said = []
+    assert read(bridge, bpy.data.objects["cube"], warn=said.append).world == first and not said
+
+
+def test_update_world_light_is_for_worlds_that_need_it(ball):
+    new_world()
+    assert not bpy.ops.rle_splat.update_world_light.poll()
+    sky_world()
+    assert bpy.ops.rle_splat.update_world_light.poll()
+    bpy.context.scene.rle_splat.use_world = False
+    assert not bpy.ops.rle_splat.update_world_light.poll()
+
+
 def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     sky_world()
     picture()
@@ -211,7 +278,6 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     np.testing.assert_array_equal(again.second, kept.second)
     settings = bpy.context.scene.rle_splat
     for damaged in ("{", "7", settings.world_light.replace("[", "{", 1), '["a", [1], [2], [3]]'):
-        bridge("scene.world_render").forget()
         settings.world_light = damaged
         assert bridge("scene.world_render").light_of(bpy.context.scene)[0] is None
     picture()
@@ -221,7 +287,7 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
 def test_what_the_panel_says_of_the_world(ball, bridge, monkeypatch):
     """A panel is drawn often: no image is read for it and no render is scheduled."""
     state, scene = bridge("scene.world").state, bpy.context.scene
-    for module, name in (("scene.world_nodes", "_pixels_of"), ("scene.world_render", "_want")):
+    for module, name in (("scene.world_nodes", "_pixels_of"), ("scene.world_render", "_bake")):
         monkeypatch.setattr(bridge(module), name, lambda *_: pytest.fail("a panel reads or renders the world"))
     scene.world = None
     assert "has none" in state(scene)

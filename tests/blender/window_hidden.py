@@ -1,0 +1,181 @@
+"""What a user reads where a volume is not to be seen, in a real window: behind a mesh, under an old world light, beside
+a volume that cannot be rendered; and a value under the mouse that goes when the mouse does.
+
+    python3 dev.py blender --photograph tests/blender/window_hidden.py --size 1600x1000
+"""
+
+import tempfile
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender import panel_states, scenes
+from tests.blender.user_steps import live, middle, settled, simulate
+from tests.blender.window_driver import (
+    MODULE,
+    area_of,
+    by_numpy,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+    window,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_hidden_"))
+
+
+def check_behind_a_mesh():
+    """A scan larger than the wall that the view is in: the viewport says so, and a button hides the wall."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.mesh.primitive_cube_add(size=2.0)
+        bpy.context.object.name = "Cube"
+        owner = panel_states.add_volume(FOLDER)
+    view = area_of("VIEW_3D")
+    view.spaces.active.region_3d.view_perspective = "PERSP"
+    owner.scale = (0.5,) * 3
+    owner.location = (0.0, 0.0, 0.0)
+    yield from settled()
+    assert live().mesh_before(view) == ""
+    region_3d = view.spaces.active.region_3d
+    region_3d.view_location, region_3d.view_distance = (0.0, 0.0, 0.0), 0.3
+    view.spaces.active.clip_start = 0.01
+    owner.location = (-12.0, 0.0, -2.0)
+    yield from until(lambda: live().mesh_before(view) == "Cube")
+    yield from photograph("behind a mesh")
+    assert live().sentence_of_mesh(view) == "Cube hides the volume in this view."
+    with in_the_view():
+        assert bpy.ops.rle_splat.hide_mesh(mesh="Cube") == {"FINISHED"}
+    yield from until(lambda: live().mesh_before(view) == "")
+    yield from settled()
+    yield from photograph("the mesh is hidden")
+    passed("behind a mesh")
+
+
+def check_import_says_all_at_once():
+    """The sentence about the mesh, the guess and the result are one message."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.mesh.primitive_cube_add(size=4.0)
+        voxels = np.clip(200.0 - 9.0 * np.sqrt(sum((axis - 16.0) ** 2 for axis in np.ogrid[:32, :32, :32])), 0.0, 255.0)
+        path = FOLDER / "ball_32x32x32_uint8.raw"
+        voxels.astype(np.uint8).tofile(path)
+        bpy.context.scene.rle_splat.scene_scale = 0.01
+        bpy.ops.rle_splat.import_volume(filepath=str(path))
+    yield
+    found = [line for line in window_reports() if "Imported" in line]
+    print(found, flush=True)
+    assert len(found) == 1 and "Cube hides it" in found[0]
+    yield from settled()
+    yield from photograph("one message")
+    passed("one message")
+
+
+def window_reports() -> list:
+    """The lines of Blender's Info editor."""
+    area = area_of("PROPERTIES")
+    area.type = "INFO"
+    with bpy.context.temp_override(window=window(), area=area, region=region_of(area, "WINDOW")):
+        bpy.ops.info.select_all(action="SELECT")
+        bpy.ops.info.report_copy()
+    area.type = "PROPERTIES"
+    return window_clipboard().splitlines()
+
+
+def window_clipboard() -> str:
+    return bpy.context.window_manager.clipboard
+
+
+def check_a_bad_volume_in_f12():
+    """Of two volumes one has no file: the other is in the picture, and the panel names the first."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER, "good")
+        bad = panel_states.add_volume(FOLDER, "bad")
+        bad.location.x += 12.0
+        bpy.context.scene.camera.data.ortho_scale = 40.0
+        scene = scenes.use_cycles((96, 72), transparent=False)
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    (FOLDER / "bad.raw").unlink()
+    import_module(f"{MODULE}.bridge.loop.store").forget_all()
+    done = []
+    bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
+    bpy.context.preferences.view.render_display_type = "NONE"
+    with in_the_view():
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"))
+    bpy.app.handlers.render_complete.pop()
+    print(scene.rle_splat.render_problem, flush=True)
+    assert scene.rle_splat.render_problem.startswith("'bad' is left out of the picture: The file of 'bad'")
+    area_of("PROPERTIES").type = "IMAGE_EDITOR"
+    area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
+    yield from photograph("a bad volume is left out")
+    passed("a bad volume is left out")
+
+
+def check_value_goes_with_the_mouse():
+    """The value at the surface stands in the header while the mouse is over the viewport, and no longer."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+        bpy.ops.rle_splat.frame_volume()
+        bpy.ops.wm.tool_set_by_id(name="rle_splat.window_tool")
+    yield from settled()
+    probe, area = import_module(f"{MODULE}.bridge.look.probe"), area_of("VIEW_3D")
+    for by in range(4):
+        simulate("MOUSEMOVE", "NOTHING", middle(by))
+        yield
+    assert probe.hovered(area), "over the viewport"
+    yield from photograph("value under the mouse")
+    other = area_of("PROPERTIES")
+    for by in range(4):
+        simulate("MOUSEMOVE", "NOTHING", (other.x + 30 + by, other.y + 200))
+        yield
+    assert probe.hovered(area) == "", "the mouse is elsewhere"
+    yield from photograph("value gone")
+    passed("the value goes with the mouse")
+
+
+def check_world_light():
+    """An edited world: a sentence and a button, which renders its light."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
+    background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    scene.world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
+    state = import_module(f"{MODULE}.bridge.scene.world").state
+    yield from settled()
+    assert "press Update World Light" in state(scene), state(scene)
+    yield from photograph("world light not rendered yet")
+    with in_the_view():
+        assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from until(lambda: state(scene) == "World: rendered, by direction")
+    yield from settled()
+    yield from photograph("world light rendered")
+    background.inputs["Strength"].default_value = 0.3
+    yield from settled()
+    assert "Press Update World Light" in state(scene), state(scene)
+    passed("world light")
+
+
+def scenario():
+    by_numpy()
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
+    yield from check_behind_a_mesh()
+    yield from check_world_light()
+    yield from check_value_goes_with_the_mouse()
+    yield from check_import_says_all_at_once()
+    yield from check_a_bad_volume_in_f12()
+
+
+drive(scenario)
