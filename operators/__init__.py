@@ -21,6 +21,7 @@ from . import (
     drag_window,
     export_segments,
     extract_surface,
+    four_up,
     frame_volume,
     import_volume,
     keep_connected,
@@ -36,6 +37,7 @@ from . import (
     remove_table,
     render_image,
     save_figure,
+    scroll_slice,
     set_backdrop,
     shadow_pass,
     solo_label,
@@ -52,7 +54,7 @@ MODULES = (
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
-    change_segment, export_segments,
+    change_segment, export_segments, scroll_slice, four_up,
 )
 
 

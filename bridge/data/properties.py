@@ -144,6 +144,13 @@ def _labels_chosen(group, context):
     _evaluate_anew(group, context)
 
 
+def _unlink_slices(group, context):
+    """Slices that get a window of their own begin with that of the volume, unless they had one before."""
+    if not group.slices_follow_window and not group.is_property_set("slice_width"):
+        group.slice_center, group.slice_width = group.window_center, group.window_width
+    _evaluate_anew(group, context)
+
+
 def _look_again(_properties, _context):
     index.forget()
 
@@ -198,6 +205,21 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     is_shadow_grid: BoolProperty(
         name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
         "of, and its reflection", default=False, options={"HIDDEN"})
+    slice_kind: StringProperty(
+        name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
+        options={"HIDDEN"})
+    slices_follow_window: BoolProperty(
+        name="Same as Volume", default=True, update=_unlink_slices,
+        description="Let slices use the level and window of the volume's colors instead of their own")
+    slice_center: LiveFloat(
+        name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
+        translation_context=OURS)
+    slice_width: LiveFloat(
+        name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
+        min=1e-6, precision=2)
+    slices_clear_black: LiveBool(
+        name="Clear Black", default=False,
+        description="Make transparent what slices would show black, such as the air around the body")
     slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
