@@ -8,6 +8,7 @@ from . import (
     add_slice,
     apply_preset,
     bake_volume,
+    black_background,
     change_segment,
     channels,
     choose_object,
@@ -55,6 +56,7 @@ MODULES = (
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
     change_segment, export_segments, scroll_slice, four_up,
+    black_background,
 )
 
 

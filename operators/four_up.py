@@ -12,6 +12,8 @@ from .reading import LoadsFirst
 from .refusal import has_values, refuse
 from .use_window_tool import TOOL
 
+NEARER = 0.65  # a cube's face is so much smaller than the sphere around the cube, which other views make room for
+
 
 class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
     """Show an axial, a coronal and a sagittal slice beside the volume, linked by lines where they cross. The wheel over
@@ -32,8 +34,7 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
         owner, space = volumes.volume_object(context), area.spaces.active
         where = {"area": area, "region": region, "space_data": space}
         if len(space.region_quadviews):
-            with context.temp_override(**where):
-                bpy.ops.screen.region_quadview()
+            _leave(context, space, where)
             return {"FINISHED"}
         try:
             volume = volumes.load_volume(owner)
@@ -45,8 +46,10 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
             kinds[one.rle_splat.slice_kind] = one
         with context.temp_override(**where):
             bpy.ops.screen.region_quadview()
-        _place_views(space, owner, kinds)
+        straight = _place_views(space, owner, kinds)
         viewports.frame(context.window, [box.world_corners(owner)])
+        for view in straight:
+            view.view_distance *= NEARER
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         if context.mode == "OBJECT":
             with context.temp_override(**where):
@@ -65,13 +68,26 @@ def _viewport(context) -> tuple:
     return areas[0], next(region for region in areas[0].regions if region.type == "WINDOW")
 
 
-def _place_views(space, owner, kinds: dict) -> None:
-    """Turn the orthographic views of a new quad view straight onto the slices: top, front and right one."""
+def _leave(context, space, where: dict) -> None:
+    """End a quad view with the view of its volume; Blender itself ends it with that of its first region."""
+    view = next((one for one in space.region_quadviews if one.is_perspective), space.region_quadviews[0])
+    held = [getattr(view, name).copy() for name in ("view_rotation", "view_location")]
+    perspective, distance = view.view_perspective, view.view_distance
+    with context.temp_override(**where):
+        bpy.ops.screen.region_quadview()
+    view = space.region_3d
+    view.view_perspective, view.view_distance = perspective, distance
+    view.view_rotation, view.view_location = held
+
+
+def _place_views(space, owner, kinds: dict) -> list:
+    """Turn the orthographic views of a new quad view straight onto the slices; return them."""
     matrix = np.array(owner.matrix_world)
     straight = [view for view in space.region_quadviews if view.view_perspective == "ORTHO"]
     for view, kind in zip(straight, ("coronal", "axial", "sagittal")):
         view.lock_rotation = False
         view.view_rotation = slice_places.straight_onto(kinds[kind], kind, matrix)
+    return straight
 
 
 CLASSES = (RLE_SPLAT_OT_four_up,)

@@ -119,13 +119,14 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        corners, sentences = [], []
+        owners, corners, sentences = [], [], []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             for sentence in (*found.remarks, remark):
                 if sentence:
                     self.report({"WARNING"}, translate(sentence))
+            owners.append(owner)
             corners.append(box.world_corners(owner))
             inside = viewports.hiding_sentence(context.view_layer, corners[-1])
             imported = filled("Imported {volume}.", volume=owner.name)
@@ -135,7 +136,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
         if self.use_headlight and corners:
-            sentences.append(first_light.light_if_dark(context, len(corners), corners[0]))
+            sentences.append(first_light.light_if_dark(context, owners, corners[0]))
         for sentence in filter(None, sentences):
             self.report({"INFO"}, sentence)
 

@@ -34,7 +34,6 @@ class PicturePanel:
         row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
         layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
         _draw_quality(context, layout)
-        layout.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):

@@ -36,7 +36,6 @@ class ScanPanel:
             row.label(text=value)
         for sentence in filter(None, properties.remarks.split("\n")):
             paragraph(context, layout, sentence, icon="INFO")
-        layout.prop(context.scene.rle_splat, "scene_scale")
         layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
 
 

@@ -12,6 +12,7 @@ import bpy
 
 from ...rle_splat import scene as tables
 from .. import messages
+from ..look import mode_window
 from ..look.transfer_nodes import is_transfer_tree
 from ..loop import index
 from ..pictures import backdrop
@@ -30,6 +31,7 @@ from .overridable import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
@@ -76,6 +78,7 @@ LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
     ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
+    ("BOTH", "Scene Lights and Headlight", "Use the lights of the scene and a headlight together"),
 ]
 CLIP_ITEMS = [
     ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
@@ -153,6 +156,25 @@ def _unlink_slices(group, context):
 
 def _look_again(_properties, _context):
     index.forget()
+
+
+def _mode_of(group) -> int:
+    return SHOWN.index(group.mode)
+
+
+def _choose_mode(group, index: int) -> None:
+    """Set the mode with the look and the window that suit it; ``mode`` alone leaves both as they are."""
+    if index == _mode_of(group):
+        return
+    was_shaded = group.mode == tables.MODES[0]
+    group.mode = SHOWN[index]
+    group.use_grays = group.mode != tables.MODES[0]
+    if was_shaded:
+        group.shaded_window = group.window_center, group.window_width, group.preset_center
+    if group.use_grays:
+        mode_window.suit(group.id_data)
+    elif group.is_property_set("shaded_window"):
+        group.window_center, group.window_width, group.preset_center = group.shaded_window
 
 
 class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
@@ -253,6 +275,19 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Brightness that does not depend on the lights")
     diffuse: LiveFloat(
         name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
+    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
+    use_grays: LiveBool(
+        name="Grays", default=False,
+        description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
+        "in the mode Shaded")
+    display: EnumProperty(
+        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
+        "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,
+        set=_choose_mode)
+    shaded_window: FloatVectorProperty(
+        name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
+        size=3, options={"HIDDEN"})
+    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
         name="Surfaces Only", default=False,
         description="Make regions of nearly constant values transparent, so that surfaces remain")
@@ -298,21 +333,25 @@ def _place_backdrop(settings, context):
     _evaluate_anew(settings, context)
 
 
-def _mode_of(settings) -> int:
-    return SHOWN.index(settings.mode)
-
-
-def _choose_mode(settings, index: int) -> None:
-    """Set the mode with the look that suits it; ``mode`` alone leaves the look as it is."""
-    if index != _mode_of(settings):
-        settings.mode = SHOWN[index]
-        settings.use_grays = settings.mode != tables.MODES[0]
-
-
 def _removed(name: str, usual) -> property:
     """A property of earlier versions, without effect: a script reads its usual value; one that sets it gets a sentence
     and goes on."""
     return property(lambda group: usual, lambda group, _value: messages.complain(group, removed_sentence(name)))
+
+
+def _of_all_volumes(name: str) -> property:
+    """A property that each volume has, as earlier versions had it for a scene: that of its first volume, and a script
+    that sets it sets it for all."""
+
+    def first(settings):
+        found = index.objects(index.of(settings.id_data).volumes)
+        return getattr(found[0].rle_splat, name) if found else VolumeProperties.bl_rna.properties[name].default
+
+    def put(settings, value) -> None:
+        for one in index.objects(index.of(settings.id_data).volumes):
+            setattr(one.rle_splat, name, value)
+
+    return property(first, put)
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -364,15 +403,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
-    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
-    use_grays: LiveBool(
-        name="Gray by Window", default=False,
-        description="Show the values in gray by level and window, instead of the transfer function's colors. Not used "
-        "in the mode Shaded")
-    display: EnumProperty(
-        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded switches to "
-        "gray by level and window", items=DISPLAY_ITEMS, get=_mode_of, set=_choose_mode)
-    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
+    mode, use_grays, display, lighting = map(_of_all_volumes, ("mode", "use_grays", "display", "lighting"))
     use_shadows: LiveBool(
         name="Shadows", default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "

@@ -1,7 +1,7 @@
 """Draws slices in Solid shading as they are, without the viewport's light, and where other slices cross them.
 
-In PRE_VIEW the framebuffer in use is the viewport's own, see ``drawing``.  The slices' pixels are drawn into it over the
-meshes that Blender has shaded, where these are what is seen.
+In PRE_VIEW the framebuffer in use is the viewport's own, see ``drawing``.  The slices' pixels are drawn into it over
+the meshes that Blender has shaded, where these are what is seen.
 """
 
 from __future__ import annotations

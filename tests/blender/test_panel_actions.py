@@ -105,9 +105,9 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
 
 
 def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
-    settings, properties = bpy.context.scene.rle_splat, owner.rle_splat
-    properties.window_center, properties.window_width = 100.0, 200.0
+    settings, properties = owner.rle_splat, owner.rle_splat
     settings.display = "mip"
+    properties.window_center, properties.window_width = 100.0, 200.0
     assert (settings.mode, settings.use_grays) == ("mip", True)
     row = picture()[16]
     np.testing.assert_allclose(row[:, 0], row[:, 3], atol=1e-5)  # white, as opaque as the value is high

@@ -1,6 +1,7 @@
 """Slices in a real window, by a mouse: true grays in Solid shading, the four-up view, the wheel, and a window of their
 own by dragging.  dev.py test runs it; its photographs are to be looked at."""
 
+import os
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
+    SHOTS,
     area_of,
     by_numpy,
     drive,
@@ -19,9 +21,6 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
-    pixels_of,
-    redraw,
-    region_of,
     until,
     window,
 )
@@ -106,7 +105,8 @@ def check_true_gray(name):
         space.shading.light = light
         yield from settled()
         yield from photograph(f"gray_{light.lower()}")
-        seen[light] = pixels_of(f"gray_{light.lower()}", *at)
+        picture = scenes.load_pixels(Path(os.environ[SHOTS]) / f"gray_{light.lower()}.png")
+        seen[light] = np.rint(255.0 * picture[picture.shape[0] - 1 - at[1], at[0], :3])
     print(f"gray at {at}: {seen}", flush=True)
     values = scenes.image_pixels(slices()["axial"].rle_splat.slice_image)[..., 0]
     srgb = 255.0 * np.where(values <= 0.0031308, 12.92 * values, 1.055 * np.maximum(values, 1e-9) ** (1 / 2.4) - 0.055)
@@ -161,6 +161,10 @@ def check_back(name):
     yield from settled()
     bpy.data.objects[name].rle_splat.slices_clear_black = True
     yield from settled()
+    view = area_of("VIEW_3D").spaces.active
+    assert view.region_3d.is_perspective
+    view.show_object_viewport_volume = False
+    yield
     yield from photograph("clear_black")
     assert not len(area_of("VIEW_3D").spaces.active.region_quadviews)
 
