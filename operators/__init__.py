@@ -15,6 +15,7 @@ from . import (
     choose_series,
     choose_transfer,
     clear_kernels,
+    clear_labels,
     clip_to_view,
     color_anatomy,
     composite,
@@ -22,6 +23,7 @@ from . import (
     drag_window,
     export_segments,
     extract_surface,
+    fit_clip,
     four_up,
     frame_volume,
     import_volume,
@@ -41,6 +43,7 @@ from . import (
     scroll_slice,
     set_backdrop,
     shadow_pass,
+    show_tab,
     solo_label,
     threshold_segment,
     transfer_files,
@@ -56,7 +59,7 @@ MODULES = (
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
     change_segment, export_segments, scroll_slice, four_up,
-    black_background,
+    black_background, fit_clip, clear_labels, show_tab,
 )
 
 
@@ -72,6 +75,7 @@ def register():
             _describe(cls)
             bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
+    show_tab.register()
 
 
 def unregister():

@@ -4,12 +4,14 @@ import bpy
 
 from ..bridge.look import transfer_nodes
 from ..bridge.scene import clip_objects
+from ..bridge.translations import with_unit
 from ..bridge.volumes import encoded, volumes
 from ..operators.black_background import is_black
 from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume, paragraph
 
 MINIP = "The smallest value of most lines is that of air: cut the volume to a slab with Cut > Add Box"
+WIDE = 50.0  # range of values above which a drag shifts by whole units
 
 
 class DisplayPanel:
@@ -37,10 +39,15 @@ class DisplayPanel:
         layout = layout.column()
         layout.enabled = not is_encoded
         layout.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
-        layout.prop(properties, "shift", slider=True)
+        span = properties.value_high - properties.value_low
+        unit = with_unit("Shift", properties.value_unit)
+        layout.prop(properties, "shift_by" if span >= WIDE else "shift_finely", text=unit, translate=False)
         row = layout.row()
         row.active = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
+        column = self.layout.column(heading="Show", align=True)
+        for name in ("show_scale_bar", "show_color_bar"):
+            column.prop(context.scene.rle_splat, name)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

@@ -72,6 +72,10 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
+    has_shown_tab: BoolProperty(
+        name="Tab Shown", description="The tab was opened once after the extension was installed", default=False,
+        options={"HIDDEN"})
+
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True

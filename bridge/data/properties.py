@@ -121,13 +121,20 @@ def _knob(name: str) -> str:
 def _shift_of(group) -> float:
     if not group.is_property_set("preset_center"):  # of a file of an earlier version
         return 0.0
-    return 100.0 * (group.window_center - group.preset_center) / max(group.value_high - group.value_low, 1e-6)
+    return group.window_center - group.preset_center
 
 
-def _shift(group, percent: float) -> None:
+def _shift(group, by: float) -> None:
     if not group.is_property_set("preset_center"):
         group.preset_center = group.window_center
-    group.window_center = group.preset_center + 0.01 * percent * (group.value_high - group.value_low)
+    group.window_center = group.preset_center + by
+
+
+def _shift_property(step: float, precision: int):
+    """The shift as a property whose drag moves it by so many hundredths of a unit for each pixel."""
+    return FloatProperty(
+        name="Shift", translation_context=OURS, step=step, precision=precision, get=_shift_of, set=_shift,
+        description="Move the whole transfer function to higher or lower values, in their unit")
 
 
 def _is_flipped(group) -> bool:
@@ -257,10 +264,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     preset_center: FloatProperty(
         name="Level of the Preset", description="Level of the transfer function when it was last applied",
         options={"HIDDEN"})
-    shift: FloatProperty(
-        name="Shift", translation_context=OURS,
-        description="Move the whole transfer function to higher or lower values, in percent of the range of "
-        "the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
+    shift_by: _shift_property(100, 1)
+    shift_finely: _shift_property(1, 3)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
@@ -322,6 +327,13 @@ def _rescale_boxes(settings, context):
     for volume_object in settings.id_data.objects:
         if volume_object.rle_splat.is_volume:
             box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
+
+
+def _redraw(_settings, context):
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 def _place_backdrop(settings, context):
@@ -429,6 +441,14 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Clip Objects", type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
         "arrow Empties as planes. The part that all of them keep is shown")
+    use_clips: LiveBool(
+        name="Cut", default=True, description="Cut volumes by the clip objects; off shows them whole")
+    show_scale_bar: BoolProperty(
+        name="Scale Bar", default=False, update=_redraw,
+        description="Show a length in 3D viewports, in perspective as it is in the middle of the volume")
+    show_color_bar: BoolProperty(
+        name="Color Bar", default=False, update=_redraw,
+        description="Show the colors of the volume's window with their values in 3D viewports")
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")

@@ -134,7 +134,7 @@ def test_a_headlight_and_lights_add_up(volume):
 @pytest.fixture
 def body(addon, tmp_path):
     """A CT of a cylinder of water with a rod of bone in air, from the side."""
-    z, y, x = np.mgrid[:40, :40, :40]
+    _, y, x = np.mgrid[:40, :40, :40]
     values = np.where((x - 19.5) ** 2 + (y - 19.5) ** 2 < 230.0, 30, -1000)
     values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 900
     found = import_raw(tmp_path, values.astype(np.int16), name="body")
@@ -166,7 +166,7 @@ def test_shaded_has_its_own_window_again(body):
     properties.window_center, properties.window_width = 123.0, 456.0
     for mode in ("xray", "mip"):
         properties.display = mode
-        assert properties.window_width != 456.0 and properties.shift == 0.0
+        assert properties.window_width != 456.0 and properties.shift_by == 0.0
     properties.display = "composite"
     assert (properties.window_center, properties.window_width) == (123.0, 456.0)
     properties.display = "mip"
