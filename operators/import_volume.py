@@ -313,8 +313,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             layout.prop(self, "spacing")
         else:
             row = layout.row(heading="Spacing")
-            row.alert = True
-            row.prop(self, "use_file_spacing", text="Unknown: Enter It", toggle=True)
+            row.alert = bool(self.paths())
+            row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=filled(

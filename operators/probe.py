@@ -12,7 +12,7 @@ from .refusal import NO_VOLUME, refuse
 
 
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
-    """Tell the value, voxel, position and label at the first visible surface along a ray; in a viewport, under the
+    """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, under the
     mouse"""
 
     bl_idname = "rle_splat.probe"
