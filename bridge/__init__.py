@@ -6,12 +6,12 @@ from . import paths
 # isort: split
 from . import live, translations
 from .data import preferences, properties
-from .live import letters
+from .live import bars, letters
 from .look import own_presets, previews, thumbnails
 from .loop import events
 
 __all__ = [
-    "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
+    "bars", "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
     "properties", "register", "thumbnails", "translations",
     "unregister",
 ]
@@ -24,6 +24,7 @@ def register():
     previews.register()
     events.register()
     letters.register()
+    bars.register()
     live.register()
     own_presets.register()
     thumbnails.register()
@@ -33,6 +34,7 @@ def unregister():
     thumbnails.unregister()
     own_presets.unregister()
     live.unregister()
+    bars.unregister()
     letters.unregister()
     events.unregister()
     previews.unregister()

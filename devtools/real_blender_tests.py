@@ -40,6 +40,7 @@ WINDOW_SCRIPTS = {
     "window_live.py": USUAL_SCREEN,
     "window_several.py": USUAL_SCREEN,
     "window_cut.py": USUAL_SCREEN,
+    "window_slices.py": (1600, 1000),  # four views
     "window_look.py": USUAL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
     "window_film.py": (1280, 1000),

@@ -8,12 +8,14 @@ from . import (
     add_slice,
     apply_preset,
     bake_volume,
+    black_background,
     change_segment,
     channels,
     choose_object,
     choose_series,
     choose_transfer,
     clear_kernels,
+    clear_labels,
     clip_to_view,
     color_anatomy,
     composite,
@@ -21,6 +23,8 @@ from . import (
     drag_window,
     export_segments,
     extract_surface,
+    fit_clip,
+    four_up,
     frame_volume,
     hide_mesh,
     import_volume,
@@ -37,8 +41,10 @@ from . import (
     remove_table,
     render_image,
     save_figure,
+    scroll_slice,
     set_backdrop,
     shadow_pass,
+    show_tab,
     solo_label,
     threshold_segment,
     transfer_files,
@@ -54,7 +60,8 @@ MODULES = (
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
-    change_segment, export_segments, update_world_light, hide_mesh,
+    change_segment, export_segments, scroll_slice, four_up, black_background, fit_clip, clear_labels, show_tab,
+    update_world_light, hide_mesh,
 )
 
 
@@ -70,6 +77,7 @@ def register():
             _describe(cls)
             bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
+    show_tab.register()
 
 
 def unregister():

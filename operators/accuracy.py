@@ -43,7 +43,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_label = "Measure Accuracy"
     bl_description = (
         "Measure the time and the error of several quality settings for this volume and camera. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows where it is pre-classified")
+        "measured alone: without meshes and motion blur, and without shadows with Soft Edges")
 
     probes: IntProperty(
         name="Probes", description="Number of pixels that are compared with the exact result", default=PROBES, min=1,
@@ -64,7 +64,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
             self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         self.report({"INFO"}, f"{len(report['plans'])} plans measured. {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
-                              f"RMSE {figure_text(chosen['error']['rmse'])} levels against {chosen['truth']}.")
+                              f"RMSE {figure_text(chosen['error']['rmse'])} gray levels of 255.")
 
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
@@ -99,8 +99,8 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.error_map"
     bl_label = "Error Map"
     bl_description = (
-        "Make an image of the picture's error at the current quality, in levels of 1/255. The volume is measured "
-        "alone: without meshes and motion blur, and without shadows where it is pre-classified")
+        "Make an image of the picture's error at the current quality, in gray levels of 255. The volume is measured "
+        "alone: without meshes and motion blur, and without shadows with Soft Edges")
 
     step: IntProperty(
         name="Every", description="Measure one pixel in each block of this many pixels across and down; 1 measures "

@@ -15,6 +15,43 @@ from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_volume, refuse
 
+FIT = EnumProperty(
+    name="Fit", description="What a clip box holds, or what a new plane halves",
+    items=[("VOLUME", "Whole Volume", "All voxels"),
+           ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])
+
+
+def fitted(owner, volume, fit: str) -> np.ndarray:
+    """The clip object that holds a volume, or what is visible of it.
+
+    Parameters
+    ----------
+    fit : {"VOLUME", "VISIBLE"}
+
+    Returns
+    -------
+    (4, 4) ndarray of float64
+        The clip's unit space to voxel indices.
+
+    Raises
+    ------
+    RleSplatError
+        If nothing is visible, or the volume has no values.
+    """
+    first, last = np.zeros(3), np.array(volume.shape_xyz, dtype=np.float64) - 1.0
+    if fit == "VISIBLE":
+        if not volume.holds_values:
+            raise RleSplatError(f"{encoded.why_no_values(owner)}, or choose Whole Volume.")
+        found = visible_box(volume, transfer.read_transfer(owner))
+        if found is None:
+            raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
+        # The picture of a voxel reaches to the centers of its neighbors.
+        first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
+    half = 0.5 * (last - first)
+    matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a clip object must not be flat
+    matrix[:3, 3] = 0.5 * (first + last)
+    return matrix
+
 
 class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     """Add an Empty that cuts the volume: a box fitted to it, or a rectangle at its center with an arrow that points to
@@ -32,10 +69,7 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         name="Keep", description="Part of the volume that stays visible",
         items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
                ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])
-    fit: EnumProperty(
-        name="Fit", description="What a new box holds, or what a new plane halves",
-        items=[("VOLUME", "Whole Volume", "All voxels"),
-               ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])
+    fit: FIT
 
     @classmethod
     def poll(cls, context):
@@ -46,29 +80,13 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         try:
             clip_objects.check_can_add(context.scene, context.view_layer)
             volume = volumes.load_volume(owner)
-            fitted = self._fitted(owner, volume)
+            unit = fitted(owner, volume, self.fit)
         except RleSplatError as problem:
             return refuse(self, problem)
-        matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted
+        matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ unit
         empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
         make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
-
-    def _fitted(self, owner, volume) -> np.ndarray:
-        """(4, 4) float64: the clip's unit space to voxel indices."""
-        first, last = np.zeros(3), np.array(volume.shape_xyz, dtype=np.float64) - 1.0
-        if self.fit == "VISIBLE":
-            if not volume.holds_values:
-                raise RleSplatError(f"{encoded.why_no_values(owner)}, or choose Whole Volume.")
-            found = visible_box(volume, transfer.read_transfer(owner))
-            if found is None:
-                raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
-            # The picture of a voxel reaches to the centers of its neighbors.
-            first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
-        half = 0.5 * (last - first)
-        matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a clip object must not be flat
-        matrix[:3, 3] = 0.5 * (first + last)
-        return matrix
 
 
 CLASSES = (RLE_SPLAT_OT_add_clip,)

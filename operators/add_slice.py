@@ -3,7 +3,8 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..bridge.live import slice_pictures, slices
+from ..bridge import linked
+from ..bridge.live import slice_pictures, slice_window, slices
 from ..bridge.scene import viewports
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
@@ -20,9 +21,32 @@ KINDS = (
 )
 
 
+def add_slices(context, owner, volume, names) -> list:
+    """Add slices of a volume to the scene, with a window of their own if they are its first ones.
+
+    Parameters
+    ----------
+    names : list of str
+        How they lie, see ``slices.add_slice``.
+
+    Returns
+    -------
+    list of bpy.types.Object
+        The slices, whose pictures are not made yet.
+    """
+    if not linked.why_not_editable(owner) and not any(
+            slices.volume_of(one) == owner for one in slices.slice_objects(context.scene)):
+        slice_window.begin(owner.rle_splat, volume)
+    found = [slices.add_slice(context, owner, volume, name) for name in names]
+    context.view_layer.update()
+    context.scene.render.use_lock_interface = True  # renders write pixels that viewports draw
+    viewports.show_textures(context.window)
+    return found
+
+
 class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
-    """Add a plane through the middle of the volume that shows its values as gray levels of Level and Window. Move,
-    rotate, scale and animate it like any object. Renders lock the interface, since they update its image"""
+    """Add a plane through the middle of the volume that shows its values as gray levels. Move, rotate, scale and
+    animate it like any object. Renders lock the interface, since they update its image"""
 
     bl_idname = "rle_splat.add_slice"
     bl_label = "Add Slice"
@@ -40,16 +64,13 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
             volume = volumes.load_volume(owner)
         except RleSplatError as problem:
             return refuse(self, problem)
-        for name in [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)]:
-            one = slices.add_slice(context, owner, volume, name)
-        context.view_layer.update()
+        one = add_slices(
+            context, owner, volume, [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)])[-1]
         if one.name not in context.view_layer.objects:
             self.report({"WARNING"}, f"{one.name} is in a collection that is excluded from the view layer; include it "
                                      "in the Outliner to see the slice.")
             return {"FINISHED"}
         make_active(self, context, one, "was added")
-        context.scene.render.use_lock_interface = True  # renders write pixels that viewports draw
-        viewports.show_textures(context.window)
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         return {"FINISHED"}
 

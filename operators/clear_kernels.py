@@ -7,7 +7,7 @@ from ..bridge.volumes.facts import memory_text
 
 
 class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
-    """Delete the compiled kernels on disk. They are compiled again when they are needed next"""
+    """Delete the compiled code on disk. It is compiled again when it is needed next"""
 
     bl_idname = "rle_splat.clear_kernels"
     bl_label = "Clear Cache"
@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _context):
-        self.report({"INFO"}, f"Deleted {memory_text(kernel_cache.clear())} of compiled kernels.")
+        self.report({"INFO"}, f"Deleted {memory_text(kernel_cache.clear())} of compiled code.")
         return {"FINISHED"}
 
 

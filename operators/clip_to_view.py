@@ -16,7 +16,7 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
     one is added. In background mode the view is that of the active camera"""
 
     bl_idname = "rle_splat.clip_to_view"
-    bl_label = "Clip to View"
+    bl_label = "Cut Along View"
     bl_options = {"REGISTER", "UNDO"}
 
     through: EnumProperty(

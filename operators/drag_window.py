@@ -3,7 +3,9 @@
 import bpy
 from bpy.props import FloatProperty
 
+from ..bridge import linked
 from ..bridge.held import Held
+from ..bridge.live import slice_places, slice_window, slices
 from ..bridge.look import transfer
 from ..bridge.look.probe import value_text
 from ..bridge.look.window_drag import WindowDrag
@@ -15,8 +17,8 @@ KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Relea
 
 
 class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
-    """Change the range of values that the colors and the opacity curve cover by dragging: to the right and left the
-    window, up and down the level"""
+    """Change the range of values that the colors and the opacity curve cover by dragging, over a slice that of the
+    slices: to the right and left the window, up and down the level"""
 
     bl_idname = "rle_splat.drag_window"
     bl_label = "Drag Window and Level"
@@ -39,9 +41,16 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
         problem = why_no_editable_transfer(context)
         if problem:
             return refuse(self, f"{problem}.")
-        owner = volumes.volume_object(context)
+        one = None
+        if context.region_data is not None:
+            one = slice_places.under(context, (event.mouse_region_x, event.mouse_region_y))
+        owner = volumes.volume_object(context) if one is None else slices.volume_of(one)
+        if owner is None or (one is not None and linked.why_not_editable(owner)):
+            return {"CANCELLED"}
         properties = owner.rle_splat
-        self.center, self.width = self._before = properties.window_center, properties.window_width
+        self._of_slices = one is not None
+        self.center, self.width = self._before = (
+            slice_window.own(properties) if self._of_slices else (properties.window_center, properties.window_width))
         self._owner, self._mouse = Held(owner), (event.mouse_x, event.mouse_y)
         self._drag = WindowDrag(
             *self._before, properties.value_low, properties.value_high, context.preferences.system.ui_scale)
@@ -61,7 +70,7 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
             self._mouse = event.mouse_x, event.mouse_y
             if right or up:
                 self.center, self.width = self._drag.move(right, up, event.shift)
-                transfer.move_window(owner, self.center, self.width)
+                self._move(owner, self.center, self.width)
                 self._tell(context)
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._tell_no_more(context)
@@ -73,8 +82,14 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
         """Restore what was there; Blender calls it too, where a file is opened meanwhile."""
         owner = self._owner.find()
         if owner is not None:
-            transfer.move_window(owner, *self._before)
+            self._move(owner, *self._before)
         self._tell_no_more(context)
+
+    def _move(self, owner, center: float, width: float) -> None:
+        if self._of_slices:
+            slice_window.move(owner.rle_splat, center, width)
+        else:
+            transfer.move_window(owner, center, width)
 
     def _tell(self, context) -> None:
         span = 0.0, self._drag.rate * 1000.0

@@ -120,11 +120,12 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        corners, warnings, sentences = [], list(self.guesses), []
+        owners, corners, warnings, sentences = [], [], list(self.guesses), []
         for found, options, transfer_function, reason in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
+            owners.append(owner)
             corners.append(box.world_corners(owner))
             sentences += [filled("Imported {volume}.", volume=owner.name), translate(reason)]
         self._show(context, len(corners))
@@ -135,7 +136,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         warnings += dict.fromkeys(
             viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes)
         if self.use_headlight and corners:
-            sentences.append(first_light.light_if_dark(context, len(corners), corners[0]))
+            sentences.append(first_light.light_if_dark(context, owners, corners[0]))
         # Together, since of several messages a window shows the last one alone.
         self.report({"WARNING" if any(warnings) else "INFO"}, " ".join(filter(None, (*warnings, *sentences))))
 
@@ -313,8 +314,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             layout.prop(self, "spacing")
         else:
             row = layout.row(heading="Spacing")
-            row.alert = True
-            row.prop(self, "use_file_spacing", text="Unknown: Enter It", toggle=True)
+            row.alert = bool(self.paths())
+            row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             layout.label(text=filled(

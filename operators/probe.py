@@ -15,7 +15,7 @@ REST = 2.0  # seconds
 
 
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
-    """Tell the value, voxel, position and label at the first visible surface along a ray; in a viewport, under the
+    """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, under the
     mouse"""
 
     bl_idname = "rle_splat.probe"

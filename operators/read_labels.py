@@ -9,10 +9,10 @@ from .refusal import has_editable_values, refuse
 
 
 class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
-    """List the labels in the label file. Each can be hidden, or get its own color and opacity"""
+    """List the segments in the label file. Each can be hidden, or get its own color and opacity"""
 
     bl_idname = "rle_splat.read_labels"
-    bl_label = "Read Labels"
+    bl_label = "Read Segments"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -35,7 +35,7 @@ class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
             return refuse(self, problem)
         for remark in remarks:
             self.report({"INFO"}, remark)
-        self.report({"INFO"}, f"{count} labels" + (
+        self.report({"INFO"}, f"{count} segments" + (
             f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))
         return {"FINISHED"}
 

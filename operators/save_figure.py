@@ -54,17 +54,17 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     scale_length: FloatProperty(
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0)
     scale_depth: EnumProperty(
-        name="Scale at", description="Where the scale bar of a perspective view holds; its label says so",
+        name="Length Holds", description="Where the scale bar of a perspective view holds; it is written beside it",
         items=[("NONE", "Nowhere", "No scale bar in perspective"),
                ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
     sides: EnumProperty(
-        name="Sides", description="How the patient's sides are shown",
+        name="Letters", description="How the patient's sides are shown",
         items=[("auto", "Automatic", "Letters, where the file says where the sides are"),
                ("letters", "Letters", "Letters at the edges of the picture"), ("cube", "Cube", "A cube with letters"),
                ("off", "Off", "Nothing")])
     compare: StringProperty(
-        name="Compare", description="Names of presets, separated by commas, each in a picture of its own. Empty uses "
+        name="Presets Side by Side", description="Names of presets, separated by commas, each in a picture of its own. Empty uses "
         "the volume's transfer function")
 
     is_new = False  # only files are written

@@ -4,6 +4,7 @@ import bpy
 from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
+from ..bridge.live import slice_window
 from ..bridge.look import transfer
 from ..bridge.translations import OURS
 from ..bridge.volumes import volumes
@@ -38,6 +39,8 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     keep_values: BoolProperty(
         name="Keep Colors", description="Redraw the curves so that every value keeps its color and opacity, and only "
         "the range that the panel shows changes", default=False)
+    of_slices: BoolProperty(
+        name="Of Slices", description="Set the range that the volume's slices show from black to white", default=False)
 
     @classmethod
     def poll(cls, context):
@@ -53,7 +56,8 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     def invoke(self, context, _event):
         properties = volumes.volume_object(context).rle_splat
         if not self.properties.is_property_set("center"):
-            self.center, self.width = properties.window_center, properties.window_width
+            self.center, self.width = (
+                slice_window.own(properties) if self.of_slices else (properties.window_center, properties.window_width))
         return self.execute(context)
 
     def execute(self, context):
@@ -67,6 +71,9 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
                 self.report({"WARNING"}, "The values of this volume are not in HU, so a CT window may show nothing; "
                                          "choose All Values.")
             _, self.center, self.width = CT_WINDOWS[self.preset]
+        if self.of_slices:
+            slice_window.move(properties, self.center, self.width)
+            return {"FINISHED"}
         remark = transfer.move_window(owner, self.center, self.width, self.keep_values)
         if remark:
             self.report({"WARNING"}, remark)

@@ -25,12 +25,13 @@ from . import (
     transfer,
     volume,
     volume_menu,
+    whole_scene,
     window_tool,
 )
 
 MODULES = (
     volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, channels,
-    picture, scan, playback, advanced, diagnostics, effects, report, accuracy, about, clip_gizmos,
+    picture, whole_scene, scan, playback, advanced, diagnostics, effects, report, accuracy, about, clip_gizmos,
 )  # fmt: skip
 
 

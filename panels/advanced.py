@@ -6,6 +6,7 @@ from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import OF_PRE, is_pre_classified, quality_of
 from ..bridge.look import transfer
 from ..bridge.scene.camera import image_size
+from ..bridge.scene.lights import is_any_lit
 from ..bridge.volumes import facts, volumes
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
@@ -20,7 +21,7 @@ PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", 
 def taken_away(scene) -> list[str]:
     """Names of the effects that the scene asks for and that pictures with a Maximum Error leave out."""
     settings = scene.rle_splat
-    casts = settings.use_shadows and settings.lighting == "SCENE" and any(
+    casts = settings.use_shadows and is_any_lit(scene) and any(
         one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)
     pre = is_pre_classified(settings)
     asked = {
@@ -66,7 +67,7 @@ def _draw_error(context, layout) -> None:
     settings = context.scene.rle_splat
     layout.prop(settings, "use_max_error")
     if settings.use_max_error:
-        layout.prop(settings, "max_error", text="Levels of 1/255")
+        layout.prop(settings, "max_error", text="Gray Levels of 255")
     if lost := taken_away(context.scene):
         which = "Pictures with a Maximum Error" if settings.max_error else "With it, pictures"
         paragraph(context, layout, f"{which} have no {' and no '.join(lost)}.", "INFO")
@@ -78,7 +79,7 @@ def _memory(context) -> str:
     if owner is None:
         return ""
     try:
-        function, quality = transfer.shown_transfer(owner, context.scene), quality_of(context.scene)
+        function, quality = transfer.shown_transfer(owner), quality_of(context.scene)
     except RleSplatError:
         return ""
     meshes = context.scene.rle_splat.meshes_occlude and any(

@@ -17,18 +17,25 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
     def poll(cls, context):
         return volumes.volume_object(context) is not None or bool(clip_objects.clip_objects(context.scene))
 
+    def draw_header(self, context):
+        if clip_objects.clip_objects(context.scene):
+            self.layout.prop(context.scene.rle_splat, "use_clips", text="")
+
     def draw(self, context):
         layout = self.layout
+        layout.active = context.scene.rle_splat.use_clips
         row = layout.row(align=True)
         for kind, text, icon in (("BOX", "Add Box", "MESH_CUBE"), ("PLANE", "Add Plane", "MESH_PLANE")):
             row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
-        layout.operator_menu_enum("rle_splat.clip_to_view", "through", text="Clip to View", icon="VIEW_PERSPECTIVE")
+        layout.operator_menu_enum("rle_splat.clip_to_view", "through", text="Cut Along View", icon="VIEW_PERSPECTIVE")
         found = clip_objects.clip_objects(context.scene)
         if found:
+            if any(map(_is_box, found)):
+                layout.operator("rle_splat.fit_clip", icon="FULLSCREEN_ENTER")
             column = layout.box().column(align=True)
             for one in found:
                 _draw_one(context, column, one)
-        layout.prop(context.scene.rle_splat, "clip_objects", text="")
+            layout.prop(context.scene.rle_splat, "clip_objects", text="")
 
 
 def _draw_one(context, layout, one) -> None:

@@ -3,9 +3,15 @@
 import bpy
 
 from ..bridge.look import transfer_nodes
+from ..bridge.scene import clip_objects
+from ..bridge.translations import with_unit
 from ..bridge.volumes import encoded, volumes
+from ..operators.black_background import is_black
 from ..rle_splat.scene import MODES
-from .places import DataTab, OfVolume
+from .places import DataTab, OfVolume, paragraph
+
+MINIP = "The smallest value of most lines is that of air: cut the volume to a slab with Cut > Add Box"
+WIDE = 50.0  # range of values above which a drag shifts by whole units
 
 
 class DisplayPanel:
@@ -19,20 +25,29 @@ class DisplayPanel:
         layout.use_property_decorate = False
         owner = volumes.volume_object(context)
         properties = owner.rle_splat
-        settings = context.scene.rle_splat
-        layout.prop(settings, "display")
-        if settings.mode != MODES[0]:
-            layout.prop(settings, "use_grays")
+        layout.prop(properties, "display")
+        if properties.mode != MODES[0]:
+            layout.prop(properties, "use_grays")
+            if getattr(context.space_data, "type", "") == "VIEW_3D":
+                is_on = is_black(context.space_data.shading)
+                layout.operator("rle_splat.black_background", depress=is_on, icon="SHADING_SOLID")
+            if properties.mode == "minip" and not clip_objects.clip_objects(context.scene):
+                paragraph(context, layout, MINIP, icon="INFO")
         is_encoded = encoded.is_of(owner)
         is_there = properties.transfer is not None and transfer_nodes.is_transfer_tree(properties.transfer)
         name = properties.transfer_name if is_there or is_encoded else ""
         layout = layout.column()
         layout.enabled = not is_encoded
         layout.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
-        layout.prop(properties, "shift", slider=True)
+        span = properties.value_high - properties.value_low
+        unit = with_unit("Shift", properties.value_unit)
+        layout.prop(properties, "shift_by" if span >= WIDE else "shift_finely", text=unit, translate=False)
         row = layout.row()
-        row.active = settings.mode == MODES[0] or not settings.use_grays
+        row.active = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
+        column = self.layout.column(heading="Show", align=True)
+        for name in ("show_scale_bar", "show_color_bar"):
+            column.prop(context.scene.rle_splat, name)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

@@ -1,4 +1,4 @@
-"""What the tab shows before the first volume: three steps with their buttons, and whether kernels are ready."""
+"""What the tab shows before the first volume: three steps with their buttons, and whether the first picture takes longer."""
 
 from ..bridge.translations import OURS
 from ..rle_splat.runtime.jit import nothing_compiled_yet
@@ -20,13 +20,12 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     step.menu("RLE_SPLAT_MT_presets", icon="PRESET")
-    step.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED")
+    step.operator("rle_splat.frame_volume", text="Show Whole", text_ctxt=OURS, icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
     if nothing_compiled_yet():
-        paragraph(context, layout, "Kernels are not compiled yet: the first picture takes longer", icon="TIME")
-    else:
-        paragraph(context, layout, "Kernels are ready", icon="CHECKMARK")
+        sentence = "The first picture takes longer, since code is compiled for this computer"
+        paragraph(context, layout, sentence, icon="TIME")
 
 
 def _step(context, layout, text: str):

@@ -68,6 +68,7 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         button = row.row(align=True)
         button.ui_units_x = BUTTON
         button.operator("rle_splat.read_labels", text="Read")
+        row.operator("rle_splat.clear_labels", text="", icon="X")
         if not properties.labels:
             return
         layout.template_list(

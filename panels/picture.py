@@ -16,25 +16,24 @@ class PicturePanel:
     def draw(self, context):
         layout = self.layout
         settings = context.scene.rle_splat
+        layout.label(text="In Every Render (F12)")
         row = _tall(layout)
         row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
         row.operator("rle_splat.remove_composite", text="", icon="X")
         _draw_composite(context, layout)
+        layout.label(text="In the Camera View")
         row = _tall(layout)
         row.operator("rle_splat.set_backdrop", icon="PINNED")
         row.operator("rle_splat.remove_backdrop", text="", icon="X")
-        row = layout.row()
-        row.prop(settings, "backdrop_depth", expand=True)
+        row = layout.split(factor=0.4)
+        row.label(text="Picture Is")
+        row.row().prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
-        row = _tall(layout)
-        row.operator("rle_splat.render_image", icon="IMAGE_DATA")
-        row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
-        row = _tall(layout)
-        row.operator("rle_splat.save_figure", icon="DOCUMENTS")
-        row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
-        layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
         _draw_quality(context, layout)
-        layout.prop(settings, "meshes_occlude")
+        header, body = layout.panel("rle_splat_export", default_closed=True)
+        header.label(text="Pictures and Files")
+        if body is not None:
+            _draw_files(body)
         draw_outdated(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
@@ -48,6 +47,17 @@ def _tall(layout):
     row = layout.row(align=True)
     row.scale_y = 1.2
     return row
+
+
+def _draw_files(layout) -> None:
+    """Buttons that make an image, an animation, a figure, a mesh or a file of the volume."""
+    row = _tall(layout)
+    row.operator("rle_splat.render_image", icon="IMAGE_DATA")
+    row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
+    row = _tall(layout)
+    row.operator("rle_splat.save_figure", icon="DOCUMENTS")
+    row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
+    layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
 
 
 def _draw_quality(context, layout) -> None:

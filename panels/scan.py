@@ -11,7 +11,7 @@ BUTTON = 3.5  # width of the button beside the path, in buttons
 class ScanPanel:
     """Draws the panel in the sidebar and in the object data properties."""
 
-    bl_label = "Scan"
+    bl_label = "File"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
@@ -36,8 +36,6 @@ class ScanPanel:
             row.label(text=value)
         for sentence in filter(None, properties.remarks.split("\n")):
             paragraph(context, layout, sentence, icon="INFO")
-        layout.prop(context.scene.rle_splat, "scene_scale")
-        layout.operator("rle_splat.import_volume", text="Import Another", icon="IMPORT")
 
 
 class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):

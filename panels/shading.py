@@ -1,8 +1,7 @@
-"""The Lighting panel: lights, shadows and the material of the volume."""
+"""The Lighting panel: what shines on the volume, and its material."""
 
 import bpy
 
-from ..bridge.data import effects
 from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import is_pre_classified
 from ..bridge.scene import first_light, world_render
@@ -25,30 +24,14 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         settings = context.scene.rle_splat
         if encoded.is_of(owner):
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
-            layout.prop(settings, "use_mist")
             return
-        has_shadows = not settings.max_error or not is_pre_classified(settings)
-        layout.prop(settings, "lighting")
-        unused = first_light.unused_lights(context.scene)
+        layout.prop(properties, "lighting")
+        unused = first_light.unused_lights(context.scene, properties.lighting)
         if unused:
             paragraph(context, layout, unused, icon="INFO")
-        column = layout.column(align=True)
-        column.active = settings.lighting == "SCENE"
-        row = column.row()
-        row.active = has_shadows
-        row.prop(settings, "use_shadows")
-        column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
-        column.prop(settings, "use_world")
-        paragraph(context, layout, world_state(context.scene), icon="WORLD")
+        paragraph(context, layout, world_state(context.scene, properties.lighting), icon="WORLD")
         if world_render.is_needed(context.scene):
             layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
-        row = layout.row()
-        row.active = has_shadows
-        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
-        row = layout.row()
-        row.active = settings.lighting == "SCENE" and settings.use_shadows and not is_pre_classified(settings)
-        row.prop(settings, "indirect_light", text="Indirect")
-        layout.prop(settings, "use_mist")
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.active = properties.use_shading and not is_pre_classified(settings)

@@ -3,7 +3,9 @@
 import bpy
 
 from ..bridge.live import slice_pictures, slices
+from ..bridge.translations import with_unit
 from ..bridge.volumes import volumes
+from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar, paragraph
 
 
@@ -19,9 +21,18 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        for one in slices.slice_objects(context.scene):
+        row = layout.row(align=True)
+        for kind in ("axial", "coronal", "sagittal"):
+            row.operator("rle_splat.add_slice", text=kind.title()).kind = kind
+        is_quad = context.space_data is not None and len(getattr(context.space_data, "region_quadviews", ()))
+        layout.operator("rle_splat.four_up", icon="SNAP_FACE", depress=bool(is_quad))
+        found = slices.slice_objects(context.scene)
+        if not found:
+            return
+        for one in found:
             halves = layout.split(factor=0.5, align=True)
-            halves.label(text=one.name, icon="MESH_PLANE")
+            halves.operator("rle_splat.choose_object", text=_short_name(one), icon="MESH_PLANE", emboss=False).name = (
+                one.name)
             row = halves.row(align=True)
             row.prop(one, "location", index=2, text="")
             row.prop(one, "hide_viewport", text="")
@@ -29,10 +40,41 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             problem = slice_pictures.problem_of(one)
             if problem:
                 paragraph(context, layout, problem, icon="ERROR")
-        row = layout.row(align=True)
-        for kind in ("axial", "coronal", "sagittal"):
-            row.operator("rle_splat.add_slice", text=kind.title()).kind = kind
-        layout.operator("rle_splat.add_slice", text="Add All Three", icon="ADD").kind = "ALL"
+        owner = volumes.volume_object(context) or slices.volume_of(found[0])
+        if owner is not None:
+            _draw_window(layout, owner.rle_splat)
 
 
-CLASSES = (RLE_SPLAT_PT_slices,)
+def _short_name(one) -> str:
+    """A slice's name without that of its volume, which would be cut off."""
+    owner = slices.volume_of(one)
+    return one.name if owner is None else one.name.removeprefix(owner.name[: slices.LONGEST_NAME]).strip() or one.name
+
+
+def _draw_window(layout, properties) -> None:
+    """Level and window of the volume's slices."""
+    is_linked = properties.slices_follow_window
+    unit, prefix = properties.value_unit, "window" if is_linked else "slice"
+    row = layout.row(align=True)
+    column = row.column(align=True)
+    column.prop(properties, f"{prefix}_center", text=with_unit("Level", unit), translate=False)
+    column.prop(properties, f"{prefix}_width", text=with_unit("Window", unit), translate=False)
+    row.menu("RLE_SPLAT_MT_slice_windows", text="", icon="DOWNARROW_HLT")
+    row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
+    row = layout.row(align=True)
+    row.prop(properties, "slices_follow_window", icon="LINKED" if is_linked else "UNLINKED", toggle=True)
+    row.prop(properties, "slices_clear_black", toggle=True)
+
+
+class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
+    bl_label = "Level and Window of Slices"
+    bl_idname = "RLE_SPLAT_MT_slice_windows"
+
+    def draw(self, _context):
+        for name, label, _description in WINDOW_ITEMS:
+            if name != "CUSTOM":
+                one = self.layout.operator("rle_splat.window_level", text=label)
+                one.preset, one.of_slices = name, True
+
+
+CLASSES = (RLE_SPLAT_MT_slice_windows, RLE_SPLAT_PT_slices)

@@ -52,7 +52,7 @@ def _draw_views(layout, properties) -> None:
     """Buttons that move the view to the volume, for a patient from each side."""
     is_patient = properties.space == PATIENT
     row = layout.split(factor=0.36, align=True) if is_patient else layout
-    row.operator("rle_splat.frame_volume", text="Frame", text_ctxt=OURS, icon="ZOOM_SELECTED").side = "NONE"
+    row.operator("rle_splat.frame_volume", text="Show Whole", text_ctxt=OURS, icon="ZOOM_SELECTED").side = "NONE"
     if is_patient:
         sides = row.row(align=True)
         for side in "APLRSI":
@@ -71,7 +71,7 @@ def _warn_without_numba(context, layout) -> None:
     if NUMBA_PROBLEM:
         box = layout.box()
         box.alert = True
-        box.label(text="No compiled kernels: rendering is very slow", icon="ERROR")
+        box.label(text="No compiled code: rendering is very slow", icon="ERROR")
         paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
                                 "numba of their own, or reinstall this one, then restart Blender")
 

@@ -15,13 +15,16 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
     bl_label = "Window and Level"
     bl_description = (
         "Change the range of values that the volume's colors and opacity cover, and read values under the mouse.\n"
-        "Drag right and left for the window, up and down for the level; Shift is finer"
+        "Drag right and left for the window, up and down for the level; Shift is finer. Over a slice the drag changes "
+        "that of the slices, and the wheel moves the slice"
     )
     bl_icon = "ops.paint.weight_gradient"
     bl_cursor = "CROSSHAIR"
     bl_keymap = (
         ("rle_splat.drag_window", {"type": "LEFTMOUSE", "value": "PRESS"}, None),
         ("rle_splat.drag_window", {"type": "LEFTMOUSE", "value": "PRESS", "shift": True}, None),
+        ("rle_splat.scroll_slice", {"type": "WHEELUPMOUSE", "value": "PRESS"}, {"properties": [("layers", 1)]}),
+        ("rle_splat.scroll_slice", {"type": "WHEELDOWNMOUSE", "value": "PRESS"}, {"properties": [("layers", -1)]}),
         ("rle_splat.probe", {"type": "MOUSEMOVE", "value": "ANY", "any": True}, None),
     )
 

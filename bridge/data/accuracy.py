@@ -24,10 +24,10 @@ class AccuracyRowProperties(bpy.types.PropertyGroup):
     """A plan with its measured time and error; ``name`` is the plan's name."""
 
     knobs: StringProperty(name="Knobs", description="Settings of the plan as JSON")
-    truth: StringProperty(name="Truth", description="Exact result that the error is measured against")
+    truth: StringProperty(name="Reference", description="Exact result that the error is measured against")
     frame_ms: FloatProperty(name="Time", description="Milliseconds for one frame", min=0.0)
-    rmse: FloatProperty(name="RMSE", description="Root mean square error in levels of 1/255", min=0.0)
-    largest: FloatProperty(name="Largest Error", description="Largest error in levels of 1/255", min=0.0)
+    rmse: FloatProperty(name="RMSE", description="Root mean square error in gray levels of 255", min=0.0)
+    largest: FloatProperty(name="Largest Error", description="Largest error in gray levels of 255", min=0.0)
     on_front: BoolProperty(name="On the Front", description="No other plan is both faster and more accurate")
 
 
@@ -62,7 +62,7 @@ def note_sweep(settings, report: dict, what: str) -> None:
 
 
 def truth_sentence(name: str) -> str:
-    """The truth that errors are measured against, as the start of a sentence.
+    """The reference that errors are measured against, as the start of a sentence.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def truth_sentence(name: str) -> str:
     str
         The clause, without a period.
     """
-    return f"Against {name}, {TRUTH_TEXTS[name]}" if name in TRUTH_TEXTS else f"Against {name}"
+    return f"Against {TRUTH_TEXTS.get(name, name)}"
 
 
 def plan_of(row) -> Quality:

@@ -13,12 +13,12 @@ _TEXTS = {
     "bspline3": ("Cubic B-Spline", "Smooth over four voxels"),
     "gaussian": ("Gaussian", "Smooth by a bell curve"),
     "off": ("Off", "Show exactly what lies on the ray of each pixel"),
-    "widen": ("Widen", "Enlarge the footprints of voxels smaller than a pixel"),
+    "widen": ("Widen", "Enlarge voxels that are smaller than a pixel"),
     "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
-    "keys": ("Keys", "Cubic interpolation of 4 x 4 pixels after Keys"),
+    "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels, after R. Keys"),
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
-    "extinction": ("Extinction", "Add the extinctions of overlapping footprints"),
-    "opacity": ("Opacity", "Add the opacities of overlapping footprints, as published"),
+    "extinction": ("Extinction", "Add the extinctions of voxels that overlap"),
+    "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),
 }
 _COUNTED = {
     "midpoint": ("{} Midpoints", "{} sheets between neighboring slices"),

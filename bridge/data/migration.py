@@ -1,7 +1,8 @@
 """Migration of .blend files of earlier versions.
 
 Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
-removed are replaced, and settings that were removed are taken out.
+removed are replaced, and settings that were removed are taken out.  Mode and lighting were a scene's, and are now each
+volume's own.
 """
 
 from __future__ import annotations
@@ -15,6 +16,11 @@ from ..pictures import images, pictures
 from ..render import compositor
 from ..volumes import volumes
 from . import settings
+from .animation import curves_of
+from .properties import LIGHTING_ITEMS, MODE_ITEMS
+
+# Settings of a scene in files of earlier versions -> their items in the order of their numbers; None of a checkbox.
+ITEMS_OF_SCENE = {"mode": MODE_ITEMS, "use_grays": None, "lighting": LIGHTING_ITEMS}
 
 
 @persistent
@@ -22,7 +28,25 @@ def _on_load_post(*_):
     for scene in bpy.data.scenes:
         if scene.library is None and not scene.rle_splat.scene_id:
             _adopt(scene)
+        if scene.library is None:
+            _give_to_volumes(scene)
     _replace_removed()
+
+
+def _give_to_volumes(scene) -> None:
+    """Give the volumes of a scene the mode and the lighting that earlier versions stored in the scene."""
+    own = scene.rle_splat
+    for name, items in ITEMS_OF_SCENE.items():
+        number = own.get(name)
+        if number is None:
+            continue
+        del own[name]
+        for one in volumes.volume_objects(scene):
+            if one.library is None and not one.rle_splat.is_property_set(name):
+                setattr(one.rle_splat, name, bool(number) if items is None else items[number][0])
+    if any(curve.data_path.removeprefix("rle_splat.") in ITEMS_OF_SCENE for curve in curves_of(scene)):
+        messages.complain(own, "Mode and Lighting are animated in the scene; they belong to each volume now, so insert "
+                               "these keyframes there.")
 
 
 @persistent

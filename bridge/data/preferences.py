@@ -17,7 +17,7 @@ from .automatic import draw_number, switch
 BESIDE, PACKED = "BESIDE", "PACKED"
 GIBIBYTE = 1 << 30
 FAILED_FRAME_ITEMS = [
-    ("PLACEHOLDER", "Placeholder", "Show magenta stripes instead of the volume and continue"),
+    ("PLACEHOLDER", "Go On", "Show magenta stripes instead of the volume and continue"),
     ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
      "Blender reports the animation as finished. A script that renders single frames continues"),
 ]  # fmt: skip
@@ -72,6 +72,10 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
+    has_shown_tab: BoolProperty(
+        name="Tab Shown", description="The tab was opened once after the extension was installed", default=False,
+        options={"HIDDEN"})
+
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
@@ -84,7 +88,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
             draw_number(layout, self, name, automatic)
         row = layout.row()
-        row.label(text=filled("Compiled kernels: {size}", size=memory.bytes_text(kernel_cache.size())))
+        row.label(text=filled("Compiled code: {size}", size=memory.bytes_text(kernel_cache.size())))
         row.operator("rle_splat.clear_kernels", icon="TRASH")
         layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
 

@@ -12,6 +12,7 @@ import bpy
 
 from ...rle_splat import scene as tables
 from .. import messages
+from ..look import mode_window
 from ..look.transfer_nodes import is_transfer_tree
 from ..loop import index
 from ..pictures import backdrop
@@ -30,6 +31,7 @@ from .overridable import (
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    FloatVectorProperty,
     IntProperty,
     PointerProperty,
     StringProperty,
@@ -43,14 +45,14 @@ QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
     "standard": ("Standard", "A balance of time and accuracy"),
     "fine": ("Fine", "More accurate, for final pictures"),
-    "strict": ("Strict", "The most accurate quality, and slow"),
+    "strict": ("Very Fine", "The most accurate quality, and slow"),
 }
-AIM_TEXT = "Aims at an error of at most {:g} levels of 1/255 at 999 of 1000 pixels"
+AIM_TEXT = "Aims at an error of at most {:g} of 255 gray levels at 999 of 1000 pixels"
 CLASSIFICATION_TEXTS = {
-    "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper. Edges "
-                              "are softer. Errors are measured against truth T1"),
-    "post": ("Post-Classified", "Interpolate the values, then look up color and opacity. Edges are as sharp as with "
-                                "ray casting. Errors are measured against truth T2"),
+    "pre": ("Soft Edges", "Give every voxel its color and opacity, then interpolate those, as in the paper "
+                          "(pre-classified)"),
+    "post": ("Sharp Edges", "Interpolate the values, then look up color and opacity, as ray casting does "
+                            "(post-classified)"),
 }
 # The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
@@ -60,8 +62,8 @@ QUALITY_ITEMS = [
     (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
     for name, aim in tables.PRESET_AIMS.items()
 ] + [
-    ("paper", "As Published", "The algorithm exactly as published, for comparison"),
-    ("custom", "Custom", "Set every option in the Advanced panel"),
+    ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
+    ("custom", "Own Settings", "Set every option in the Advanced panel"),
 ]
 DISPLAY_ITEMS = [
     ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
@@ -76,6 +78,7 @@ LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
     ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
+    ("BOTH", "Scene Lights and Headlight", "Use the lights of the scene and a headlight together"),
 ]
 CLIP_ITEMS = [
     ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
@@ -110,21 +113,44 @@ KnobEnum = partial(EnumProperty, update=_knob_chosen)
 USUAL = tables.Quality()  # the default values of the knobs
 
 
+PLAIN_TEXTS = {
+    "classification": "Whether values become opacity and color before or after they are interpolated",
+    "depth_rule": "How many layers lie between neighboring slices, and how they are added up along the view",
+    "sheet_density": "Pixels of a layer for each pixel of the picture; 0 for one for each voxel",
+    "kernel": "Shape in which a voxel is drawn; only Linear with Sharp Edges",
+    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off with Sharp Edges",
+    "warp_filter": "How the finished layers become the pixels of the picture",
+    "axis_fade": "Angle in degrees over which pictures are blended where the slices that are used change, so that "
+    "nothing jumps when the camera turns; in orthographic views only",
+    "termination": "Share of light behind a pixel below which it counts as opaque, and what is behind is skipped",
+    "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is computed by a ray of "
+    "its own, which is slower and exact; at most a quarter of large pictures; 0 for none; with Sharp Edges only",
+    "model": "What voxels that overlap add up; only Extinction with Sharp Edges",
+    "record": "Bytes in memory for each voxel; fewer lose accuracy",
+}
+
+
 def _knob(name: str) -> str:
-    text = tables.KNOB_TEXTS[name]
-    return text[0].upper() + text[1:]
+    return PLAIN_TEXTS[name]
 
 
 def _shift_of(group) -> float:
     if not group.is_property_set("preset_center"):  # of a file of an earlier version
         return 0.0
-    return 100.0 * (group.window_center - group.preset_center) / max(group.value_high - group.value_low, 1e-6)
+    return group.window_center - group.preset_center
 
 
-def _shift(group, percent: float) -> None:
+def _shift(group, by: float) -> None:
     if not group.is_property_set("preset_center"):
         group.preset_center = group.window_center
-    group.window_center = group.preset_center + 0.01 * percent * (group.value_high - group.value_low)
+    group.window_center = group.preset_center + by
+
+
+def _shift_property(step: float, precision: int):
+    """The shift as a property whose drag moves it by so many hundredths of a unit for each pixel."""
+    return FloatProperty(
+        name="Shift", translation_context=OURS, step=step, precision=precision, get=_shift_of, set=_shift,
+        description="Move the whole transfer function to higher or lower values, in their unit")
 
 
 def _is_flipped(group) -> bool:
@@ -144,8 +170,34 @@ def _labels_chosen(group, context):
     _evaluate_anew(group, context)
 
 
+def _unlink_slices(group, context):
+    """Slices that get a window of their own begin with that of the volume, unless they had one before."""
+    if not group.slices_follow_window and not group.is_property_set("slice_width"):
+        group.slice_center, group.slice_width = group.window_center, group.window_width
+    _evaluate_anew(group, context)
+
+
 def _look_again(_properties, _context):
     index.forget()
+
+
+def _mode_of(group) -> int:
+    return SHOWN.index(group.mode)
+
+
+def _choose_mode(group, index: int) -> None:
+    """Set the mode with the look and the window that suit it; ``mode`` alone leaves both as they are."""
+    if index == _mode_of(group):
+        return
+    was_shaded = group.mode == tables.MODES[0]
+    group.mode = SHOWN[index]
+    group.use_grays = group.mode != tables.MODES[0]
+    if was_shaded:
+        group.shaded_window = group.window_center, group.window_width, group.preset_center
+    if group.use_grays:
+        mode_window.suit(group.id_data)
+    elif group.is_property_set("shaded_window"):
+        group.window_center, group.window_width, group.preset_center = group.shaded_window
 
 
 class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
@@ -173,15 +225,15 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: StringProperty(
-        name="Labels", description="Label file: a volume of whole numbers on the same grid, such as a segmentation. "
-        "If a label has its own transfer function or color, edges inside the volume are softer",
+        name="Label File", description="Label file: a volume of whole numbers on the same grid, such as a "
+        "segmentation. If a segment has its own transfer function or color, edges inside the volume are softer",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
-    labels: CollectionProperty(type=LabelProperties, name="Labels", description="Appearance of each segment")
+    labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
         name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"})
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(
-        name="Smooth Edges", description="Smooth the edges of labels instead of showing the steps of their voxels",
+        name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
         default=True)
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
@@ -198,6 +250,21 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     is_shadow_grid: BoolProperty(
         name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
         "of, and its reflection", default=False, options={"HIDDEN"})
+    slice_kind: StringProperty(
+        name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
+        options={"HIDDEN"})
+    slices_follow_window: BoolProperty(
+        name="Same as Volume", default=True, update=_unlink_slices,
+        description="Let slices use the level and window of the volume's colors instead of their own")
+    slice_center: LiveFloat(
+        name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
+        translation_context=OURS)
+    slice_width: LiveFloat(
+        name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
+        min=1e-6, precision=2)
+    slices_clear_black: LiveBool(
+        name="Clear Black", default=False,
+        description="Make transparent what slices would show black, such as the air around the body")
     slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
@@ -213,14 +280,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     preset_center: FloatProperty(
         name="Level of the Preset", description="Level of the transfer function when it was last applied",
         options={"HIDDEN"})
-    shift: FloatProperty(
-        name="Shift", translation_context=OURS,
-        description="Move the whole transfer function to higher or lower values, in percent of the range of "
-        "the volume's values", subtype="PERCENTAGE", soft_min=-100.0, soft_max=100.0, get=_shift_of, set=_shift)
+    shift_by: _shift_property(100, 1)
+    shift_finely: _shift_property(1, 3)
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
-        name="Opacity Distance", description="Thickness of material that has the opacity of the curve; 0 uses the "
+        name="Thickness", description="Thickness of material that has the opacity of the curve; 0 uses the "
         "smallest voxel spacing", default=0.0, min=0.0, precision=4)
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
@@ -228,31 +293,45 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_shading: LiveBool(
         name="Shading", description="Light the volume like a surface where its values change", default=True)
     ambient: LiveFloat(
-        name="Ambient", default=0.2, min=0.0, soft_max=1.0, description="Brightness that does not depend on the lights")
+        name="Base Brightness", default=0.2, min=0.0, soft_max=1.0,
+        description="Brightness that does not depend on the lights")
     diffuse: LiveFloat(
-        name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
+        name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
+    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
+    use_grays: LiveBool(
+        name="Grays", default=False,
+        description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
+        "in the mode Shaded")
+    display: EnumProperty(
+        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
+        "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,
+        set=_choose_mode)
+    shaded_window: FloatVectorProperty(
+        name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
+        size=3, options={"HIDDEN"})
+    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
-        name="Surfaces Only", default=False,
+        name="Only Where Values Change", default=False,
         description="Make regions of nearly constant values transparent, so that surfaces remain")
     gradient_low: LiveFloat(
-        name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
+        name="Change From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
         description="Change of the values per unit of length, such as HU per mm, below which everything is transparent")
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
         description="Change of the values per unit of length above which the opacity curve is used unchanged")
     specular: LiveFloat(
-        name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
+        name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
     shininess: LiveFloat(
-        name="Shininess", default=20.0, min=1.0, soft_max=100.0,
+        name="Sharpness", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")
     highlight: LiveEnum(
-        name="Highlight", description="Formula of the highlights", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
-               ("PHONG", "Phong", "Use the mirror direction of the light")))
+        name="Formula", description="Formula of the highlights", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera (Blinn-Phong)"),
+               ("PHONG", "Mirror", "Use the mirror direction of the light (Phong)")))
     smoothness: LiveFloat(
         name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used if the volume is pre-classified")
+        "of thick slices. 0 is off. Not used with Soft Edges")
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))
@@ -267,6 +346,13 @@ def _rescale_boxes(settings, context):
             box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
 
 
+def _redraw(_settings, context):
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 def _place_backdrop(settings, context):
     """Move an existing backdrop behind or in front of the objects at once."""
     scene = settings.id_data
@@ -276,21 +362,25 @@ def _place_backdrop(settings, context):
     _evaluate_anew(settings, context)
 
 
-def _mode_of(settings) -> int:
-    return SHOWN.index(settings.mode)
-
-
-def _choose_mode(settings, index: int) -> None:
-    """Set the mode with the look that suits it; ``mode`` alone leaves the look as it is."""
-    if index != _mode_of(settings):
-        settings.mode = SHOWN[index]
-        settings.use_grays = settings.mode != tables.MODES[0]
-
-
 def _removed(name: str, usual) -> property:
     """A property of earlier versions, without effect: a script reads its usual value; one that sets it gets a sentence
     and goes on."""
     return property(lambda group: usual, lambda group, _value: messages.complain(group, removed_sentence(name)))
+
+
+def _of_all_volumes(name: str) -> property:
+    """A property that each volume has, as earlier versions had it for a scene: that of its first volume, and a script
+    that sets it sets it for all."""
+
+    def first(settings):
+        found = index.objects(index.of(settings.id_data).volumes)
+        return getattr(found[0].rle_splat, name) if found else VolumeProperties.bl_rna.properties[name].default
+
+    def put(settings, value) -> None:
+        for one in index.objects(index.of(settings.id_data).volumes):
+            setattr(one.rle_splat, name, value)
+
+    return property(first, put)
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -304,57 +394,50 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in levels of 1/255. The fastest settings that keep it are "
+        description="Largest allowed error of a color, in gray levels of 255. The fastest settings that keep it are "
         "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")
     use_max_error: BoolProperty(
         name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))
     classification: EnumProperty(
-        name="Classification", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
+        name="Edges", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)
     depth_rule: KnobEnum(
-        name="Depth Rule", description=_knob("depth_rule"), default=USUAL.depth_rule,
+        name="Layers", description=_knob("depth_rule"), default=USUAL.depth_rule,
         items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
     kernel: KnobEnum(
-        name="Footprint", description=_knob("kernel"), items=knob_items.items(tables.FOOTPRINTS), default=USUAL.kernel)
+        name="Voxel Shape", description=_knob("kernel"), items=knob_items.items(tables.FOOTPRINTS),
+        default=USUAL.kernel)
     minification: KnobEnum(
-        name="Minification", description=_knob("minification"), items=knob_items.items(tables.MINIFICATIONS),
+        name="When Small", description=_knob("minification"), items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)
     warp_filter: LiveEnum(
-        name="Warp Filter", description=_knob("warp_filter"), items=knob_items.items(tables.WARP_FILTERS),
+        name="Final Filter", description=_knob("warp_filter"), items=knob_items.items(tables.WARP_FILTERS),
         default=USUAL.warp_filter)
     model: KnobEnum(
-        name="Model", description=_knob("model"), items=knob_items.items(tables.MODELS), default=USUAL.model)
+        name="Overlap", description=_knob("model"), items=knob_items.items(tables.MODELS), default=USUAL.model)
     record: KnobEnum(
-        name="Voxel Record", description=_knob("record"), items=knob_items.RECORD_ITEMS, default=str(USUAL.record))
+        name="Voxel Memory", description=_knob("record"), items=knob_items.RECORD_ITEMS, default=str(USUAL.record))
     sheet_density: LiveFloat(
-        name="Sheet Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
+        name="Pixel Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
         max=tables.MOST_SHEET_DENSITY)
     termination: LiveFloat(
-        name="Termination", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
+        name="Opaque Below", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
         precision=5)
     axis_fade: LiveFloat(
-        name="Axis Fade", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
+        name="Blend Angle", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
     rays: LiveFloat(
-        name="Single Rays", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
+        name="Exact Pixels", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
     threads: LiveInt(
         name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))
-    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
-    use_grays: LiveBool(
-        name="Gray by Window", default=False,
-        description="Show the values in gray by level and window, instead of the transfer function's colors. Not used "
-        "in the mode Shaded")
-    display: EnumProperty(
-        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded switches to "
-        "gray by level and window", items=DISPLAY_ITEMS, get=_mode_of, set=_choose_mode)
-    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
+    mode, use_grays, display, lighting = map(_of_all_volumes, ("mode", "use_grays", "display", "lighting"))
     use_shadows: LiveBool(
         name="Shadows", default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used with a Maximum Error if the volume is pre-classified")
+        "Not used with a Maximum Error and Soft Edges")
     use_world: LiveBool(
         name="World Light", default=True,
         description="Light the volume from all sides with the world: its color, its environment image or any nodes")
@@ -367,15 +450,23 @@ class SceneSettings(bpy.types.PropertyGroup):
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used with a Maximum Error if the volume is pre-classified")
+        "Not used with a Maximum Error and Soft Edges")
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
-        "1 is full strength. Not used if the volume is pre-classified")
+        "1 is full strength. Not used with Soft Edges")
     clip_objects: LivePointer(
         name="Clip Objects", type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
         "arrow Empties as planes. The part that all of them keep is shown")
+    use_clips: LiveBool(
+        name="Cut Volumes", default=True, description="Cut volumes by the clip objects; off shows them whole")
+    show_scale_bar: BoolProperty(
+        name="Scale Bar", default=False, update=_redraw,
+        description="Show a length in 3D viewports, in perspective as it is in the middle of the volume")
+    show_color_bar: BoolProperty(
+        name="Color Bar", default=False, update=_redraw,
+        description="Show the colors of the volume's window with their values in 3D viewports")
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")

@@ -17,7 +17,7 @@ from ..messages import tell
 from ..scene import render_scene, viewports
 from ..translations import filled
 from ..volumes import box
-from . import drawing, shown, surface
+from . import drawing, shown, slice_drawing, slice_places, surface
 from .viewport import Viewport
 
 TICK = 0.005  # seconds between bites of work
@@ -66,6 +66,8 @@ def is_allowed() -> bool:
 def _volumes_of(context) -> tuple:
     """Keys of the volumes to draw in a viewport; empty at once where the scene has none."""
     if not is_allowed() or not shown.has_volumes(context.scene):
+        return ()
+    if slice_places.faced_slice(context) is not None:  # whose place in a quad view is for it alone
         return ()
     return shown.visible_volumes(context.scene, context.view_layer, context.space_data)
 
@@ -246,6 +248,7 @@ def stop() -> None:
 
 
 def register():
+    slice_drawing.register()  # first: volumes are drawn over slices
     if not bpy.app.background:
         for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW")):
             _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
@@ -255,5 +258,6 @@ def unregister():
     for handle in _handles:
         bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
     _handles.clear()
+    slice_drawing.unregister()
     stop()
     drawing.forget()

@@ -1,4 +1,4 @@
-"""Slices: rectangles in the scene that show a volume's values on their plane, as gray levels of its window.
+"""Slices: rectangles in the scene that show a volume's values on their plane, as gray levels of a window.
 
 A slice is a mesh object, a child of its volume.  Its material emits the pixels of ``slice_image`` and is transparent
 where these are, which is outside the volume.  Pixels are of four 32-bit floats, scene-linear: with the view transform
@@ -16,11 +16,11 @@ from ...rle_splat.scene.color import decode_srgb
 from ...rle_splat.volume import slices as plain
 from .. import linked, presence, versions
 from ..data.settings import scene_scale_of
-from ..look import transfer
 from ..loop import index
 from ..pictures import images
 from ..volumes import volumes
 from ..volumes.attached import attach, is_attached, volume_frame, world_matrix
+from . import slice_window
 
 CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 LAMPS = ("visible_diffuse", "visible_volume_scatter", "visible_shadow")  # rays by which a slice would light the scene
@@ -58,6 +58,7 @@ def add_slice(context, owner, volume, name: str):
     home = context.collection if linked.is_own(context.collection) else context.scene.collection
     home.objects.link(one)
     one.rle_splat.is_slice = True
+    one.rle_splat.slice_kind = name
     for ray in LAMPS:
         setattr(one, ray, False)
     image = _new_image(title)
@@ -141,8 +142,8 @@ def content(one, depsgraph) -> tuple:
         The voxels.
     matrix : ndarray, shape (4, 4), float64
         The slice's own space to voxel indices.
-    window : (float, float)
-        Physical values shown black and white.
+    window : (float, float, bool)
+        Physical values shown black and white, and whether black is transparent.
 
     Raises
     ------
@@ -162,7 +163,7 @@ def content(one, depsgraph) -> tuple:
         matrix = np.linalg.inv(frame) @ world_matrix(one, depsgraph)
     except np.linalg.LinAlgError:
         raise RleSplatError(f"{owner.name!r} is scaled to nothing, so its slices are empty; set its scale.") from None
-    return volume, matrix, transfer.window_of(evaluated.rle_splat)
+    return volume, matrix, slice_window.read(evaluated.rle_splat)
 
 
 def volume_of(one):
@@ -177,21 +178,23 @@ def sampled_steps(volume, matrix: np.ndarray, size: tuple[int, int]):
 
 
 def picture_steps(values: np.ndarray, inside: np.ndarray, window):
-    """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` returns.
+    """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` and ``content`` return.
 
     Returns
     -------
     ndarray, shape (height, width, 4), float32
-        Scene-linear gray and alpha, 1 inside the volume and 0 outside; row 0 on top.
+        Scene-linear gray and alpha, 1 inside the volume and 0 outside, and where black is transparent; row 0 on top.
     """
+    low, high, clears = window
     height, width = values.shape
     rgba = np.zeros((height, width, 4), np.float32)
     rows = max(plain.PIXELS_A_STEP // width, 1)
     for begin in range(0, height, rows):
         band = slice(begin, begin + rows)
-        gray = decode_srgb(plain.gray_levels(values[band], *window)) * inside[band]
-        rgba[band, :, :3] = gray[..., np.newaxis]
-        rgba[band, :, 3] = inside[band]
+        levels = plain.gray_levels(values[band], low, high)
+        shows = inside[band] & (levels > 0.0) if clears else inside[band]
+        rgba[band, :, :3] = (decode_srgb(levels) * shows)[..., np.newaxis]
+        rgba[band, :, 3] = shows
         yield min(begin + rows, height) / height
     return rgba
 

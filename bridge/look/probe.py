@@ -177,7 +177,7 @@ def line_of(found: ProbeHit, with_name: bool = False) -> str:
         position_text(surface.position, volume),
     ]  # fmt: skip
     if surface.label is not None:
-        parts.append(found.plain.labels.names.get(surface.label, f"Label {surface.label}"))
+        parts.append(found.plain.labels.names.get(surface.label, f"Segment {surface.label}"))
     if with_name:
         parts.append(found.owner.name)
     return ", ".join(parts)

@@ -12,8 +12,7 @@ from ..data.animation import curves_of
 from ..data.decimals import rounded_to_span, typed
 from ..volumes import encoded
 from . import transfer_nodes as nodes
-
-XRAY_ALPHA = 0.04  # as the preset x-ray has
+from .mode_window import XRAY_ALPHA
 
 
 def window_of(properties) -> tuple[float, float]:
@@ -62,6 +61,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
         nodes.opacity_mapping(properties.transfer), [(_unit((v - low) * scale), alpha) for v, alpha in opacity])
     nodes.write_ramp(
         nodes.color_ramp(properties.transfer), [(_unit((color[i][0] - low) * scale), *color[i][1:]) for i in kept])
+    properties.property_unset("shaded_window")  # the new one is for all modes
     properties.transfer_name = transfer_function.name
     properties.transfer_unit = transfer_function.unit or ""
     properties.opacity_unit_distance = transfer_function.opacity_unit_distance or 0.0
@@ -158,13 +158,11 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
         gradient_opacity=steep)
 
 
-def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
-    """The transfer function that a scene shows a volume object with: its own, or grays by its level and window.
+def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
+    """The transfer function that a volume object is shown with: its own, or in its mode grays by level and window.
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        Gives the mode.
     depsgraph : bpy.types.Depsgraph, optional
         As for ``read_transfer``.
 
@@ -172,7 +170,8 @@ def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
     -------
     TransferFunction
         With grays, the value at the low end of the window is black, and that at the high end white. In the mode X-ray
-        it has the opacity XRAY_ALPHA per smallest spacing.
+        it has the opacity XRAY_ALPHA per smallest spacing. All modes but MinIP show black as transparent: the smallest
+        value is that of air in most lines.
 
     Raises
     ------
@@ -180,13 +179,15 @@ def shown_transfer(volume_object, scene, depsgraph=None) -> TransferFunction:
         If the object has no usable transfer function.
     """
     own = read_transfer(volume_object, depsgraph)
-    mode = scene.rle_splat.mode
-    if not scene.rle_splat.use_grays or mode == MODES[0] or encoded.is_of(volume_object):
+    properties = (volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)).rle_splat
+    mode = properties.mode
+    if not properties.use_grays or mode == MODES[0] or encoded.is_of(volume_object):
         return own
-    low, high = window_of((volume_object if depsgraph is None else volume_object.evaluated_get(depsgraph)).rle_splat)
-    return TransferFunction(
-        name=f"{own.name}, gray", unit=own.unit, opacity=((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)),
-        color=((low, 1.0, 1.0, 1.0),))
+    low, high = window_of(properties)
+    opacity, color = ((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)), ((low, 1.0, 1.0, 1.0),)
+    if mode == "minip":
+        opacity, color = ((low, 1.0),), ((low, 0.0, 0.0, 0.0), (high, 1.0, 1.0, 1.0))
+    return TransferFunction(name=f"{own.name}, gray", unit=own.unit, opacity=opacity, color=color)
 
 
 def evaluate_anew(volume_object) -> None:

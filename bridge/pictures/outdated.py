@@ -168,7 +168,7 @@ def shown_rows(scene) -> list:
 def _has_new_transfer_function(scene, row) -> bool:
     known = made_from(row.image)
     try:
-        shown = transfer.shown_transfer(row.volume, scene)
+        shown = transfer.shown_transfer(row.volume)
         return bool(known.transfer_function) and known.transfer_function != digest(shown)
     except RleSplatError:
         return True

@@ -64,7 +64,7 @@ def read_clips(depsgraph, owner, moved=None) -> tuple[Clip, ...]:
         For an object that is neither a plane nor a box, or has a singular matrix.
     """
     found = []
-    for one in clip_objects(depsgraph.scene):
+    for one in clip_objects(depsgraph.scene) if depsgraph.scene_eval.rle_splat.use_clips else ():
         if (one.type == "EMPTY" and one.hide_render) or not cuts(one, owner):
             continue
         evaluated = one.evaluated_get(depsgraph)

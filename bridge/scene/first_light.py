@@ -16,14 +16,14 @@ SIDES = np.concatenate((np.eye(3), -np.eye(3)))  # directions to an eye, in the 
 UNUSED = "The scene's lights do not shine on it."
 
 
-def light_if_dark(context, added: int, corners: np.ndarray) -> str:
-    """Choose Headlight for a scene whose lights leave its first volumes dark; nothing that the user chose is changed.
+def light_if_dark(context, added: list, corners: np.ndarray) -> str:
+    """Choose Headlight for a scene's first volumes if its lights leave them dark; later ones are lit as the first is.
 
     Parameters
     ----------
     context : bpy.types.Context
-    added : int
-        How many volumes were just added to the scene.
+    added : list of bpy.types.Object
+        The volumes that were just added to the scene.
     corners : (n, 3) ndarray
         World coordinates around one of them.
 
@@ -32,8 +32,7 @@ def light_if_dark(context, added: int, corners: np.ndarray) -> str:
     str
         One sentence if the light was changed, else "".
     """
-    settings = context.scene.rle_splat
-    if len(volumes.volume_objects(context.scene)) > added or settings.is_property_set("lighting"):
+    if len(volumes.volume_objects(context.scene)) > len(added):
         return ""
     try:
         eye = viewports.view_of(context)[0]
@@ -52,12 +51,13 @@ def light_if_dark(context, added: int, corners: np.ndarray) -> str:
     # The dullest side counts, too: from above, a lamp above it leaves no volume dark.
     if min(map(brightness, (eye[:3, 2] / np.linalg.norm(eye[:3, 2]), *SIDES))) >= DARK:
         return ""
-    settings.lighting = "HEADLIGHT"
+    for one in added:
+        one.rle_splat.lighting = "HEADLIGHT"
     return "The scene's lights leave it dark, so a headlight lights it; see Lighting."
 
 
-def unused_lights(scene) -> str:
+def unused_lights(scene, lighting: str) -> str:
     """What a panel says while a headlight takes the place of a scene's lights; "" otherwise."""
-    if scene.rle_splat.lighting != "HEADLIGHT" or not any(one.type == "LIGHT" for one in scene.objects):
+    if lighting != "HEADLIGHT" or not any(one.type == "LIGHT" for one in scene.objects):
         return ""
     return UNUSED

@@ -7,6 +7,14 @@ import math
 import numpy as np
 
 from ...rle_splat.scene import LIGHT_TYPES, Light
+from ..volumes import volumes
+
+BY_SCENE = "SCENE", "BOTH"  # items of a volume's Lighting with which the scene's lights shine on it
+
+
+def is_any_lit(scene) -> bool:
+    """Whether the lights of a scene shine on any of its volumes."""
+    return any(one.rle_splat.lighting in BY_SCENE for one in volumes.volume_objects(scene))
 
 
 def read_lights(depsgraph) -> tuple[Light, ...]:

@@ -23,7 +23,7 @@ from ..volumes.channels import read_channels
 from ..volumes.labels import read_labels
 from .camera import frame_crop, read_camera
 from .clip_objects import clip_objects, read_clips
-from .lights import read_lights
+from .lights import BY_SCENE, read_lights
 from .meshes import known_surfaces
 from .mist import read_mist
 from .motion import read_motion
@@ -174,13 +174,14 @@ def seen_by(
     loading.withdraw_unused(volume_object, depsgraph)
     volume = volumes.load_volume(volume_object, warn, depsgraph)
     if volume.holds_values:
-        transfer_function = transfer.shown_transfer(volume_object, scene, depsgraph)
+        transfer_function = transfer.shown_transfer(volume_object, depsgraph)
     else:  # its own, also where the file was encoded again since the import
         transfer_function = TransferFunction.from_json(volume.transfer_function)
-    lighting = scene.rle_splat.lighting
+    shown_as = volume_object.evaluated_get(depsgraph).rle_splat
+    lighting = shown_as.lighting
     own = np.array(volume_object.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
     moved = None if matrix is None else matrix @ np.linalg.inv(own)
-    lights, world = read_light(depsgraph, warn) if lighting == "SCENE" else ((), None)
+    lights, world = read_light(depsgraph, warn) if lighting in BY_SCENE else ((), None)
     return Scene(
         volume=volume,
         transfer_function=transfer_function,
@@ -190,11 +191,11 @@ def seen_by(
         volume_matrix=own if matrix is None else matrix,
         scene_scale=settings.scene_scale_of(scene, volume.unit),
         lights=lights,
-        headlight=lighting == "HEADLIGHT" or (lighting == "SCENE" and not (lights or world)),
+        headlight=lighting in ("HEADLIGHT", "BOTH") or (lighting == "SCENE" and not (lights or world)),
         clips=read_clips(depsgraph, volume_object, moved),
         channels=read_channels(volume_object, depsgraph, volume),
         labels=read_labels(volume_object, depsgraph, volume, transfer_function),
-        mode=scene.rle_splat.mode,
+        mode=shown_as.mode,
         mist=read_mist(depsgraph),
         effects=overrides_of(scene),
         volume_shadows=with_shadows and bool(lights) and scene.rle_splat.use_shadows,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from ...rle_splat.scene import Environment
 from . import world_nodes, world_render
+from .lights import BY_SCENE
 
 ONE_COLOR, FROM_IMAGE, RENDERED = "one color", "its image, by direction", "rendered, by direction"
 
@@ -60,8 +61,13 @@ def read_world(scene, warn=None) -> WorldLight | None:
     return None if read is None or not any(read[0]) else WorldLight(*read, origin)
 
 
-def state(scene) -> str:
+def state(scene, lighting: str = "SCENE") -> str:
     """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered.
+
+    Parameters
+    ----------
+    lighting : str
+        Of the volume.
 
     Returns
     -------
@@ -69,7 +75,7 @@ def state(scene) -> str:
         A few words.
     """
     settings, world = scene.rle_splat, scene.world
-    if settings.lighting != "SCENE":
+    if lighting not in BY_SCENE:
         return "World not used: see Lighting"
     if not settings.use_world:
         return "World not used: turned off"

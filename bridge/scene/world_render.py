@@ -30,6 +30,7 @@ from .. import versions
 from ..held import Held
 from ..messages import sentence_of, tell
 from . import image_changes, world_nodes
+from .lights import is_any_lit
 
 FINENESS, SAMPLES = 4, 16  # of the sphere, which has 642 vertices then, and for each of them
 EVEN = 0.005  # of the mean: a light that changes by less with direction is one of all directions alike
@@ -127,7 +128,7 @@ def add_light(scene, key: str, line: str) -> None:
 def is_needed(scene) -> bool:
     """Whether a scene uses its world's light and it has to be rendered: it is no color and no readable image."""
     settings = scene.rle_splat
-    if scene.world is None or settings.lighting != "SCENE" or not settings.use_world:
+    if scene.world is None or not settings.use_world or not is_any_lit(scene):
         return False
     return world_nodes.plain_color(scene.world) is None and not world_nodes.has_image(scene.world)
 

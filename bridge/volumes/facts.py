@@ -160,7 +160,7 @@ def histogram_problem(properties) -> str:
     """What a panel says of a histogram that is damaged; "" for any other."""
     if not properties.histogram or stored_histogram(properties) is not None:
         return ""
-    return filled("The histogram saved in this file is damaged; press Reload in the panel Scan.")
+    return filled("The histogram saved in this file is damaged; press Reload in the panel File.")
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     alone, others = wanted(), []
     if quality.is_preset and scalars and quality.rays == NO_RAYS:
-        others.append(filled("{memory} with single rays", memory=memory_text(wanted(traced=True).needed)))
+        others.append(filled("{memory} with exact pixels", memory=memory_text(wanted(traced=True).needed)))
     if meshes:
         others.append(filled("{memory} among meshes", memory=memory_text(wanted(meshes=True).needed)))
     beside = f" ({', '.join(others)})" if others else ""

@@ -66,18 +66,18 @@ def _give_color(row, color) -> None:
 class LabelProperties(bpy.types.PropertyGroup):
     """The appearance of one label.  ``name`` is its number as text, because library overrides find rows by name."""
 
-    label: IntProperty(name="Label", description="Value of the label's voxels in the label file")
-    label_name: StringProperty(name="Name", description="Name of the label")
+    label: IntProperty(name="Number", description="Value of the segment's voxels in the label file")
+    label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(
-        name="Show", description="Show the voxels of this label", default=True, update=_evaluate_anew)
+        name="Show", description="Show the voxels of this segment", default=True, update=_evaluate_anew)
     use_color: BoolProperty(
-        name="Own Color", description="Use one color for this label instead of the transfer function's colors",
+        name="Own Color", description="Use one color for this segment instead of the transfer function's colors",
         default=False, update=_evaluate_anew)
     color: FloatVectorProperty(
-        name="Color", description="Color of the label", subtype="COLOR", size=3, min=0.0, max=1.0,
+        name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
         default=(0.8, 0.3, 0.2), update=_evaluate_anew)
     look: EnumProperty(
-        name="Transfer Function", description="Transfer function for the voxels of this label", items=FUNCTION_ITEMS,
+        name="Transfer Function", description="Transfer function for the voxels of this segment", items=FUNCTION_ITEMS,
         default=OWN, update=_evaluate_anew)
 
     opacity: FloatProperty(

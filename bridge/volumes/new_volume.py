@@ -44,6 +44,8 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
     name = named.split(".")[0] or "Volume"
     owner = bpy.data.objects.new(name, None)
     properties = owner.rle_splat
+    for first in volumes.volume_objects(context.scene)[:1]:
+        properties.lighting = first.rle_splat.lighting  # volumes of a scene are lit alike until a user changes one
     source_options.copy(options, properties)
     properties.playback = HOLD if found.is_in_time and not options.frame else FIXED
     fill_volume(context.scene, owner, found)

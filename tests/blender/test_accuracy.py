@@ -121,7 +121,8 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     found = scenes.image_pixels(image)
     np.testing.assert_allclose(found[..., 0], expected, atol=1e-4)
     assert expected.max() > 0.5 and (found[..., 3] == 1.0).all()
-    assert f"Against {name}" in settings.error_note and f"largest {figure_text(expected.max())}," in settings.error_note
+    against = core("accuracy.planner.table").TRUTH_TEXTS[name]
+    assert f"Against {against}: largest {figure_text(expected.max())}," in settings.error_note
 
 
 def test_it_survives_save_and_load(listed, tmp_path):
@@ -162,7 +163,7 @@ def test_the_panel_shows_the_list_and_the_truth(listed, monkeypatch):
     log = test_panels.draw_all(monkeypatch)
     shown = test_panels.texts(log)
     assert log.count(("operator", "rle_splat.choose_plan")) == 2 * len(listed.accuracy_rows)  # in both places
-    assert "Against T" in shown and ("operator", "rle_splat.measure_accuracy") in log
+    assert "Against the" in shown and ("operator", "rle_splat.measure_accuracy") in log
     assert f"{listed.accuracy_rows[0].frame_ms:.0f}" in shown.split("\n")
     assert ("operator", "rle_splat.error_map") in log and ("prop", "error_image") not in log
     bpy.ops.rle_splat.error_map()

@@ -69,20 +69,21 @@ def test_scripts_keep_the_scenes_lights(tmp_path):
     assert lighting() == "SCENE"
 
 
-def test_what_a_user_chose_and_a_later_volume_change_nothing(tmp_path):
+def test_later_volumes_are_lit_as_the_first_one_is(tmp_path):
     add_light(1000.0)
     add_default_view()
-    bpy.context.scene.rle_splat.lighting = "SCENE"
-    import_raw(tmp_path, use_headlight=True)
+    import_raw(tmp_path)
     assert lighting() == "SCENE"
-    bpy.context.scene.rle_splat.property_unset("lighting")
     import_raw(tmp_path, "another", use_headlight=True)
     assert lighting() == "SCENE"
+    bpy.context.scene.rle_splat.lighting = "NONE"  # of all volumes, as scripts for earlier versions set it
+    import_raw(tmp_path, "third", use_headlight=True)
+    assert [one.rle_splat.lighting for one in bpy.data.objects if one.rle_splat.is_volume] == ["NONE"] * 3
 
 
-def test_the_panel_says_that_the_scenes_lights_are_not_used(tmp_path, bridge):
+def test_the_panel_says_that_the_scenes_lights_are_not_used(bridge):
     unused = bridge("scene.first_light").unused_lights
+    assert unused(bpy.context.scene, "HEADLIGHT") == ""
     add_light(1000.0)
-    assert unused(bpy.context.scene) == ""
-    bpy.context.scene.rle_splat.lighting = "HEADLIGHT"
-    assert "do not shine" in unused(bpy.context.scene)
+    assert unused(bpy.context.scene, "SCENE") == unused(bpy.context.scene, "BOTH") == ""
+    assert "do not shine" in unused(bpy.context.scene, "HEADLIGHT")

@@ -140,3 +140,33 @@ def test_records_that_were_removed_are_replaced_with_a_message(addon, tmp_path):
         settings = bpy.context.scene.rle_splat
         assert (settings.record, settings.classification) == ("8", "pre")
         assert settings.message == f"The record {record} was removed; 8 is used instead."
+
+
+def test_mode_and_lighting_of_a_scene_become_those_of_its_volumes(addon, tmp_path):
+    """Their numbers are those of earlier versions: mip is 2, grays are on, unlit is 2."""
+    saved = str(tmp_path / "saved.blend")
+    _first, second = (scenes.import_raw(tmp_path, np.ones((3, 4, 5), np.uint8), name=name) for name in ("a", "b"))
+    second.rle_splat.lighting = "HEADLIGHT"  # as a later version has set it
+    settings = bpy.context.scene.rle_splat
+    for name, number in {"mode": 2, "use_grays": 1, "lighting": 2}.items():
+        settings[name] = number
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    for _again in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        found = [bpy.data.objects[name].rle_splat for name in ("a", "b")]
+        assert [one.mode for one in found] == ["mip", "mip"] and all(one.use_grays for one in found)
+        assert [one.lighting for one in found] == ["NONE", "HEADLIGHT"]
+        settings = bpy.context.scene.rle_splat
+        assert (settings.mode, settings.lighting, settings.message) == ("mip", "NONE", "")
+        assert settings.get("mode") is None
+        bpy.ops.wm.save_as_mainfile(filepath=saved)
+
+
+def test_an_animated_mode_of_a_scene_leaves_a_sentence(addon, tmp_path):
+    scene, saved = bpy.context.scene, str(tmp_path / "saved.blend")
+    scene.rle_splat.keyframe_insert("max_error")
+    (curve,) = scene.animation_data.action.layers[0].strips[0].channelbags[0].fcurves
+    curve.data_path = "rle_splat.mode"
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    bpy.ops.wm.open_mainfile(filepath=saved)
+    assert "belong to each volume now" in bpy.context.scene.rle_splat.message

@@ -97,3 +97,93 @@ def test_B56_the_mist_is_the_worlds_where_its_own_switch_is_on_and_a_mist_pass_c
     np.testing.assert_array_equal(found, true)
     np.testing.assert_array_equal(found[..., 3], plain[..., 3])
     assert np.abs(found - plain).max() > 0.05
+
+
+def test_volumes_of_a_scene_have_modes_and_lights_of_their_own(volume, bridge, tmp_path):
+    other = import_raw(tmp_path, BALL, name="other")
+    light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+    bpy.context.scene.collection.objects.link(light)
+    volume.rle_splat.display = "mip"
+    other.rle_splat.lighting = "BOTH"
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    placed = bridge("scene.placements").shown(depsgraph)
+    found, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
+    plain = {one.owner.name: scene for one, scene in zip(placed, found)}
+    assert [plain[one.name].mode for one in (volume, other)] == ["mip", "composite"]
+    lit = {name: (len(scene.lights), scene.headlight) for name, scene in plain.items()}
+    assert lit == {volume.name: (1, False), other.name: (1, True)}
+
+
+def test_a_headlight_and_lights_add_up(volume):
+    """Diffuse light of both is the sum of each, where nothing is clipped."""
+    light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "SUN"))
+    light.data.energy, light.rotation_euler = 2.0, (0.0, 1.0, 0.0)
+    bpy.context.scene.collection.objects.link(light)
+    properties = volume.rle_splat
+    properties.ambient = properties.specular = 0.0
+    properties.two_sided, bpy.context.scene.rle_splat.use_shadows = False, False
+    found = {}
+    for lighting in ("SCENE", "HEADLIGHT", "BOTH"):
+        properties.lighting = lighting
+        found[lighting] = picture()[0].astype(np.float64)
+    np.testing.assert_allclose(found["BOTH"][..., 3], found["SCENE"][..., 3], atol=1e-6)
+    difference = np.abs(found["BOTH"] - found["SCENE"] - found["HEADLIGHT"])[..., :3]
+    assert difference.max() < 0.01 and difference.mean() < 1e-4 and found["HEADLIGHT"][..., :3].mean() > 0.01
+
+
+@pytest.fixture
+def body(addon, tmp_path):
+    """A CT of a cylinder of water with a rod of bone in air, from the side."""
+    _, y, x = np.mgrid[:40, :40, :40]
+    values = np.where((x - 19.5) ** 2 + (y - 19.5) ** 2 < 230.0, 30, -1000)
+    values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 900
+    found = import_raw(tmp_path, values.astype(np.int16), name="body")
+    found.rle_splat.value_unit = "HU"
+    add_camera(location=(19.5, -60.0, 19.5), rotation=(np.pi / 2, 0.0, 0.0), type="ORTHO", ortho_scale=36.0)
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 40
+    render.resolution_percentage = 100
+    return found
+
+
+@pytest.mark.parametrize("mode", ("xray", "mip", "minip", "average"))
+def test_each_mode_begins_with_a_window_that_shows_the_body(body, mode):
+    """Water and bone are neither black nor white and apart; MinIP, whose lines all pass air, is black, not empty."""
+    body.rle_splat.display = mode
+    pixels = picture()[0]
+    row = pixels[20].astype(np.float64)
+    water, bone = row[10:18, 0].mean(), row[26:29, 0].mean()
+    print(mode, water, bone, row[0])
+    if mode == "minip":
+        assert (pixels[4:36, 4:36, 3] > 0.99).all() and row[:, 0].max() < 0.05
+        return
+    assert 0.02 < water < 0.95 and water + 0.04 < bone < 0.99
+    assert row[0, 3] < 0.1, "air is not clear"
+
+
+def test_shaded_has_its_own_window_again(body):
+    properties = body.rle_splat
+    properties.window_center, properties.window_width = 123.0, 456.0
+    for mode in ("xray", "mip"):
+        properties.display = mode
+        assert properties.window_width != 456.0 and properties.shift_by == 0.0
+    properties.display = "composite"
+    assert (properties.window_center, properties.window_width) == (123.0, 456.0)
+    properties.display = "mip"
+    assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+    chosen = properties.window_center, properties.window_width
+    properties.display = "composite"  # what was applied meanwhile stays
+    assert (properties.window_center, properties.window_width) == chosen
+
+
+def test_a_black_background_is_one_of_a_viewport(volume):
+    area = next(one for one in bpy.context.screen.areas if one.type == "VIEW_3D")
+    shading = area.spaces.active.shading
+    with bpy.context.temp_override(area=area, space_data=area.spaces.active):
+        for expected in ("VIEWPORT", "THEME"):
+            assert bpy.ops.rle_splat.black_background() == {"FINISHED"}
+            assert shading.background_type == expected
+        assert tuple(shading.background_color) == (0.0, 0.0, 0.0)
+        shading.type = "MATERIAL"
+        with pytest.raises(RuntimeError, match="Only Solid shading"):
+            bpy.ops.rle_splat.black_background()

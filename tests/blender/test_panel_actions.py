@@ -105,9 +105,9 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
 
 
 def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
-    settings, properties = bpy.context.scene.rle_splat, owner.rle_splat
-    properties.window_center, properties.window_width = 100.0, 200.0
+    settings, properties = owner.rle_splat, owner.rle_splat
     settings.display = "mip"
+    properties.window_center, properties.window_width = 100.0, 200.0
     assert (settings.mode, settings.use_grays) == ("mip", True)
     row = picture()[16]
     np.testing.assert_allclose(row[:, 0], row[:, 3], atol=1e-5)  # white, as opaque as the value is high
@@ -131,15 +131,15 @@ def test_xray_in_gray_is_brighter_where_values_are_higher(owner):
 def test_a_shift_moves_the_whole_transfer_function_from_where_the_preset_put_it(owner, bridge):
     properties, read = owner.rle_splat, bridge("look.transfer").read_transfer
     before = read(owner)
-    assert properties.shift == pytest.approx(0.0, abs=1e-4)
-    properties.shift = 10.0  # percent of 0 to 200
+    assert properties.shift_by == pytest.approx(0.0, abs=1e-4)
+    properties.shift_by = 20.0
     after = read(owner)
     moved = [value - earlier for (value, _), (earlier, _) in zip(after.opacity, before.opacity)]
     np.testing.assert_allclose(moved, 20.0, atol=1e-3)
-    assert properties.shift == pytest.approx(10.0, abs=1e-3)
+    assert properties.shift_by == properties.shift_finely == pytest.approx(20.0, abs=1e-3)
     properties.property_unset("preset_center")  # a file of an earlier version
-    assert properties.shift == 0.0
-    properties.shift = -10.0
+    assert properties.shift_by == 0.0
+    properties.shift_finely = -20.0
     np.testing.assert_allclose([v for v, _ in read(owner).opacity], [v for v, _ in before.opacity], atol=1e-3)
 
 
@@ -339,3 +339,64 @@ def test_progress_never_runs_backwards(bridge, core, monkeypatch):
         job._work_a_while(context)
     assert said == [0.2, 0.7, 0.7, 0.8]
 
+
+
+def test_the_cut_can_be_switched_off_and_a_box_fitted_again(owner, bridge):
+    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    one = bpy.context.view_layer.objects.active
+    fitted = np.array(one.matrix_world)
+    one.scale, one.location = (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)
+    scenes.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    read = bridge("scene.clip_objects").read_clips
+    assert len(read(depsgraph, owner)) == 1
+    bpy.context.scene.rle_splat.use_clips = False
+    assert read(bpy.context.evaluated_depsgraph_get(), owner) == ()
+    assert bpy.ops.rle_splat.fit_clip() == {"FINISHED"}
+    scenes.update()
+    np.testing.assert_allclose(np.array(one.matrix_world), fitted, atol=1e-5)
+    assert bpy.ops.rle_splat.fit_clip(fit="VISIBLE") == {"FINISHED"}
+    scenes.update()
+    assert one.matrix_world.col[0].length < np.linalg.norm(fitted[:, 0])
+
+
+def test_fitting_needs_a_box(owner, refused):
+    refused(bpy.ops.rle_splat.fit_clip, "Add a clip box")
+
+
+def test_segments_are_cleared(owner, refused):
+    refused(bpy.ops.rle_splat.clear_labels, "has no segments")
+    properties = owner.rle_splat
+    properties.label_file = "labels.nii"
+    properties.labels.add().name = "1"
+    assert bpy.ops.rle_splat.clear_labels() == {"FINISHED"}
+    assert not properties.label_file and not len(properties.labels)
+
+
+@pytest.mark.parametrize("pixels, longest, length", ((1.0, 160.0, 100.0), (3.0, 160.0, 50.0), (800.0, 160.0, 0.2)))
+def test_a_scale_bar_is_a_round_length(bridge, pixels, longest, length):
+    assert bridge("live.bars").length_of_bar(pixels, longest) == pytest.approx(length)
+
+
+def test_a_color_bar_has_the_colors_of_the_window(owner, bridge):
+    colors_of = bridge("live.bars").colors_of
+    function, (low, high) = bridge("look.transfer").read_transfer(owner), bridge("look.transfer").window_of(
+        owner.rle_splat)
+    found = colors_of(owner)
+    for row, value in ((0, low), (16, 0.5 * (low + high)), (32, high)):
+        linear = np.clip(function.color_at(value).reshape(3), 0.0, 1.0)
+        expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        np.testing.assert_allclose(found[row, :3], expected, atol=1e-5)
+    owner.rle_splat.display = "mip"
+    np.testing.assert_allclose(colors_of(owner)[[0, -1], :3], [[0.0] * 3, [1.0] * 3], atol=1e-6)
+
+
+def test_the_tab_is_shown_once(addon, bridge, monkeypatch):
+    preferences, calls = bridge("data.preferences"), []
+    show_tab = import_module(f"{MODULE}.operators.show_tab")
+    monkeypatch.setattr(show_tab.viewports, "open_tab", calls.append)
+    assert not preferences.current().has_shown_tab
+    for _ in range(2):
+        show_tab.show_once()
+    assert len(calls) == 1 and preferences.current().has_shown_tab
+    preferences.current().has_shown_tab = False

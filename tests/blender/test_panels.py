@@ -27,7 +27,7 @@ SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
     "import it again, or press Relocate to choose the original file.",
-    "Against T2, the exact integral of values that are interpolated, then classified: largest "
+    "Against the exact integral of values that are interpolated, then classified: largest "
     "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
 )
 
@@ -180,7 +180,7 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
     assert "7 × 6 × 5, uint8" in texts(log)
     for wanted in (
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
-        ("prop", "window_width"), ("prop_enum", "quality"), ("prop", "display"), ("prop", "shift"),
+        ("prop", "window_width"), ("prop_enum", "quality"), ("prop", "display"), ("prop", "shift_by"),
         ("operator", "rle_splat.render_image"),
         ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
         ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
@@ -238,7 +238,7 @@ def test_messages_and_reports_are_shown(volume_object, monkeypatch):
 def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
     monkeypatch.setattr(sys.modules[f"{addon.__name__}.panels.volume"], "NUMBA_PROBLEM", "ImportError: no numba here")
     shown = " ".join(texts(draw_all(monkeypatch)).split())  # its lines are broken to fit
-    assert "No compiled kernels" in shown and "ImportError: no numba here" in shown
+    assert "No compiled code" in shown and "ImportError: no numba here" in shown
 
 
 def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, monkeypatch):

@@ -33,8 +33,9 @@ def voxels():
 
 @pytest.fixture
 def owner(addon, tmp_path, voxels):
-    """A volume of random voxels, a world unit a voxel, with a window of its own."""
+    """A volume of random voxels, a world unit a voxel, whose slices have its window."""
     owner = scenes.import_raw(tmp_path, voxels)
+    owner.rle_splat.slices_follow_window = True
     assert bpy.ops.rle_splat.window_level(center=0.5 * (LOW + HIGH), width=HIGH - LOW) == {"FINISHED"}
     return owner
 
@@ -114,6 +115,7 @@ def test_it_follows_the_window_and_the_volume(owner, voxels):
 def test_an_oblique_slice_shows_its_plane(addon, tmp_path):
     z, y, x = np.mgrid[:21, :21, :21]
     owner = scenes.import_raw(tmp_path, (2 * x + 3 * y + 4 * z).astype(np.uint8))
+    owner.rle_splat.slices_follow_window = True
     assert bpy.ops.rle_splat.window_level(center=90.0, width=180.0) == {"FINISHED"}
     one = add(owner)
     one.rotation_euler, one.location = (0.5, -0.3, 0.8), (0.7, -0.2, 1.1)
@@ -136,6 +138,7 @@ def plateau_scene(tmp_path, size=(16, 16)):
     values = np.full((6, 8, 8), 60, np.uint8)
     values[3:] = 180
     owner = scenes.import_raw(tmp_path, values, name="plateau")
+    owner.rle_splat.slices_follow_window = True
     assert bpy.ops.rle_splat.window_level(center=0.5 * (LOW + HIGH), width=HIGH - LOW) == {"FINISHED"}
     one = add(owner)
     scene = scenes.use_cycles(size)
@@ -364,3 +367,102 @@ def test_a_slice_is_tagged_only_when_its_pixels_change(owner, voxels):
         assert any(tagged)
     finally:
         bpy.app.handlers.depsgraph_update_post.remove(note)
+
+
+def test_new_slices_have_a_window_of_their_own_and_the_volume_keeps_its_own(addon, tmp_path, voxels):
+    owner = scenes.import_raw(tmp_path, voxels)
+    properties = owner.rle_splat
+    volumes_own = properties.window_center, properties.window_width
+    one = add(owner)
+    low, high = np.sort(voxels.ravel())[[int(np.ceil(share * voxels.size)) - 1 for share in (0.01, 0.995)]]
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), low, high), atol=1e-5)
+    assert not properties.slices_follow_window
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.window_level(center=100.0, width=50.0, of_slices=True) == {"FINISHED"}
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), 75.0, 125.0), atol=1e-5)
+    assert (properties.window_center, properties.window_width) == volumes_own
+    add(owner, "coronal")  # a later slice leaves the window
+    assert (properties.slice_center, properties.slice_width) == (100.0, 50.0)
+    properties.slices_follow_window = True
+    scenes.update()
+    center, width = volumes_own
+    expected = shown(layer(voxels, 2, NZ // 2), center - 0.5 * width, center + 0.5 * width)
+    np.testing.assert_allclose(gray_of(one), expected, atol=1e-5)
+
+
+def test_a_ct_begins_with_the_soft_tissue_window(addon, tmp_path, voxels):
+    owner = scenes.import_raw(tmp_path, voxels)
+    owner.rle_splat.value_unit = "HU"
+    add(owner)
+    assert (owner.rle_splat.slice_center, owner.rle_splat.slice_width) == (50.0, 400.0)
+
+
+def test_slices_of_earlier_files_follow_the_volume_until_they_get_a_window(owner):
+    properties = owner.rle_splat
+    del properties["slices_follow_window"]  # what such a file lacks
+    assert properties.slices_follow_window
+    properties.slices_follow_window = False
+    assert (properties.slice_center, properties.slice_width) == (0.5 * (LOW + HIGH), HIGH - LOW)
+
+
+def test_black_is_transparent_by_choice(owner, voxels):
+    one = add(owner)
+    assert (scenes.image_pixels(one.rle_splat.slice_image)[..., 3] == 1.0).all()
+    owner.rle_splat.slices_clear_black = True
+    scenes.update()
+    pixels = scenes.image_pixels(one.rle_splat.slice_image)
+    values = layer(voxels, 2, NZ // 2)
+    np.testing.assert_array_equal(pixels[..., 3], values > LOW)
+    np.testing.assert_allclose(pixels[..., 0], shown(values), atol=1e-5)
+
+
+def test_the_wheel_moves_a_slice_by_layers_and_not_out_of_its_volume(owner, voxels):
+    one = add(owner, "coronal")
+    for layers, index in ((1, NY // 2 + 1), (-3, NY // 2 - 2), (-1, 1)):
+        assert bpy.ops.rle_splat.scroll_slice(layers=layers) == {"FINISHED"}
+        scenes.update()
+        np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 1, index)), atol=1e-5)
+    assert bpy.ops.rle_splat.scroll_slice(layers=50) == {"FINISHED"}
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 1, NY - 1)), atol=1e-5)
+    assert bpy.ops.rle_splat.scroll_slice(layers=1) == {"CANCELLED"}
+
+
+def test_scrolling_needs_a_slice(owner, refused):
+    refused(bpy.ops.rle_splat.scroll_slice, "Add a slice first")
+    add(owner)
+    scenes.activate(owner)
+    refused(bpy.ops.rle_splat.scroll_slice, "no slice; select one")
+
+
+def test_the_four_up_view_needs_a_viewport(owner, refused):
+    with bpy.context.temp_override(area=None):
+        refused(bpy.ops.rle_splat.four_up, "No 3D viewport is open")
+
+
+# Kind -> where a reading workstation looks and what is up, in LPS.
+LOOKS = {"axial": ((0, 0, 1), (0, -1, 0)), "coronal": ((0, 1, 0), (0, 0, 1)), "sagittal": ((-1, 0, 0), (0, 0, 1))}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_view_straight_onto_a_slice_is_as_on_a_reading_workstation(owner, bridge, kind):
+    one = add(owner, kind)
+    owner.rotation_euler = 0.3, -0.2, 1.1
+    scenes.update()
+    found = bridge("live.slice_places").straight_onto(one, kind, np.array(owner.matrix_world)).to_matrix()
+    turned = np.array(owner.matrix_world.to_3x3())
+    for column, sign, expected in ((2, -1.0, LOOKS[kind][0]), (1, 1.0, LOOKS[kind][1])):
+        np.testing.assert_allclose(sign * np.array(found.col[column]), turned @ np.array(expected), atol=1e-5)
+
+
+def test_slices_cross_in_lines(owner, bridge):
+    axial, sagittal = add(owner, "axial"), add(owner, "sagittal")
+    crossing = bridge("live.slice_places").crossing
+    ends = np.array(crossing(axial, sagittal))
+    expected = [[NX // 2, -0.5, NZ // 2], [NX // 2, NY - 0.5, NZ // 2]]
+    np.testing.assert_allclose(ends[np.argsort(ends[:, 1])], expected, atol=1e-4)
+    assert crossing(axial, axial) is None
+    sagittal.location.z = 50.0
+    scenes.update()
+    assert crossing(axial, sagittal) is None

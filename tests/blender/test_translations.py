@@ -42,11 +42,11 @@ def test_texts_of_all_kinds_are_found(addon):
     registered, written = ui_strings.registered(MODULE), ui_strings.written()
     for text, file in (
         ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/data/properties.py"),
-        ("Post-Classified", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
+        ("Sharp Edges", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
         ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
     ):  # fmt: skip
         assert registered[text] == file
-    for text in ("Import Another", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
+    for text in ("Import File…", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
         assert written[text].partition(":")[0].endswith(".py")
 
 

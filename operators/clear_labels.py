@@ -1,0 +1,34 @@
+"""Clear Segments: take the label file and its segments off a volume."""
+
+import bpy
+
+from ..bridge.volumes import volumes
+from .refusal import has_editable_volume
+
+
+class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
+    """Take the label file and the list of its segments off the volume. The file itself stays"""
+
+    bl_idname = "rle_splat.clear_labels"
+    bl_label = "Clear Segments"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if not has_editable_volume(cls, context):
+            return False
+        properties = volumes.volume_object(context).rle_splat
+        if not (properties.label_file or properties.labels):
+            cls.poll_message_set("The volume has no segments")
+            return False
+        return True
+
+    def execute(self, context):
+        properties = volumes.volume_object(context).rle_splat
+        properties.label_file = properties.labels_of = ""
+        properties.labels.clear()
+        properties.active_label = 0
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_clear_labels,)

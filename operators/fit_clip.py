@@ -1,0 +1,49 @@
+"""Fit to Volume: make a clip box as large as the volume again, or as what is visible of it."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..bridge import linked
+from ..bridge.data.settings import scene_scale_of
+from ..bridge.scene import clip_handles
+from ..bridge.volumes import volumes
+from ..bridge.volumes.attached import volume_frame
+from ..rle_splat.scene import RleSplatError
+from .add_clip import FIT, fitted
+from .reading import LoadsFirst
+from .refusal import has_volume, refuse
+
+
+class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
+    """Make the clip box as large as the volume again"""
+
+    bl_idname = "rle_splat.fit_clip"
+    bl_label = "Fit to Volume"
+    bl_options = {"REGISTER", "UNDO"}
+
+    fit: FIT
+
+    @classmethod
+    def poll(cls, context):
+        if not has_volume(cls, context):
+            return False
+        one = clip_handles.active_box(context)
+        if one is None or not linked.is_own(one):
+            cls.poll_message_set("Add a clip box, or choose one in the list")
+            return False
+        return True
+
+    def execute(self, context):
+        owner, one = volumes.volume_object(context), clip_handles.active_box(context)
+        try:
+            volume = volumes.load_volume(owner)
+            matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted(
+                owner, volume, self.fit)
+        except RleSplatError as problem:
+            return refuse(self, problem)
+        one.matrix_world = Matrix((matrix / np.array((*(one.empty_display_size,) * 3, 1.0))).tolist())
+        return {"FINISHED"}
+
+
+CLASSES = (RLE_SPLAT_OT_fit_clip,)

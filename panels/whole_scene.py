@@ -1,0 +1,50 @@
+"""The Whole Scene panel: shadows, the world's light, mist and scale, which all volumes of a scene share."""
+
+import bpy
+
+from ..bridge.data import effects
+from ..bridge.data.settings import is_pre_classified
+from ..bridge.scene.lights import is_any_lit
+from .places import RenderTab, Sidebar
+
+
+class ScenePanel:
+    """Draws the panel in the sidebar and in the render properties."""
+
+    bl_label = "Whole Scene"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.rle_splat
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(context.scene)
+        column = layout.column(align=True)
+        column.active = is_lit
+        row = column.row()
+        row.active = has_shadows
+        row.prop(settings, "use_shadows")
+        column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
+        column.prop(settings, "use_world")
+        row = layout.row()
+        row.active = has_shadows
+        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
+        row = layout.row()
+        row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
+        row.prop(settings, "indirect_light", text="Indirect")
+        layout.prop(settings, "use_mist")
+        layout.prop(settings, "meshes_occlude")
+        layout.prop(settings, "scene_scale")
+
+
+class RLE_SPLAT_PT_whole_scene(ScenePanel, Sidebar, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_whole_scene"
+    bl_parent_id = "RLE_SPLAT_PT_picture"
+
+
+class RLE_SPLAT_PT_render_whole_scene(ScenePanel, RenderTab, bpy.types.Panel):
+    bl_idname = "RLE_SPLAT_PT_render_whole_scene"
+    bl_parent_id = "RLE_SPLAT_PT_render"
+
+
+CLASSES = (RLE_SPLAT_PT_whole_scene, RLE_SPLAT_PT_render_whole_scene)

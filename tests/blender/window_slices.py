@@ -1,0 +1,179 @@
+"""Slices in a real window, by a mouse: true grays in Solid shading, the four-up view, the wheel, and a window of their
+own by dragging.  dev.py test runs it; its photographs are to be looked at."""
+
+import os
+import tempfile
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender import scenes
+from tests.blender.real_blender import MODULE
+from tests.blender.window_driver import (
+    SHOTS,
+    area_of,
+    by_numpy,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    until,
+    window,
+)
+
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_slices_"))
+N = 24  # voxels a side
+GRAY = 150  # value of the lower half, in a window from 0 to 255
+KINDS = ("axial", "coronal", "sagittal")
+
+
+def slices() -> dict:
+    return {one.rle_splat.slice_kind: one for one in bpy.data.objects if one.rle_splat.is_slice}
+
+
+def settled():
+    live = import_module(f"{MODULE}.bridge.live")
+    area_of("VIEW_3D").tag_redraw()
+    yield
+    yield
+    yield from until(lambda: not any(one.is_busy for one in live.viewports_of(area_of("VIEW_3D"))))
+    yield
+
+
+def regions() -> list:
+    """The regions of the quad view that show a slice, by its kind, with their views."""
+    area = area_of("VIEW_3D")
+    views = area.spaces.active.region_quadviews
+    found = {}
+    for region, view in zip([one for one in area.regions if one.type == "WINDOW"], views):
+        ahead = np.array(view.view_rotation.to_matrix())[:, 2]
+        for kind, one in slices().items():
+            normal = np.array(one.matrix_world.to_3x3().col[2].normalized())
+            if not view.is_perspective and abs(ahead @ normal) > 0.999:
+                found[kind] = region
+    return found
+
+
+def send(kind: str, place, value: str = "PRESS", **keys) -> None:
+    window().event_simulate(type=kind, value=value, x=int(place[0]), y=int(place[1]), **keys)
+
+
+def middle(region) -> np.ndarray:
+    return np.array([region.x + region.width // 2 + 12, region.y + region.height // 2 + 17])
+
+
+def set_up():
+    by_numpy()
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_slices")
+    yield from new_file()
+    z, y, x = np.mgrid[:N, :N, :N]
+    inside = (x - 11.5) ** 2 + (y - 11.5) ** 2 + (z - 11.5) ** 2 < 120.0
+    voxels = np.where(inside, GRAY + 2 * x + y, 0).astype(np.uint8)
+    with in_the_view():
+        owner = scenes.import_raw(FOLDER, voxels, name="head")
+        scenes.load_color(FOLDER, (0.8, 0.45, 0.3), alpha=0.5)
+    bpy.ops.ed.undo_push(message="start")
+    yield from settled()
+    return owner.name
+
+
+def check_four_up(name):
+    """One button: three slices face their views as grays of the window, without the volume before them."""
+    scenes.activate(bpy.data.objects[name])
+    with in_the_view():
+        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+    yield from settled()
+    bpy.data.objects[name].rle_splat.slice_center = 127.5
+    bpy.data.objects[name].rle_splat.slice_width = 255.0
+    scenes.activate(bpy.data.objects[name])
+    yield from settled()
+    yield from photograph("four_up")
+    assert set(regions()) == set(KINDS) and len(slices()) == 3
+
+
+def check_true_gray(name):
+    """In Solid shading a slice has the gray of its values, whatever lights the viewport."""
+    space = area_of("VIEW_3D").spaces.active
+    region = regions()["axial"]
+    at = middle(region)
+    seen = {}
+    for light in ("STUDIO", "FLAT"):
+        space.shading.light = light
+        yield from settled()
+        yield from photograph(f"gray_{light.lower()}")
+        picture = scenes.load_pixels(Path(os.environ[SHOTS]) / f"gray_{light.lower()}.png")
+        seen[light] = np.rint(255.0 * picture[picture.shape[0] - 1 - at[1], at[0], :3])
+    print(f"gray at {at}: {seen}", flush=True)
+    values = scenes.image_pixels(slices()["axial"].rle_splat.slice_image)[..., 0]
+    srgb = 255.0 * np.where(values <= 0.0031308, 12.92 * values, 1.055 * np.maximum(values, 1e-9) ** (1 / 2.4) - 0.055)
+    for color in seen.values():
+        assert np.ptp(color) <= 1 and np.abs(srgb - color[0]).min() <= 1.0, color
+    assert np.abs(np.subtract(*seen.values())).max() <= 1
+    space.shading.light = "STUDIO"
+
+
+def check_wheel(name):
+    """The wheel over a slice moves that one by a layer; undo brings it back; elsewhere it zooms."""
+    before = {kind: one.matrix_world.translation.copy() for kind, one in slices().items()}
+    at = middle(regions()["coronal"])
+    send("MOUSEMOVE", at, "NOTHING")
+    yield
+    for _ in range(3):
+        send("WHEELUPMOUSE", at)
+        yield
+    yield from settled()
+    yield from photograph("wheel")
+    moved = {kind: (one.matrix_world.translation - before[kind]).length for kind, one in slices().items()}
+    print(f"moved {moved}", flush=True)
+    np.testing.assert_allclose([moved[kind] for kind in KINDS], (0.0, 3.0, 0.0), atol=1e-4)
+
+
+def check_drag(name):
+    """A drag over a slice changes the slices' window and not the volume's."""
+    properties = bpy.data.objects[name].rle_splat
+    before = properties.window_center, properties.window_width, properties.slice_center, properties.slice_width
+    at = middle(regions()["sagittal"])
+    send("MOUSEMOVE", at, "NOTHING")
+    yield
+    send("LEFTMOUSE", at)
+    yield
+    for step in range(1, 6):
+        send("MOUSEMOVE", at + (12 * step, 8 * step), "NOTHING")
+        yield
+    send("LEFTMOUSE", at + (60, 40), "RELEASE")
+    yield from settled()
+    yield from photograph("dragged")
+    properties = bpy.data.objects[name].rle_splat
+    after = properties.window_center, properties.window_width, properties.slice_center, properties.slice_width
+    print(f"windows before {before}, after {after}", flush=True)
+    assert after[:2] == before[:2] and after[2] > before[2] and after[3] > before[3]
+
+
+def check_back(name):
+    """The same button leaves the quad view, and the volume is shown with its slices again."""
+    scenes.activate(bpy.data.objects[name])
+    with in_the_view():
+        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+    yield from settled()
+    bpy.data.objects[name].rle_splat.slices_clear_black = True
+    yield from settled()
+    view = area_of("VIEW_3D").spaces.active
+    assert view.region_3d.is_perspective
+    view.show_object_viewport_volume = False
+    yield
+    yield from photograph("clear_black")
+    assert not len(area_of("VIEW_3D").spaces.active.region_quadviews)
+
+
+def scenario():
+    name = yield from set_up()
+    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back):
+        yield from check(name)
+        passed(check.__name__)
+
+
+drive(scenario)
