@@ -131,7 +131,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
 
     def commit(self, context, results):
         owner, added = self._owner.get(), []
-        for found, options, transfer_function, reason in results:
+        for found, options, transfer_function, reason, _ in results:
             other, remark = new_volume.add_volume(context, found, options, transfer_function)
             added.append(other)
             for sentence in filter(None, (*found.remarks, remark)):

@@ -13,7 +13,7 @@ from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
 from ..bridge.translations import filled, translate
-from ..bridge.volumes import box, encoded, facts, new_volume, volumes
+from ..bridge.volumes import box, encoded, facts, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
@@ -29,11 +29,14 @@ LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix i
 DROPPED_SUFFIXES = (*dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
     encoded.SUFFIX)
-CHOOSING = 0.95  # share of the time until the transfer function is chosen
+CHOOSING, BODY = 0.8, 0.85  # shares of the time until the transfer function is chosen, and the body is sought
+HIDDEN = "What is not the body is hidden; the eye of Background in the panel Segments shows it."
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
 ENCODED = "encoded"  # in place of the name of a format
+# Switches that a dialog proposes to users, and no script gets without asking.
+PROPOSED = ("use_headlight", "hide_table")
 LETTERS = 38  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -87,6 +90,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     use_headlight: BoolProperty(
         name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
         "give less than half of its brightness. The panel Lighting changes it", default=False, options={"SKIP_SAVE"})
+    hide_table: BoolProperty(
+        name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
+        "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):
@@ -101,16 +107,18 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         path, = self.paths()  # of several, none would be asked about
         given = {name: value for name, value in vars(options).items() if name != "series"}
         return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor,
-                "use_framing": self.use_framing, "use_headlight": self.use_headlight, "use_dialog": False}
+                "use_framing": self.use_framing, "use_headlight": self.use_headlight,
+                "hide_table": self.hide_table, "use_dialog": False}
 
     def ask(self) -> None:
-        """Before a dialog: what it proposes to users, but no script gets without asking."""
+        """Before a dialog: switch on what it proposes."""
         self.is_confirmed = True
-        if not self.properties.is_property_set("use_headlight"):
-            self.use_headlight = True
+        for name in PROPOSED:
+            if not self.properties.is_property_set(name):
+                setattr(self, name, True)
 
     def _draw_placing(self, layout):
-        for name in ("at_cursor", "use_framing", "use_headlight"):
+        for name in ("at_cursor", "use_framing", *PROPOSED):
             layout.prop(self, name)
 
     def prepare(self, context):
@@ -121,13 +129,16 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     def commit(self, context, results):
         owners, corners, warnings, sentences = [], [], list(self.guesses), []
-        for found, options, transfer_function, reason in results:
+        for found, options, transfer_function, reason, body in results:
             owner, remark = new_volume.add_volume(
                 context, found, options, transfer_function, at_cursor=self.at_cursor)
             warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
+            if body is not None:
+                segments.show(owner, found.volume, body, "BACKGROUND")
             owners.append(owner)
             corners.append(box.world_corners(owner))
             sentences += [filled("Imported {volume}.", volume=owner.name), translate(reason)]
+            sentences += [] if body is None else [filled(HIDDEN)]
         self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
@@ -148,7 +159,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             shown.switch_all(context.window, False)
 
     def _steps(self, paths):
-        """Generator of Progress: (Found, options, TransferFunction or None, reason for it) of each path."""
+        """Generator of Progress: (ReadSource, options, TransferFunction or None, reason for it, MadeSegment of the body or
+        None) of each path."""
         read = []
         for i, path in enumerate(paths):
             options = source_options.PlainOptions()
@@ -164,12 +176,16 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             yield from self._completed_steps(path, options)
         found = yield from rescale(found_steps(path, options), 0.0, CHOOSING)
         if not found.volume.holds_values:
-            return found, options, None, encoded.STORED_VALUES
+            return found, options, None, encoded.STORED_VALUES, None
         source_options.keep_level(options, found.volume)
         transfer_function, reason = yield from rescale(
-            chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, 1.0)
+            chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, BODY)
+        body = None
+        if self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
+            steps = segments.body_steps(found.volume, transfer_function, new_volume.name_of(path, found.volume))
+            body = yield from rescale(steps, BODY, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own
-        return found, options, transfer_function, reason
+        return found, options, transfer_function, reason, body
 
     def _completed_steps(self, path: str, options):
         """Generator of Progress: guess the missing layout of a raw file and report it.

@@ -46,4 +46,5 @@ def chosen_transfer_steps(item: str, volume, is_channel: bool = False):
     if item == SUGGESTED:
         suggest = default_channel_function_steps if is_channel else default_transfer_function_steps
         return (yield from announce(suggest(volume), 0.0, 1.0, CHOOSING))
-    return (yield from announce(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING))
+    function, remark = yield from announce(fit_preset_steps(item, volume), 0.0, 1.0, CHOOSING)
+    return function, remark or ""

@@ -39,10 +39,7 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
         What of the transfer function could not be stored exactly, or "".
     """
     path, volume = found.path, found.volume
-    kind = format_of(path)
-    named = volume.name if kind is not None and kind.names_volume else os.path.basename(os.path.normpath(path))
-    name = named.split(".")[0] or "Volume"
-    owner = bpy.data.objects.new(name, None)
+    owner = bpy.data.objects.new(name_of(path, volume), None)
     properties = owner.rle_splat
     for first in volumes.volume_objects(context.scene)[:1]:
         properties.lighting = first.rle_splat.lighting  # volumes of a scene are lit alike until a user changes one
@@ -65,6 +62,13 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
         owner.select_set(True)
         context.view_layer.objects.active = owner
     return owner, remark
+
+
+def name_of(path: str, volume) -> str:
+    """The name of the object of a volume that was read from a path."""
+    kind = format_of(path)
+    named = volume.name if kind is not None and kind.names_volume else os.path.basename(os.path.normpath(path))
+    return named.split(".")[0] or "Volume"
 
 
 def fill_volume(scene, owner, found: ReadSource) -> None:

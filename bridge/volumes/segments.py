@@ -16,6 +16,7 @@ import numpy as np
 from ...rle_splat.read.formats import write_steps
 from ...rle_splat.runtime.steps import announce, rescale
 from ...rle_splat.scene import RleSplatError
+from ...rle_splat.segment import body as segment
 from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, put_segment
 from ...rle_splat.volume.volume import NamedLabel, Volume
 from ..look import transfer
@@ -26,7 +27,11 @@ from . import labels
 from .source_paths import resolved_path
 
 SUFFIX = ".nii.gz"
-LOADED, MADE, WRITTEN = 0.2, 0.8, 0.95  # shares of the time until the map is read, changed and written
+LOADED, MADE = 0.2, 0.8  # shares of the time until the map is read and changed
+WRITTEN = 0.75  # share of the rest until it is written
+BACKGROUND_NAME, BODY, BODY_NUMBER = "Background", "Body", 1
+SAMPLES = 1 << 20  # voxels that are looked at
+LEAST_BESIDE = 0.1  # share of the opacity that is shown beside the body from which on that is hidden
 VISIBLE = 0.02  # share of the transfer function's largest opacity from which on a value counts as visible
 VALUES = 4096  # of the volume's range, at which the transfer function is looked up
 
@@ -75,7 +80,7 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
     wish = store.wish_of(owner, None, labels.PURPOSE)
     hidden = [row.label for row in properties.labels if not row.show]
     names = named_rows(owner)
-    path = _free_path(owner)
+    path = _free_path(owner.name)
 
     def steps():
         if file is None:
@@ -87,17 +92,57 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
         mask = yield from rescale(make_mask(before, shown), LOADED, MADE)
         chosen = free_number(before) if number is None else number
         after = put_segment(before, chosen, mask, over_others)
-        named = {BACKGROUND: NamedLabel(BACKGROUND, "Background"), **{one.label: one for one in before.named_labels}}
+        named = {BACKGROUND: NamedLabel(BACKGROUND, BACKGROUND_NAME), **{one.label: one for one in before.named_labels}}
         named |= {one.label: one for one in names}
         if number is None:
             named[chosen] = NamedLabel(chosen, name)
-        after = replace(after, named_labels=tuple(named.values()), remarks=())
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-        yield from rescale(write_steps(after, path), MADE, WRITTEN, "writing the segments")
-        values = yield from announce(labels.value_steps(after), WRITTEN, 1.0, "reading labels")
-        return MadeSegment(path, labels.LabelMap(after, values), chosen)
+        return (yield from rescale(_written_steps(after, tuple(named.values()), path, chosen), MADE, 1.0))
 
     return steps()
+
+
+def body_steps(volume: Volume, transfer_function, name: str):
+    """Generator of Progress: the body as the only segment, if the transfer function shows much that is not the body.
+
+    Parameters
+    ----------
+    volume : Volume
+    transfer_function : TransferFunction
+        What is shown first.
+    name : str
+        Of the volume, for the file.
+
+    Returns
+    -------
+    MadeSegment or None
+        None if no body was found, or hardly anything else is shown.
+    """
+    try:
+        body = yield from rescale(segment.body_steps(volume), 0.0, MADE)
+    except RleSplatError:
+        return None
+    if _share_beside(volume, transfer_function, body) < LEAST_BESIDE:
+        return None
+    after = put_segment(empty_map(volume), BODY_NUMBER, body)
+    named = NamedLabel(BACKGROUND, BACKGROUND_NAME), NamedLabel(BODY_NUMBER, BODY)
+    return (yield from rescale(_written_steps(after, named, _free_path(name), BODY_NUMBER), MADE, 1.0))
+
+
+def _share_beside(volume: Volume, transfer_function, body: np.ndarray) -> float:
+    """The share of what a transfer function shows that lies beside the body, from every few voxels."""
+    step = max(1, round((volume.voxels.size / SAMPLES) ** (1.0 / 3.0)))
+    every = (slice(None, None, step),) * 3
+    shown = transfer_function.alpha_at(volume.physical(volume.voxels[every]))
+    return float(shown[~body[every]].sum() / max(shown.sum(), 1e-9))
+
+
+def _written_steps(labels_after: Volume, named: tuple, path: str, number: int):
+    """Generator of Progress: write a label map with the names of its segments, as a MadeSegment."""
+    after = replace(labels_after, named_labels=named, remarks=())
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    yield from rescale(write_steps(after, path), 0.0, WRITTEN, "writing the segments")
+    values = yield from announce(labels.value_steps(after), WRITTEN, 1.0, "reading labels")
+    return MadeSegment(path, labels.LabelMap(after, values), number)
 
 
 def show(owner, volume: Volume, made: MadeSegment, hide: str = "") -> None:
@@ -177,10 +222,10 @@ def _folder(blend_file: str) -> str:
     return os.path.splitext(blend_file)[0] + FOLDER
 
 
-def _free_path(owner, blend_file: str | None = None) -> str:
-    """A file name for a label map of a volume object that no file has."""
+def _free_path(name: str, blend_file: str | None = None) -> str:
+    """A file name for a label map of a volume object of a name, which no file has."""
     folder = _folder(bpy.data.filepath if blend_file is None else blend_file)
-    plain = re.sub(r"[^\w -]", "_", owner.name).strip(" .") or "volume"
+    plain = re.sub(r"[^\w -]", "_", name).strip(" .") or "volume"
     plain = f"volume {plain}" if is_reserved(plain) else plain
     number, found = 1, f"{plain} segments{SUFFIX}"
     while os.path.exists(os.path.join(folder, found)):
@@ -196,7 +241,7 @@ def _keep_temporary(blend_file, *_):
             continue
         path = resolved_path(owner, "label_file")
         if is_temporary(path) and os.path.isfile(path):
-            kept = _free_path(owner, blend_file)
+            kept = _free_path(owner.name, blend_file)
             try:
                 os.makedirs(os.path.dirname(kept), exist_ok=True)
                 shutil.copy2(path, kept)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.steps import drain
+from ..segment.contrast import LEAST_SHARE, contrast_share_steps
 from ..volume.histogram import Histogram, histogram_steps, percentile_steps
 from ..volume.volume import Volume
 from .presets import fit_preset_steps
@@ -74,7 +75,8 @@ def default_transfer_function_steps(volume: Volume):
     if volume.color is not None:
         function = replace(_from_histogram(volume, spread)[0], color=((0.0, *volume.color),), shade=None)
         return function, "The volume is a channel of several, so it is shown in the channel's color."
-    for name, reason in _proposals(volume, spread):
+    has_contrast = yield from _contrast_steps(volume)
+    for name, reason in _proposals(volume, spread, has_contrast):
         function, _ = yield from fit_preset_steps(name, volume)
         if VISIBLE_SHARE <= _measure_shown_share(function, spread) <= CROWDED_SHARE:
             return function, f"The preset {name} was chosen because {reason}."
@@ -92,7 +94,14 @@ def default_channel_function_steps(channel: Volume):
     return function, f"The preset {ADDED_PET} was chosen because the channel is a PET."
 
 
-def _proposals(volume: Volume, spread: Histogram):
+def _contrast_steps(volume: Volume):
+    """Generator of fractions done: whether a volume is a CT with contrast medium in its vessels."""
+    if volume.value_unit != "HU":
+        return False
+    return (yield from contrast_share_steps(volume)) >= LEAST_SHARE
+
+
+def _proposals(volume: Volume, spread: Histogram, has_contrast: bool):
     """Yield (preset, reason) pairs, the most reliable first."""
     words = _words(volume.name)
     for word in words:
@@ -100,6 +109,8 @@ def _proposals(volume: Volume, spread: Histogram):
         if part is not None:
             yield part, f"the modality is {volume.modality} and the name of the volume contains {word}"
     if volume.value_unit == "HU":
+        if has_contrast:
+            yield "ct-angiography", "the values are Hounsfield units and include vessels filled with contrast medium"
         bone = spread.counts[spread.centers >= BONE_HU].sum() + spread.above
         if bone >= BONE_SHARE * spread.total:
             yield "ct-bone", "the values are Hounsfield units and include bone"

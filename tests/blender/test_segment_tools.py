@@ -225,7 +225,7 @@ def test_it_is_done_in_steps_that_can_be_stopped(owner, bridge, core):
     steps = segments.change_steps(owner, volume, lambda _labels, _shown: body_steps(volume), name="Body")
     fractions = [next(steps).fraction for _ in range(30)]
     assert fractions == sorted(fractions) and fractions[-1] < 0.9
-    path = segments._free_path(owner)
+    path = segments._free_path(owner.name)
     steps.close()
     assert not os.path.exists(path) and not owner.rle_splat.labels and not owner.rle_splat.label_file
 
@@ -236,3 +236,19 @@ def test_reports_of_pictures_count_with_the_new_labels(owner):
     scenes.add_camera((97.5, 97.5, 600.0), type="ORTHO", ortho_scale=240.0)
     picture()
     assert json.loads(bpy.context.scene.rle_splat.last_report_json)["plan"]["classification"] == "post"
+
+
+@pytest.mark.parametrize("asked, holder, hidden", [(True, 900, True), (True, -300, False), (False, 900, False)])
+def test_an_import_can_hide_a_holder_that_is_shown(addon, tmp_path, asked, holder, hidden):
+    """Of a CT whose holder is as bright as bone; the preset ct-bone does not show a fainter one."""
+    voxels = np.select([scan() == BONE, scan() == BODY, scan() == TABLE], [1200, 40, holder], -1000).astype("<i2")
+    (tmp_path / "head.raw").write_bytes(voxels.tobytes())
+    run(bpy.ops.rle_splat.import_volume, filepath=str(tmp_path / "head.raw"), shape=(N, N, N), dtype="int16",
+        spacing=(5.0, 5.0, 5.0), value_unit="HU", modality="CT", preset="ct-bone", hide_table=asked)
+    owner = bpy.context.view_layer.objects.active
+    assert rows_of(owner) == ([(0, "Background", False), (1, "Body", True)] if hidden else [])
+    assert bool(owner.rle_splat.label_file) is hidden
+    if hidden:
+        shown = map_of(owner).astype(bool)
+        assert not shown[scan() == TABLE].any()
+        assert shown[(scan() == BONE) | (scan() == BODY)].all()
