@@ -183,6 +183,12 @@ def reference(parser, words) -> int:
 
 
 @job
+def golden(parser, words) -> int:
+    """Compare thumbnails of all presets with the approved ones; --approve puts today's in their place."""
+    return run(ensure(CORE), "-m", "devtools.golden", *words)
+
+
+@job
 def build(parser, words) -> int:
     """Make the extension zips in dist/."""
     parser.add_argument("--platform", action="append", choices=list(TAG_PATTERNS), help="only this one")

@@ -40,6 +40,11 @@ from .mixture_kernels import add_channel, mark_seen
 from .reference import WORD, mix, pack
 from .visible import VisibleVoxels
 
+if TYPE_CHECKING:
+    from ..scene import Labels
+    from ..volume.volume import Volume
+    from .transfer_function import TransferFunction
+
 
 @dataclass(frozen=True, eq=False)
 class _Part:

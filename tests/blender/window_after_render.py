@@ -20,7 +20,6 @@ from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -39,7 +38,6 @@ MIDDLE = np.full(3, 0.5 * (N - 1))
 def set_up():
     yield from new_file()
     scene = bpy.context.scene
-    by_numpy()
     scene.view_settings.view_transform = "Standard"
     with in_the_view():
         volume = import_cube(FOLDER)

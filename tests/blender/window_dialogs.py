@@ -19,7 +19,6 @@ from tests.blender.panel_states import add_volume
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -294,7 +293,6 @@ def check_series():
 
 
 def scenario():
-    by_numpy()
     bpy.context.preferences.view.filebrowser_display_type = "SCREEN"
     bpy.context.preferences.addons[MODULE].preferences.show_imported = False  # no kernel is compiled
     FILES.update(write_every_format(FOLDER, MODULE))

@@ -93,13 +93,13 @@ class Run:
     console: Console
     passed: list
     start = ""
-    by_numpy = None
 
 
 def drive(scenario) -> None:
     """Install the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
 
-    The last line says how many checks passed: those named by ``passed``.
+    The last line says how many checks passed: those named by ``passed``.  A scenario that has a kernel compiled fails
+    at its end: every user who comes to that state would wait for it.
     """
     Run.console, Run.passed = Console(), []
     running = _steps(scenario)
@@ -112,7 +112,10 @@ def drive(scenario) -> None:
             Run.console.news()
             return PAUSE
         except StopIteration:
-            failed = 0
+            compiled = compiled_kernels()
+            failed = int(bool(compiled))
+            if compiled:
+                print(f"compiled, since the zip does not bring them: {', '.join(compiled)}", flush=True)
         except Exception as problem:
             traceback.print_exception(problem)
             failed = 1
@@ -139,14 +142,12 @@ def check_backend() -> None:
         assert sys.argv[sys.argv.index("--gpu-backend") + 1].upper() == backend
 
 
-def by_numpy() -> None:
-    """Let numpy make the pictures from now on: small ones, for which no kernel is to be compiled.
-
-    Threads of Blender's own that render do not know of it.
-    """
-    if Run.by_numpy is None:
-        Run.by_numpy = import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference()
-        Run.by_numpy.__enter__()
+def compiled_kernels() -> list[str]:
+    """The kernels that were compiled here although the zip brings kernels; none of those that it brings is copied."""
+    jit = sys.modules.get(f"{MODULE}.rle_splat.runtime.jit")
+    if jit is None or not jit.shipped_level():
+        return []
+    return sorted({path.name.partition("-")[0] for path in jit.KERNELS.rglob("*.nbc")})
 
 
 def passed(name: str) -> None:

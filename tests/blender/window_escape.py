@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from tests.blender import scenes
-from tests.blender.window_driver import by_numpy, drive, in_the_view, passed, until
+from tests.blender.window_driver import drive, in_the_view, passed, until
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_escape_"))
 FRAMES = 500
@@ -59,7 +59,6 @@ def scenario():
     scene = bpy.context.scene
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 64, 48
-    by_numpy()
     scenes.add_camera()
     before = settings()
     with in_the_view():

@@ -17,7 +17,6 @@ from tests.blender.formats import write_series
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -210,7 +209,6 @@ def check_followed(ours, owner):
     """A backdrop that follows waits for voxels that are not in memory, without keeping the window waiting."""
     scene = bpy.context.scene
     scenes.add_camera((0.03, 0.03, 1.0))
-    by_numpy()
     scene.rle_splat.quality = "draft"
     scene.render.resolution_x = scene.render.resolution_y = 64
     with in_the_view():
@@ -276,7 +274,6 @@ def check_reload():
         bpy.ops.rle_splat.import_volume(filepath=str(large_file()))
     scenes.add_camera((0.25, 0.25, 3.0))
     scene = bpy.context.scene
-    by_numpy()
     scene.rle_splat.quality = "draft"
     scene.render.resolution_x = scene.render.resolution_y = 16
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))

@@ -16,7 +16,6 @@ from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -93,7 +92,6 @@ def set_up():
     yield from new_file()
     scene = bpy.context.scene
     scene.view_settings.view_transform = "Standard"
-    by_numpy()
     scene.rle_splat.quality = "standard"
     with in_the_view():
         volume = import_cube(FOLDER)

@@ -18,7 +18,6 @@ from tests.blender.scenes import image_pixels
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -74,7 +73,6 @@ def set_up():
     yield from new_file()
     scene = bpy.context.scene
     scene.view_settings.view_transform = "Standard"
-    by_numpy()
     with in_the_view():
         path = FOLDER / "ball.mha"
         path.write_bytes(FILE.encode() + ball().tobytes())

@@ -15,7 +15,6 @@ from tests.blender.panel_states import STATES, add_volume
 from tests.blender.window_driver import (
     MODULE,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -140,7 +139,6 @@ def check_flaws():
 
 
 def scenario():
-    by_numpy()
     watch_draws()
     open_panels()
     for name in STATES:

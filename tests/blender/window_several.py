@@ -12,7 +12,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import drag, live, middle, settled, viewport
-from tests.blender.window_driver import area_of, by_numpy, drive, in_the_view, new_file, passed, photograph, until
+from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_several_"))
 NEAR, FAR = 64, 48  # voxels along a side of the two cubes, whose sides are one unit long
@@ -87,7 +87,6 @@ def set_up():
     yield from new_file()
     count_reads()
     settings = bpy.context.scene.rle_splat
-    by_numpy()
     settings.quality, settings.scene_scale = "draft", 1.0
     settings.lighting = "NONE"
     add_cube("far", FAR, (1.6, 0.8, 0.0))

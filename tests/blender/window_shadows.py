@@ -16,7 +16,6 @@ import numpy as np
 from tests.blender import panel_states, scenes
 from tests.blender.window_driver import (
     MODULE,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -73,7 +72,6 @@ def rendered(path: Path):
 
 
 def scenario():
-    by_numpy()
     open_panels("RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_diagnostics", "RLE_SPLAT_PT_effects")
     yield from new_file()
     shadows = import_module(f"{MODULE}.bridge.render.mesh_shadows")

@@ -17,7 +17,6 @@ from tests.blender import panel_states, scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -262,7 +261,6 @@ def show_image(image):
 
 
 def scenario():
-    by_numpy()
     open_panels("RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_advanced")
     for step in (
         picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,

@@ -14,7 +14,6 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.window_driver import (
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -70,7 +69,6 @@ def scenario():
     scene = bpy.context.scene
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 64, 48
-    by_numpy()
     camera = scenes.add_camera()
     before = settings()
     yield from confirmed("turn", frames=6)

@@ -15,7 +15,6 @@ from tests.blender import panel_states, scenes
 from tests.blender.window_driver import (
     MODULE,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -133,7 +132,6 @@ def check_slots(path: Path):
 
 
 def scenario():
-    by_numpy()
     yield from new_file()
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_world_"))
     with in_the_view():

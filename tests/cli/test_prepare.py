@@ -128,16 +128,11 @@ def test_without_numba_one_sentence_says_so(environ):
     assert done.stderr.count("\n") == 1 and "numba, which cannot be loaded" in done.stderr
 
 
-@pytest.fixture
-def one_picture(monkeypatch):
-    """Of one picture and type."""
-    monkeypatch.setattr(prepare, "PICTURES", prepare.PICTURES[:1])
-    monkeypatch.setattr(prepare, "STORED_TYPES", ("uint8",))
-
-
 @needs_numba
-def test_a_preparation_says_how_far_it_is(one_picture):
-    steps = prepare.prepare_steps()
+def test_a_preparation_says_how_far_it_is(monkeypatch):
+    """Of one picture and type."""
+    monkeypatch.setattr(prepare, "STORED_TYPES", ("uint8",))
+    steps = prepare.prepare_steps(prepare.PICTURES[:1])
     said = []
     with pytest.raises(StopIteration) as done:
         while True:
