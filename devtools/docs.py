@@ -1,7 +1,7 @@
 """dev.py docs: the pages of docs/ and the reference that is generated from the code, as a site in build/docs.
 
-Sphinx makes the site, with MyST for Markdown and numpydoc for docstrings: numpy, scipy and Blender's own manual use
-them, so they are kept.  Nothing is fetched while it runs.
+Sphinx makes the site, with MyST for Markdown.  The generated parts of the reference are written into their pages first,
+by ``python -m devtools.docs_reference``.  Nothing is fetched while it runs.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ def docs() -> int:
     broken = [line for page in pages() for line in broken_links(page, page.read_text(encoding="utf-8"))]
     if broken:
         raise Failure("\n".join(broken))
+    run([ensure(DOCS), "-m", "devtools.docs_reference"], "The reference could not be made from the code.", cwd=ROOT)
     # All pages are read anew (-E): a warning on a page that is not read would be lost, and so would the code's changes.
     command = [ensure(DOCS), "-m", "sphinx", "--quiet", "-E", "-a", "--nitpicky", "--fail-on-warning"]
     run(

@@ -1,16 +1,22 @@
 """The generated parts of the reference, as Markdown: command line, operators, panels, settings, Python names.
 
-The command line comes from the parsers themselves.  Operators, panels and settings are read from their source, for
-without Blender they cannot be imported.  docs/conf.py puts each part where a page of docs/reference has its mark.
+    python -m devtools.docs_reference
+
+writes each part between its two marks in a page of docs/reference.  The pages are committed, so that they can be read
+without building the site; a test compares them with the code.  The command line comes from the parsers themselves.
+Operators, panels and settings are read from their source, for without Blender they cannot be imported.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import inspect
+import re
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 
 import rle_splat
 from rle_splat.classify.presets import PRESETS
@@ -107,17 +113,66 @@ def formats() -> str:
 # --- Python -----------------------------------------------------------------------------------------------------------
 
 
+SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+
+
 def python() -> str:
     """Every name of the package, by its docstring."""
     parts = []
     for name in rle_splat.__all__:
         value = getattr(rle_splat, name)
-        exception = isinstance(value, type) and issubclass(value, Exception)
-        kind = "autoexception" if exception else "autoclass" if isinstance(value, type) else "autofunction"
-        lines = ["```{eval-rst}", f".. {kind}:: rle_splat.{name}"]
-        lines += ["   :members:"] if kind == "autoclass" else []
-        parts.append("\n".join([*lines, "```"]))
+        is_class = isinstance(value, type)
+        is_exception = is_class and issubclass(value, Exception)
+        parts += [f"## {name}", f"`rle_splat.{name}{'' if is_exception else _parameters(value)}`"]
+        parts.append(_docstring(inspect.getdoc(value) or ""))
+        members = _members(value) if is_class and not is_exception else []
+        parts += [_table(("member", "what it is"), members)] if members else []
     return "\n\n".join(parts)
+
+
+def _parameters(value) -> str:
+    """The parameters of a function as they are typed, without annotations: numpydoc has the types."""
+    found = []
+    for one in inspect.signature(value).parameters.values():
+        default = "" if one.default is one.empty else f"={one.default!r}"
+        found.append({one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "") + one.name + default)
+    return f"({', '.join(found)})"
+
+
+def _members(cls) -> list[tuple[str, str]]:
+    """The public methods and properties that a class defines, with their first paragraphs."""
+    rows = []
+    for name, member in vars(cls).items():
+        function = getattr(member, "__func__", member)
+        if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
+            typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
+            rows.append((f"`{typed}`", _sentence((inspect.getdoc(member) or "").partition("\n\n")[0])))
+    return rows
+
+
+def _docstring(text: str) -> str:
+    """A numpydoc docstring in Markdown: sections in bold, an entry for each name."""
+    beginning, *sections = SECTION.split(text)
+    parts = [_prose(beginning)]
+    for title, body in zip(sections[::2], sections[1::2]):
+        parts.append(f"**{title}**")
+        entries = re.findall(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", body.strip("\n"), re.MULTILINE)
+        if title in ("Notes", "Examples", "See Also", "References"):
+            parts.append(_prose(body))
+        else:
+            parts.append("\n".join(_entry(head, rest) for head, rest in entries))
+    return "\n\n".join(part for part in parts if part)
+
+
+def _entry(head: str, rest: str) -> str:
+    """A parameter or a returned value: its name and type as code, and what it means."""
+    return f"- `{head}`" + (f": {_sentence(_prose(rest))}" if rest.strip() else "")
+
+
+def _prose(text: str) -> str:
+    """Paragraphs, each in one line, with code as Markdown has it."""
+    paragraphs = (" ".join(part.split()) for part in text.strip("\n").split("\n\n"))
+    return "\n\n".join(paragraphs).replace("``", "`").strip()
 
 
 # --- Blender ----------------------------------------------------------------------------------------------------------
@@ -288,3 +343,32 @@ PARTS = {
     "command line": command_line, "presets": presets, "formats": formats, "python": python, "operators": operators,
     "panels": panels, "settings": settings, "licenses": licenses,
 }  # fmt: skip
+
+
+# --- the pages --------------------------------------------------------------------------------------------------------
+
+PAGES = ROOT / "docs" / "reference"
+END = "<!-- end of the generated part -->"
+GENERATED = re.compile(rf"^<!-- generated: ([a-z -]+) -->$.*?^{END}$", re.MULTILINE | re.DOTALL)
+
+
+def filled(text: str) -> str:
+    """A page with its generated part made from the code of today."""
+    return GENERATED.sub(lambda found: f"<!-- generated: {found[1]} -->\n\n{PARTS[found[1]]()}\n\n{END}", text)
+
+
+def outdated() -> dict[Path, str]:
+    """The pages that are not as the code has it, with what they should be."""
+    pages = {page: page.read_text(encoding="utf-8") for page in sorted(PAGES.glob("*.md"))}
+    return {page: new for page, old in pages.items() if (new := filled(old)) != old}
+
+
+def update() -> None:
+    """Write the pages that are not as the code has it."""
+    for page, text in outdated().items():
+        page.write_text(text, encoding="utf-8")
+        print(page.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    update()

@@ -123,6 +123,24 @@ def test_the_reference_has_a_place_for_every_part():
     assert sorted(marks) == sorted(docs_reference.PARTS)
 
 
+def test_the_pages_of_the_reference_are_current():
+    stale = [page.relative_to(ROOT).as_posix() for page in docs_reference.outdated()]
+    assert not stale, f"run python -m devtools.docs_reference, which writes {', '.join(stale)}"
+
+
+def test_an_outdated_page_is_noticed(monkeypatch):
+    monkeypatch.setitem(docs_reference.PARTS, "licenses", lambda: "Nothing is bundled.")
+    (page, text), = docs_reference.outdated().items()
+    assert page.name == "licenses.md" and "Nothing is bundled." in text and "| --- |" not in text
+
+
+def test_docstrings_become_markdown():
+    text = docs_reference._docstring(
+        "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``.")
+    assert text == (
+        "Do it.\n\n**Parameters**\n\n- `name : str`: What it is.\n- `plain : ``int```\n\n**Notes**\n\nOf `x`.")
+
+
 def test_the_reference_lists_every_command_and_option():
     text = docs_reference.command_line()
     for name in COMMANDS:
@@ -175,7 +193,9 @@ def test_the_reference_explains_every_setting():
 
 def test_the_reference_lists_every_name_of_the_package():
     text = docs_reference.python()
-    assert all(f":: rle_splat.{name}\n" in text for name in rle_splat.__all__)
+    for name in rle_splat.__all__:
+        section = text.partition(f"## {name}\n")[2].partition("\n## ")[0]
+        assert f"`rle_splat.{name}" in section and len(section.splitlines()) > 3, name
 
 
 def test_the_glossary_has_the_words_of_the_project():
