@@ -21,11 +21,13 @@ from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_tables
 from ..encode.tables import RunTables
 from ..runtime.steps import drain, map_steps
-from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
-from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
+from ..shade.light_nodes import lit_nodes_steps, read_nodes_steps, shade_nodes_steps
+from ..shade.light_rays import Bricks, Cuts, trace_steps
+from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, fixed_samples, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
-from ..shade.sample_light import OCTAVES
+from ..shade.sample_light import OCTAVES, ONE
+from ..shade.surface_points import faces_of
 from .clip_cover import cover
 from .mesh_depth import sheet_depth
 
@@ -268,6 +270,75 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
                 arrives *= left[layer] / np.float32(FULL)
             total[:, layer] += np.rint(arrives).astype(np.uint16)
     return total
+
+
+def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, scattered: bool):
+    """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
+
+    Parameters
+    ----------
+    light : Light or None
+        None for light from all directions, sampled by fourteen: ambient occlusion.
+    occluders : Occluders
+    bricks : Bricks
+        Of the extinction of the voxels, of which clips cut nothing away.
+    offsets : (m, 3) ndarray of int16
+        As ``light_rays.trace_steps`` takes them.
+    scattered : bool
+        Whether U of the light is asked for, too.
+
+    Yields
+    ------
+    float
+        Fraction done.
+
+    Returns
+    -------
+    (1 or 2, m) ndarray of int16
+        ONE times the share that arrives, and times U.
+
+    Notes
+    -----
+    What meshes leave of the light is swept to the nodes of a grid and read from it.
+    """
+    if light is None:
+        points, weights = SKY_DIRECTIONS, SKY_WEIGHTS
+    else:
+        points = fixed_samples(light, occluders.corners)
+        weights = np.full(len(points), 1.0 / len(points))
+    is_sun = light is None or light.type == "SUN"
+    grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
+    sums, cuts = np.zeros((len(occluders.voxels), 2 if scattered else 1), np.float32), _cuts(occluders)
+    has_meshes = occluders.triangles is not None and len(occluders.triangles) > 0
+    free = np.empty((len(sums) if has_meshes else 0, 1), np.int16)
+    for n, (point, weight) in enumerate(zip(points, weights)):
+
+        def along(done, n=n):
+            return (n + done) / len(points)
+
+        if has_meshes:
+            sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
+            cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
+            nodes = yield from map_steps(node_light_steps([cleared], [1.0], occluders), lambda _: along(0.0))
+            steps = read_nodes_steps(
+                nodes, 1, 1.0, occluders.voxels, offsets, None, free, 0, threads=occluders.threads
+            )
+            yield from map_steps(steps, lambda _: along(0.0))
+        steps = trace_steps(
+            occluders.voxels, offsets, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], sums,
+            threads=occluders.threads,
+        )  # fmt: skip
+        yield from map_steps(steps, along)
+    return np.rint(np.minimum(sums, np.float32(1.0)).T * ONE).astype(np.int16)
+
+
+def _cuts(occluders: Occluders) -> Cuts:
+    """What the clips of occluders remove, in voxel indices."""
+    faces = faces_of(occluders.clips, occluders.matrix)
+    own = faces.normals @ occluders.matrix[:3]  # normals of index space, and what is to be taken from the offsets
+    planes = np.concatenate((own[:, :3], faces.offsets[:, None] - own[:, 3:]), axis=1)
+    boxes = (faces.removed[:, 0] @ occluders.matrix)[:, :3]
+    return Cuts(np.ascontiguousarray(planes), np.ascontiguousarray(boxes))
 
 
 def _shares(weights) -> list[int]:

@@ -24,7 +24,7 @@ from ..shade.light_nodes import read_nodes_steps
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
 from ..shade.surface_normals import automatic_sigma, surface_steps
 from ..shade.surface_points import faces_of, place_steps, shown_ranges
-from .shadows import Arriving, arriving_steps, casting, shadow_count
+from .shadows import TRACED, Arriving, arriving_steps, casting, shadow_count, traced_steps
 from .source import Work, array_key
 from .stage_cache import Job
 
@@ -55,7 +55,7 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     occluders : Occluders
         What casts shadows.
     side : int
-        Voxels from node to node of the grids of light.
+        Voxels from node to node of the grids of light; TRACED where light is traced beside each voxel.
 
     Returns
     -------
@@ -96,7 +96,10 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     placed = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
     if not shaded:
         return placed.codes, normals_key
-    steps = arriving_steps(scene, occluders, job, clock, side)
+    if side == TRACED:
+        steps = traced_steps(scene, occluders, placed.offsets, normals_key, job, clock)
+    else:
+        steps = arriving_steps(scene, occluders, job, clock, side)
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
     steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, scalars.voxels, key, arriving, job, threads))
@@ -122,12 +125,23 @@ def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job,
         anew = [plane for plane in anew if held[plane] != keys[plane]]
     for n, plane in enumerate(anew):
         one = arriving[plane]
+        if side == TRACED:
+            yield n / len(anew)
+            if n == 0:
+                codes[:, : known.shape[1]] = known
+            codes[:, NORMAL + plane] = one.codes if one.strength == 1.0 else _weaken(one.codes, one.strength)
+            continue
         steps = read_nodes_steps(
             one.codes, side, one.strength, voxels, placed.offsets, None if n else known, codes, NORMAL + plane,
             threads=threads,
         )  # fmt: skip
         yield from map_steps(steps, lambda fraction, n=n: (n + fraction) / len(anew))
     return codes
+
+
+def _weaken(codes, strength: float) -> np.ndarray:
+    """(m,) int16 of light of which only a part of what is blocked counts."""
+    return np.rint(ONE - np.float32(strength) * (ONE - codes)).astype(np.int16)
 
 
 class Placed:

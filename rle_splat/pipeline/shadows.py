@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,16 +15,19 @@ from ..effects.shadows import (
     pool_occluders_steps,
     scattered_light_steps,
     sky_passes,
+    traced_light_steps,
     voxel_light_steps,
 )
 from ..runtime.steps import Clock, time_steps
 from ..scene import Light, Quality, Scene
+from ..shade.light_rays import brick_steps
 from ..shade.light_sweep import FULL
 from ..shade.lighting import Shadows
 from .stage_cache import Job
 
 SHADOW_EFFECTS = ("shadows", "ambient occlusion", "indirect light")  # their names in the table of effects
 UNSEEN_BY_SHADOWS = ("color", "energy", "casts_shadow", "matrix_world")
+TRACED = -1  # in place of voxels from node to node: light is traced beside each voxel
 COARSE = 0.5  # sheet pixels per image pixel, up to which nodes of light are two voxels apart: as a draft has
 
 
@@ -46,16 +50,48 @@ def without_shadows(scene: Scene) -> Scene:
 
 
 def node_side(quality: Quality) -> int:
-    """Voxels from node to node of the grids of light of a post-classified picture."""
+    """Voxels from node to node of the grids of light of a post-classified picture; TRACED for none."""
+    if quality.exact_light:
+        return TRACED
     return 2 if 0.0 < quality.sheet_density <= COARSE else 1
 
 
 class Arriving(NamedTuple):
-    """What arrives of a light: ``codes``, FULL times the share; ``strength`` of what is blocked counts; ``key``."""
+    """What arrives of a light: ``codes``, FULL times the share, where it is traced ONE times it; ``strength`` of what
+    is blocked counts; ``key``."""
 
     codes: np.ndarray
     strength: float
     key: tuple
+
+
+def traced_steps(scene: Scene, occluders: Occluders, offsets, offsets_key, job: Job, clock: Clock):
+    """Generator of fractions done: as ``arriving_steps``, traced beside each voxel.
+
+    ``offsets``: (m, 3) int16, to where light is traced; ``offsets_key``: what they depend on.
+    """
+    scattered, found = scene.indirect_light > 0.0, []
+
+    def trace(light):
+        def make():
+            return brick_steps(occluders.voxels, occluders.find_extinction(), threads=occluders.threads)
+
+        bricks = yield from job.steps("bricks", occluders.medium_key, make)
+        return (yield from traced_light_steps(light, occluders, bricks, offsets, scattered and light is not None))
+
+    for number in casting(scene):
+        light = scene.lights[number]
+        key = (occluders.key, TRACED, offsets_key, _light_key(light), scattered)
+        steps = job.steps("shadows", key, partial(trace, light))
+        codes = yield from time_steps(steps, clock, "shadows")
+        found.append([Arriving(of, 1.0, (*key, number)) for number, of in enumerate(codes)])
+    found = [one for kind in zip(*found) for one in kind]
+    if scene.ambient_occlusion > 0.0:
+        key = (occluders.key, TRACED, offsets_key)
+        steps = job.steps("ambient occlusion", key, partial(trace, None))
+        codes = yield from time_steps(steps, clock, "ambient occlusion")
+        found.append(Arriving(codes[0], scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
+    return found
 
 
 def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int = 0):

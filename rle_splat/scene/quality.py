@@ -33,6 +33,7 @@ QUALITY_PRESETS = {
 }
 # The error that each preset aims at with post-classified sheets: 999 of 1000 pixels err by at most so many levels
 # (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
+EXACT_LIGHT = ("strict",)  # presets whose shadows and ambient occlusion are traced
 PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 10.0}
 DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
@@ -121,6 +122,11 @@ def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dic
     return dict(zip(PRESET_KNOBS, rung, strict=True))
 
 
+def traces_light(name: str, classification: str) -> bool:
+    """Whether the quality preset ``name`` has ``exact_light``."""
+    return name in EXACT_LIGHT and classification == "post"
+
+
 def not_in_post(knobs: dict) -> list[str]:
     """Names of those ``knobs`` (field of Quality -> value) whose value post-classified sheets do not support."""
     return [knob for knob, only in POST_ONLY.items() if knobs.get(knob, only) != only]
@@ -207,6 +213,9 @@ class Quality:
         Of earlier versions; without effect, with a warning.
     name : str
         Name of the preset, for reports.
+    exact_light : bool
+        Whether what arrives of lamps and of ambient light is traced by rays beside each voxel, not read from a grid:
+        slower and exact. The presets of EXACT_LIGHT have it, and plans for a tolerance. Only "post".
     held : bool
         Whether the knobs are the plan of an earlier picture, which is kept whatever the scene.
 
@@ -241,6 +250,7 @@ class Quality:
     threads: int = 0
     backend: InitVar[object] = None
     name: str = DEFAULT_QUALITY
+    exact_light: bool = False
     held: bool = False
 
     def __post_init__(self, refinement, backend):
@@ -319,7 +329,8 @@ class Quality:
         -------
         Quality
         """
-        return cls(classification=classification, **{"name": name, **preset_knobs(name, classification), **overrides})
+        own = {"exact_light": traces_light(name, classification), **preset_knobs(name, classification)}
+        return cls(classification=classification, **{"name": name, **own, **overrides})
 
     @property
     def is_preset(self) -> bool:
@@ -334,6 +345,7 @@ class Quality:
         knobs = {"classification": classification, "rays": NO_RAYS if classification == "pre" else self.rays}
         if self.is_preset:
             knobs |= preset_knobs(self.name, classification)
+            knobs["exact_light"] = traces_light(self.name, classification)
         return replace(self, **knobs)
 
     @classmethod

@@ -338,3 +338,93 @@ def _sides(values, ranges) -> tuple[np.ndarray, np.ndarray]:
     side = 2.0 * smoothstep(balance + 0.5) - 1.0
     away = np.where(side >= 0.0, down, up)
     return side, np.where(inside & np.isfinite(away), away, 0.0)
+
+
+def _dense(row_start, column, extinction, shape_xyz, bricks_zyx) -> np.ndarray:
+    """Extinction of all corners of bricks, by z, y and x."""
+    found = np.zeros([8 * count + 1 for count in bricks_zyx], np.float32)
+    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
+    found[row // shape_xyz[1], row % shape_xyz[1], column] = extinction
+    return found
+
+
+def _corners_of_bricks(dense):
+    """(bz, by, bx, 9, 9, 9): the corners of each brick."""
+    return np.lib.stride_tricks.sliding_window_view(dense, (9, 9, 9))[::8, ::8, ::8]
+
+
+def mark_bricks(row_start, column, extinction, shape_xyz, numbers):
+    """Mark bricks that have any extinction by 1, as ``light_rays._fill`` without corners."""
+    dense = _dense(row_start, column, extinction, shape_xyz, numbers.shape)
+    numbers[:] = (_corners_of_bricks(dense) > 0.0).any(axis=(3, 4, 5))
+
+
+def fill_bricks(row_start, column, extinction, shape_xyz, numbers, corners):
+    """The corners of the bricks with a number, as ``light_rays._fill``."""
+    dense = _dense(row_start, column, extinction, shape_xyz, numbers.shape)
+    corners.reshape(-1, 9, 9, 9)[:] = _corners_of_bricks(dense)[numbers >= 0]
+
+
+RAYS_AT_ONCE = 4096
+
+
+def trace_light(lists, medium, lamp, limits, free, sums):
+    """Add what arrives of a point of a light, as ``light_rays._trace``.
+
+    All crossings of a ray with the faces of cells and with what cuts are sorted; the piece between two of them lies in
+    one cell, and is kept or cut away as its middle is.
+    """
+    row_start, column, offsets, shape_xyz = lists
+    numbers, corners = medium
+    dense = np.zeros([8 * count + 1 for count in numbers.shape])
+    for number, (k, j, i) in enumerate(np.argwhere(numbers >= 0) * 8):
+        dense[k : k + 9, j : j + 9, i : i + 9] = corners.reshape(-1, 9, 9, 9)[number]
+    is_sun, point, metric, weight, _ = lamp
+    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
+    start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1) + offsets / 1024.0
+    left = weight * (free / np.float32(32767.0) if len(free) else np.ones(len(start), np.float32))
+    for first in range(0, len(start), RAYS_AT_ONCE):
+        part = slice(first, first + RAYS_AT_ONCE)
+        o = start[part]
+        d = np.broadcast_to(np.array(point), o.shape) if is_sun else np.array(point) - o
+        length = np.sqrt(np.einsum("ni,ij,nj->n", d, np.reshape(metric, (3, 3)), d))
+        passed = np.exp(-length * _integrate_extinction(dense, o, d, np.inf if is_sun else 1.0, shape_xyz, limits))
+        sums[part, 0] += left[part] * passed
+        if sums.shape[1] > 1:
+            sums[part, 1] += left[part] * (2.0 * passed**0.5 + passed**0.25) / 3.0
+
+
+def _integrate_extinction(dense, o, d, end, shape_xyz, limits) -> np.ndarray:
+    """(N,) integrals over t of extinction along o + t d, t from 0 to ``end``, in the box, without what is cut away."""
+    planes, boxes = limits
+    if min(shape_xyz) < 2:
+        return np.zeros(len(o))
+    faces = [(np.eye(3)[axis], float(k)) for axis in range(3) for k in range(shape_xyz[axis])]
+    faces += [(plane[:3], plane[3]) for plane in planes]
+    faces += [(row[:3], side - row[3]) for box in boxes for row in box for side in (-1.0, 1.0)]
+    normals, at = np.array([normal for normal, _ in faces]), np.array([distance for _, distance in faces])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossings = (at - o @ normals.T) / (d @ normals.T)
+    ahead = np.clip(np.nan_to_num(crossings, nan=0.0, posinf=0.0, neginf=0.0), 0.0, end)
+    ends = np.full((len(o), 1), 0.0 if np.isinf(end) else end)
+    t = np.sort(np.concatenate((np.zeros((len(o), 1)), ahead, ends), axis=1), axis=1)
+    piece, high = np.diff(t, axis=1), np.array(shape_xyz) - 1.0
+
+    def points(share):
+        return o[:, None] + d[:, None] * (t[:, :-1] + share * piece)[..., None]
+
+    middle = points(0.5)
+    kept = ((middle >= 0.0) & (middle <= high)).all(axis=2)
+    for plane in planes:
+        kept &= middle @ plane[:3] <= plane[3]
+    for box in boxes:
+        kept &= (np.abs(middle @ box[:, :3].T + box[:, 3]) > 1.0).any(axis=2)
+    cell = np.clip(np.floor(middle), 0.0, high - 1.0).astype(np.int64)
+    x, y, z = np.moveaxis(cell, 2, 0)
+    total = np.zeros(piece.shape)
+    for share in 0.5 + np.sqrt(1.0 / 12.0) * np.array((-1.0, 1.0)):
+        right, down, deep = np.moveaxis(np.clip(points(share) - cell, 0.0, 1.0), 2, 0)
+        for far in np.ndindex(2, 2, 2):
+            of_x, of_y, of_z = (w if one else 1.0 - w for one, w in zip(far, (right, down, deep)))
+            total += 0.5 * of_x * of_y * of_z * dense[z + far[2], y + far[1], x + far[0]]
+    return np.where(kept, total * piece, 0.0).sum(axis=1)

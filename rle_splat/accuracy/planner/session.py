@@ -147,7 +147,7 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
     Generator of Progress from 0 to ``end``; returns the PlannerSession.  Raises RleSplatError where the classification
     has no calibrated model.
     """
-    model = Model.of(quality.classification)
+    model, quality = Model.of(quality.classification), replace(quality, exact_light=quality.classification == "post")
     plans, drawn, times = pilots(quality), {}, {name: [] for name in PILOTS}
     # Twice: the first time a frame also waits for memory that later ones find at hand.
     for number, (name, plan) in enumerate(PILOT_ROUNDS * (*plans.items(),)):

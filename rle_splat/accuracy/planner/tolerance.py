@@ -37,8 +37,8 @@ MOST_ESCALATIONS = 3
 # of 65 pictures, up to 1.24 times as much where the probes erred by more than a third of the tolerance.)
 ACCEPTED = 0.8
 HALF = 0.5
-# Under shadows, whose errors are large at few pixels, others erred up to 1.95 times as much as the probes.
-SHADOWED = 2.0
+# Shadows of meshes come from a grid of one node per voxel, so their edges err at few pixels, more than at the probes.
+MESH_SHADOWS = 2.0
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
 FIRST_RAYS = 0.05  # the fraction of rays after which their time is told by what they took
 LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
@@ -116,7 +116,8 @@ def _tolerance_steps(
     session = yield from session_steps(scene, quality, cache, PILOTS_END, refuse_empty_view)
     probe_errors = ProbeErrors(session.shown, quality, probes, seed) if probes else None
     rounds_of = _plan_rounds if session.estimate is None else _ray_rounds
-    margin = SHADOWED if shadow_count(scene) else 1.0
+    has_meshes = scene.triangles is not None and len(scene.triangles) > 0
+    margin = MESH_SHADOWS if has_meshes and shadow_count(scene) else 1.0
     first = _first_choice(session, tolerance / margin, earlier)
     rounds = yield from rounds_of(session, tolerance / margin, probe_errors, first)
     # Later rounds have more probes; the least error is only that of the best picture where all have the same.

@@ -1,0 +1,182 @@
+"""Light traced beside voxels: kernels against numpy, and against closed forms, summed rays and the reference of light,
+which share no code with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rle_splat.accuracy.light_model import PostLight
+from rle_splat.accuracy.truths import world_opacity_distance
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.effects.shadows import traced_light_steps
+from rle_splat.pipeline import scalar_source
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import compiled, use_reference
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Camera, Clip, Light, Quality, Scene
+from rle_splat.shade.light_rays import brick_steps
+from rle_splat.shade.sample_light import ONE
+from rle_splat.shade.surface_points import STEPS
+from rle_splat.volume.volume import Volume
+from tests.unit.test_light_nodes import (
+    PLACES,
+    SKEWED,
+    SUNS,
+    far_along,
+    integrated,
+    occluders_of,
+    point,
+    points_of,
+    random_offsets,
+    smooth,
+    some,
+    sun,
+)
+
+WIDE_SUN = replace(sun((0.5, 0.3, -1)), angle=0.4)
+
+
+def traced(light, occluders, offsets, scattered=False):
+    """(1 or 2, m) share that arrives, and U."""
+    bricks = drain(brick_steps(occluders.voxels, occluders.find_extinction(), threads=occluders.threads))
+    return drain(traced_light_steps(light, occluders, bricks, offsets, scattered)) / float(ONE)
+
+
+def sparse(shape=(21, 18, 27), seed=5):
+    """Blobs of extinction with empty bricks between them."""
+    field = np.zeros(shape)
+    rng = np.random.default_rng(seed)
+    for _ in range(5):
+        z, y, x = (rng.integers(0, n - 3) for n in shape)
+        field[z : z + 3, y : y + 3, x : x + 3] = rng.uniform(0.05, 0.9, (3, 3, 3))
+    return field
+
+
+@pytest.mark.parametrize("light", [sun(SUNS[3]), sun(SUNS[1]), point(PLACES[2]), point(PLACES[3]), WIDE_SUN, None])
+@pytest.mark.parametrize("field", [smooth((12, 17, 26)), sparse()], ids=["dense", "sparse"])
+def test_kernels_and_numpy_agree(light, field):
+    if not compiled():
+        pytest.skip("there is only numpy")
+    middle = SKEWED.copy()
+    middle[:3, 3] = SKEWED[:3, :3] @ (9.0, 8.0, 9.0) + SKEWED[:3, 3]
+    clips = (Clip("plane", middle), Clip("box", middle @ np.diag((3.0, 4.0, 2.0, 1.0)), "outside"))
+    for cut in ((), clips):
+        occluders = occluders_of(field, SKEWED, clips=cut)
+        offsets = random_offsets(occluders)
+        found = traced(light, occluders, offsets, light is not None)
+        with use_reference():
+            expected = traced(light, occluders, offsets, light is not None)
+        assert cut or found.min() < 0.9
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 / float(ONE))
+
+
+@pytest.mark.parametrize("along", SUNS)
+def test_a_suns_rays_are_those_summed_in_small_steps(along):
+    field = smooth((12, 17, 26))
+    occluders = occluders_of(field, SKEWED)
+    offsets, few = random_offsets(occluders), some(occluders)
+    begins = points_of(occluders, offsets)[few]
+    expected = integrated(field, SKEWED, begins, far_along(SKEWED, begins, along))
+    np.testing.assert_allclose(traced(sun(along), occluders, offsets)[0, few], expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_lamps_rays_end_at_the_lamp(place):
+    field = smooth((12, 17, 26))
+    occluders = occluders_of(field, SKEWED)
+    offsets, few = random_offsets(occluders), some(occluders)
+    begins = points_of(occluders, offsets)[few]
+    end = np.linalg.solve(SKEWED[:3, :3], np.array(place) - SKEWED[:3, 3])
+    expected = integrated(field, SKEWED, begins, np.broadcast_to(end, begins.shape))
+    np.testing.assert_allclose(traced(point(place), occluders, offsets)[0, few], expected, atol=2e-3)
+
+
+def test_a_uniform_medium_and_its_octaves():
+    occluders = occluders_of(np.full((9, 9, 40), 0.05))
+    left, beside = traced(sun((-1, 0, 0)), occluders, np.zeros((9 * 9 * 40, 3), np.int16), scattered=True)
+    depth = 0.05 * (39.0 - np.arange(40))
+    np.testing.assert_allclose(left.reshape(9, 9, 40)[4, 4], np.exp(-depth), atol=5e-5)
+    expected = (2.0 * np.exp(-depth / 2.0) + np.exp(-depth / 4.0)) / 3.0
+    np.testing.assert_allclose(beside.reshape(9, 9, 40)[4, 4], expected, atol=5e-5)
+
+
+def test_any_number_of_threads_gives_the_same_bits():
+    field, found = smooth((12, 17, 26)), []
+    for threads in (1, 2):
+        occluders = occluders_of(field, SKEWED, threads=threads)
+        found.append(traced(WIDE_SUN, occluders, random_offsets(occluders), scattered=True))
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_lamp_at_the_point_and_a_medium_without_thickness_are_lit():
+    occluders = occluders_of(np.full((5, 5, 5), 9.0))
+    at = len(occluders.voxels) // 2
+    offsets = np.zeros((len(occluders.voxels), 3), np.int16)
+    assert traced(point((2.0, 2.0, 2.0)), occluders, offsets)[0, at] == 1.0
+    flat = occluders_of(np.full((1, 5, 5), 9.0))
+    assert (traced(sun((1, 0, 0)), flat, np.zeros((25, 3), np.int16)) == 1.0).all()
+
+
+def test_a_mesh_blocks_the_light():
+    corners = np.array([[[-50.0, -50.0, 12.0], [90.0, -50.0, 12.0], [-50.0, 90.0, 12.0]]])
+    occluders = occluders_of(np.full((20, 9, 9), 1e-4), triangles=corners)
+    found = traced(sun((0, 0, -1)), occluders, np.zeros((20 * 81, 3), np.int16))[0].reshape(20, 9, 9)
+    assert (found[:11] == 0.0).all() and (found[14:] > 0.99).all()
+
+
+def _scene(lights, **more):
+    """A ball before a plate, unequal voxels; the sun from the side."""
+    z, y, x = np.mgrid[:30, :32, :34].astype(float)
+    ball = np.clip(8.0 - np.sqrt((x - 17) ** 2 + (y - 12) ** 2 + 2 * (z - 14) ** 2), 0.0, 3.0) / 3.0
+    field = np.maximum(ball, np.clip(2.0 - np.abs(y - 26), 0.0, 1.0)).astype(np.float32)
+    function = TransferFunction(
+        opacity=((0.3, 0.0), (0.8, 0.6)), color=((0.0, 1.0, 1.0, 1.0),), opacity_unit_distance=1.0, shade=Shade()
+    )
+    camera_at = np.eye(4)
+    camera_at[:3, 3] = 17.0, 16.0, 100.0
+    camera = Camera(camera_at, type="ORTHO", ortho_scale=40.0, clip_end=1000.0)
+    usual = dict(lights=lights, headlight=False, volume_shadows=True)
+    return Scene(Volume(field, np.diag((1.0, 1.0, 1.5, 1.0))), function, camera, 24, 24, **usual, **more)
+
+
+AREA = replace(point((30.0, -20.0, 60.0)), type="AREA", size=12.0, energy=1e4)
+PLANE = np.eye(4)
+PLANE[:3, 3] = 0.0, 0.0, 21.3
+CASES = {
+    "sun": dict(lights=(sun((0.2, 1, -0.4)),)),
+    "wide sun": dict(lights=(replace(sun((0.2, 1, -0.4)), angle=0.3),)),
+    "lamp": dict(lights=(replace(point((30.0, -20.0, 60.0)), radius=5.0, energy=1e4),)),
+    "square": dict(lights=(AREA,)),
+    "disk": dict(lights=(replace(AREA, shape="ELLIPSE", size_y=4.0),)),
+    "indirect": dict(lights=(sun((0.2, 1, -0.4)),), indirect_light=1.0),
+    "occlusion": dict(lights=(Light("SUN"),), ambient_occlusion=0.7),
+    "cut by a plane": dict(lights=(sun((0.2, 1, -0.4)),), clips=(Clip("plane", PLANE),)),
+    "cut by a box": dict(
+        lights=(sun((0.2, 1, -0.4)),), clips=(Clip("box", PLANE @ np.diag((40.0, 9.7, 9.1, 1.0)), "outside"),)
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_arrives_is_that_of_the_reference(case, monkeypatch):
+    """Planes of voxels against float64 rays of the reference, whose lamps have the same points."""
+    scene, found = _scene(**CASES[case]), []
+    code_steps = scalar_source.code_steps
+
+    def note(scene, scalars, *rest):
+        codes, key = yield from code_steps(scene, scalars, *rest)
+        found.append((scalars.voxels, codes))
+        return codes, key
+
+    monkeypatch.setattr(scalar_source, "code_steps", note)
+    render(scene, Quality.preset("strict"))
+    (voxels, codes), few = found[0], np.arange(0, len(found[0][0]), 11)
+    row = np.searchsorted(voxels.row_start, few, side="right") - 1
+    light = PostLight(scene, world_opacity_distance(scene, scene.transfer_function))
+    expected = light.planes(row // 32, row % 32, voxels.column[few].astype(np.int64))
+    assert expected[:, 3:].min() < 0.5
+    # An offset is off by half a STEP at most, which changes T by as much of the extinction of a voxel.
+    np.testing.assert_allclose(codes[few] / float(ONE), expected, rtol=0.0, atol=3.0 / STEPS)
