@@ -159,8 +159,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             shown.switch_all(context.window, False)
 
     def _steps(self, paths):
-        """Generator of Progress: (ReadSource, options, TransferFunction or None, reason for it, MadeSegment of the body or
-        None) of each path."""
+        """Generator of Progress: (ReadSource, options, TransferFunction or None, reason for it, MadeSegment of the body
+        or None) of each path."""
         read = []
         for i, path in enumerate(paths):
             options = source_options.PlainOptions()

@@ -16,7 +16,6 @@ from tests.blender.user_steps import live, middle, settled, simulate
 from tests.blender.window_driver import (
     MODULE,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -169,7 +168,6 @@ def check_world_light():
 
 
 def scenario():
-    by_numpy()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
     yield from check_behind_a_mesh()
     yield from check_world_light()

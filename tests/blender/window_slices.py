@@ -14,7 +14,6 @@ from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -67,7 +66,6 @@ def middle(region) -> np.ndarray:
 
 
 def set_up():
-    by_numpy()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_slices")
     yield from new_file()
     z, y, x = np.mgrid[:N, :N, :N]
