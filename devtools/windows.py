@@ -34,7 +34,8 @@ CLONE = DRIVE / "rle_splat"
 PYTHON = DRIVE / "python"
 KERNELS = BUILD / "kernels-windows"
 NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
-CORE_FOLDERS = ("unit", "read", "cli", "figure")  # of tests/, those that depend on the system most
+READ = "tests/read"  # needs no kernels, which take long to compile in there: it comes first
+CORE_FOLDERS = ("unit", "cli", "figure")  # of tests/, the others that depend on the system most
 BLENDER = "5.0"  # of the archive's Python, with numpy 1.26, whose integers have 32 bits on Windows
 
 
@@ -154,6 +155,10 @@ def set_up() -> None:
     shutil.rmtree(CLONE, ignore_errors=True)
     left_out = {ROOT: NOT_COPIED, FOLDER.parent: {FOLDER.name}}
     shutil.copytree(ROOT, CLONE, ignore=lambda folder, names: left_out.get(Path(folder), set()) & set(names))
+
+
+def bring_kernels() -> None:
+    """The kernels for Windows in the copy of the clone; a Failure says why not."""
     inside = CLONE / FOLDER.relative_to(ROOT)
     inside.mkdir()
     shutil.copy(_kernels(inside), inside)
@@ -218,13 +223,18 @@ def _bpy(words) -> list[Stage]:
 
 
 def windows_stages(core, blender, options) -> list[Stage]:
-    """The tests of paths, or else of CORE_FOLDERS and tests/blender; ``options``: pytest's."""
+    """The tests of paths, or else of READ, CORE_FOLDERS and tests/blender; ``options``: pytest's."""
+    given, done = [*core, *blender], []
     try:
         set_up()
+        if not given:
+            done.append(_core("Windows, read", [READ, *options]))
+        if not given or any(not path.startswith(READ) for path in given):
+            bring_kernels()
     except Failure as problem:
-        return [untested("Windows under Wine", str(problem))]
-    if core or blender:
+        return [*done, untested("Windows under Wine", str(problem))]
+    if given:
         stages = [_core("Windows, core", [*core, *options])] if core else []
         return stages + (_bpy([*blender, *options]) if blender else [])
-    stages = [_core(f"Windows, {folder}", [f"tests/{folder}", *options]) for folder in CORE_FOLDERS]
-    return stages + _bpy(["tests/blender", *options])
+    done += [_core(f"Windows, {folder}", [f"tests/{folder}", *options]) for folder in CORE_FOLDERS]
+    return done + _bpy(["tests/blender", *options])

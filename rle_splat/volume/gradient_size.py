@@ -37,17 +37,17 @@ def gradient_sizes(volume, row_start: np.ndarray, column: np.ndarray, *, threads
     if compiled():
         with parallel_call(threads):
             lists, covector = (read_only(row_start), read_only(column)), tuple(covector.ravel().tolist())
-            _measure(StoredValues.of(voxels), voxels.shape, *lists, covector, sizes)
+            _measure(StoredValues.of(voxels), len(row_start) - 1, *lists, covector, sizes)
     else:
         reference.measure_gradients(voxels, row_start, column, covector, sizes)
     return sizes
 
 
 @kernel
-def _measure(voxels, shape, row_start, column, covector, sizes):
-    """Fill ``sizes`` (m,) float32; ``voxels``: StoredValues; ``covector``: nine floats, inverse transpose of the affine
-    times the slope."""
-    share_out(_measure_rows, shape[0] * shape[1], (voxels, shape, row_start, column, covector, sizes))
+def _measure(voxels, rows, row_start, column, covector, sizes):
+    """Fill ``sizes`` (m,) float32; ``voxels``: StoredValues, of so many rows; ``covector``: nine floats, inverse
+    transpose of the affine times the slope."""
+    share_out(_measure_rows, rows, (voxels, row_start, column, covector, sizes))
 
 
 @kernel(inline="always")
@@ -59,32 +59,30 @@ def _step(before, after, here, count):
 
 
 @inner_loop
-def _neighbors(voxels, x, y, z, x0, x1, y0, y1, z0, z1):
-    """A voxel and those before and after it along x, y and z, as float64."""
-    return (
-        np.float64(voxels[z, y, x]), np.float64(voxels[z, y, x0]), np.float64(voxels[z, y, x1]),
-        np.float64(voxels[z, y0, x]), np.float64(voxels[z, y1, x]),
-        np.float64(voxels[z0, y, x]), np.float64(voxels[z1, y, x]),
-    )  # fmt: skip
+def _measure_row(voxels, row, first, end, column, covector, sizes):
+    """Fill ``sizes`` [first, end), of the voxels at ``column`` of a row."""
+    n_z, n_y, n_x = voxels.shape
+    z, y = row // n_y, row % n_y
+    z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
+    for i in range(first, end):
+        x = np.int64(column[i])
+        x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
+        here = np.float64(voxels[z, y, x])
+        gx = _step(np.float64(voxels[z, y, x0]), np.float64(voxels[z, y, x1]), here, x1 - x0)
+        gy = _step(np.float64(voxels[z, y0, x]), np.float64(voxels[z, y1, x]), here, y1 - y0)
+        gz = _step(np.float64(voxels[z0, y, x]), np.float64(voxels[z1, y, x]), here, z1 - z0)
+        wx = covector[0] * gx + covector[1] * gy + covector[2] * gz
+        wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
+        wz = covector[6] * gx + covector[7] * gy + covector[8] * gz
+        size = np.sqrt(wx * wx + wy * wy + wz * wz)
+        sizes[i] = size if size < np.inf else 0.0
 
 
-_read_neighbors = by_any_type(_neighbors)
+_measure_stored = by_any_type(_measure_row)
 
 
 @kernel(inner=True)
-def _measure_rows(begin_row, end_row, voxels, shape, row_start, column, covector, sizes):
+def _measure_rows(begin_row, end_row, voxels, row_start, column, covector, sizes):
     """Fill ``sizes`` for rows [begin_row, end_row)."""
-    n_z, n_y, n_x = shape
     for row in range(begin_row, end_row):
-        z, y = row // n_y, row % n_y
-        z0, z1, y0, y1 = max(z - 1, 0), min(z + 1, n_z - 1), max(y - 1, 0), min(y + 1, n_y - 1)
-        for i in range(row_start[row], row_start[row + 1]):
-            x = np.int64(column[i])
-            x0, x1 = max(x - 1, 0), min(x + 1, n_x - 1)
-            here, w, e, n, s, b, a = _read_neighbors(voxels, x, y, z, x0, x1, y0, y1, z0, z1)
-            gx, gy, gz = _step(w, e, here, x1 - x0), _step(n, s, here, y1 - y0), _step(b, a, here, z1 - z0)
-            wx = covector[0] * gx + covector[1] * gy + covector[2] * gz
-            wy = covector[3] * gx + covector[4] * gy + covector[5] * gz
-            wz = covector[6] * gx + covector[7] * gy + covector[8] * gz
-            size = np.sqrt(wx * wx + wy * wy + wz * wz)
-            sizes[i] = size if size < np.inf else 0.0
+        _measure_stored(voxels, row, row_start[row], row_start[row + 1], column, covector, sizes)

@@ -78,3 +78,21 @@ def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
         assert path.parent == windows.KERNELS and kernels.is_made(path)
     words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
     assert [(command[:-1], level) for command, level in commands] == [(words, kernels.LEVEL)]
+
+
+@pytest.mark.parametrize(
+    ("core", "order"),
+    [
+        (["tests/read/test_nifti.py"], ["Windows, core"]),
+        (["tests/read", "tests/cli"], ["kernels", "Windows, core"]),
+        ([], ["Windows, read", "kernels", *(f"Windows, {name}" for name in windows.CORE_FOLDERS), "Windows, bpy"]),
+    ],
+)
+def test_reading_does_not_wait_for_kernels(monkeypatch, core, order):
+    done = []
+    monkeypatch.setattr(windows, "set_up", lambda: None)
+    monkeypatch.setattr(windows, "bring_kernels", lambda: done.append("kernels"))
+    monkeypatch.setattr(windows, "_core", lambda name, words: done.append(name))
+    monkeypatch.setattr(windows, "_bpy", lambda words: done.append("Windows, bpy") or [])
+    windows.windows_stages(core, [], [])
+    assert done == order
