@@ -114,8 +114,8 @@ def prepare_steps():
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels and with
-      channels.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels, and
+      with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
@@ -189,8 +189,8 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
 
     By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
     the camera; "labels" and "unlit labels"; "channels" and "unlit channels", with itself as another one; "surfaces",
-    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a triangle that
-    cuts the ball.
+    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a
+    triangle that cuts the ball.
     """
     camera, matrix = turntable(
         volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT

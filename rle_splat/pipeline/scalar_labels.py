@@ -38,7 +38,7 @@ class LabelFunctions:
     functions : tuple of TransferFunction or None
         Number 0 is the scene's own; None hides.
     known : (k,) ndarray of integers
-        Ascending labels that have a function.
+        Ascending labels that have a function, of those that a voxel can have.
     numbers : (k,) ndarray of uint16
         Function number of each of them.
     """
@@ -51,15 +51,17 @@ class LabelFunctions:
     @classmethod
     def of(cls, labels: Labels, own: TransferFunction) -> LabelFunctions:
         """Of the labels of a scene whose own transfer function is ``own``."""
-        functions, known = {own.classification_key: own}, sorted(labels.functions)
-        order = {own.classification_key: 0}
+        kind = labels.volume.voxels.dtype
+        possible = np.iinfo(kind)
+        known = sorted(label for label in labels.functions if possible.min <= label <= possible.max)
+        functions, order = {own.classification_key: own}, {own.classification_key: 0}
         numbers = []
         for label in known:
             function = labels.functions[label]
             key = None if function is None else function.classification_key
             functions.setdefault(key, function)
             numbers.append(order.setdefault(key, len(order)))
-        return cls(labels, tuple(functions.values()), np.array(known), np.array(numbers))
+        return cls(labels, tuple(functions.values()), np.array(known, kind), np.array(numbers, np.uint16))
 
     @property
     def hides(self) -> bool:
@@ -79,8 +81,10 @@ class LabelFunctions:
     def numbers_of(self, first: int, last: int) -> np.ndarray:
         """(planes, ny, nx) uint16: function numbers of planes [first, last)."""
         labels = np.asarray(self.labels.volume.voxels[first:last])
+        if not len(self.known):
+            return np.zeros(labels.shape, np.uint16)
         at = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
-        return np.where(self.known[at] == labels, self.numbers[at], 0).astype(np.uint16)
+        return np.where(self.known[at] == labels, self.numbers[at], np.uint16(0))
 
     def cell_steps(self):
         """Generator of fractions done: the LabelCells."""
