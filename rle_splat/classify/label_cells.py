@@ -14,7 +14,7 @@ a voxel always keeps its own function, by LEAD at least.
 
 Each voxel has the number of its function, bits that say where others are near, and how far its own function leads
 before the strongest other.  In a cell of two functions the interpolated leads decide; where more meet, voxels at a
-boundary have up to KINDS functions and their weights.  They also have the direction in which their own gives way.
+boundary have up to KINDS functions and their weights.  They also have the slopes of these, for light.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ KINDS = 4  # functions that a voxel knows, its own among them
 # in this cell; the 27 voxels around it have several functions.
 MIXED, SEVERAL, BESIDE = 1 << 15, 1 << 14, 1 << 13
 WEIGHT_OF_ONE = 1 << 13
-NORMAL_OF_ONE = 1 << 14
+SLOPE_OF_ONE = 1 << 14
 NO_KIND = BESIDE - 1
 LEAD_OF_ONE = 64  # a lead of 1, as leads are stored
 CORNERS = np.moveaxis(np.indices((2, 2, 2)), 0, -1).reshape(8, 3)  # of a cell, as z, y, x
@@ -68,9 +68,9 @@ class LabelCells:
         Their own function, and others by falling weight, NO_KIND where there are no more.
     weights : (m, KINDS) ndarray of int16
         WEIGHT_OF_ONE times each function's smoothed indicator; of other functions 0.
-    normals : (m, 3) ndarray of int16
-        NORMAL_OF_ONE times the unit vector of index space (x, y, z) along which the own function's lead before the
-        strongest other grows most; 0 where edges are not smooth.
+    slopes : (m, KINDS, 3) ndarray of int16
+        SLOPE_OF_ONE times how much of each function's indicator, smoothed by G * G, more there is two voxels further
+        along x, y, z; 0 where edges are not smooth.
     """
 
     shape_xyz: tuple[int, int, int]
@@ -80,11 +80,11 @@ class LabelCells:
     column: np.ndarray
     kinds: np.ndarray
     weights: np.ndarray
-    normals: np.ndarray
+    slopes: np.ndarray
 
     @property
     def nbytes(self) -> int:
-        arrays = self.numbers, self.leads, self.row_start, self.column, self.kinds, self.weights, self.normals
+        arrays = self.numbers, self.leads, self.row_start, self.column, self.kinds, self.weights, self.slopes
         return sum(array.nbytes for array in arrays)
 
     def of_rows(self, row_start, column) -> np.ndarray:
@@ -214,16 +214,16 @@ class _Boundary:
             self._note(kinds, weights, slopes, np.arange(m), 0, rest, rest_slopes)
             order = np.argsort(-weights[:, 1:], axis=1, kind="stable") + 1
             kinds[:, 1:], weights[:, 1:] = (np.take_along_axis(each, order, axis=1) for each in (kinds, weights))
+            slopes[:, 1:] = np.take_along_axis(slopes, order[..., None], axis=1)
             own, other = weights[:, 0], weights[:, 1]
             weights[kinds == NO_KIND] = 0.0
             weights[:, 0] = np.maximum(own, other + np.maximum(LEAD, other - own - LEAD))
-            slopes = slopes[:, 0] - np.take_along_axis(slopes, order[:, :1, None], axis=1)[:, 0]
-            slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-12)
+            slopes[kinds == NO_KIND] = 0.0
         else:
-            weights[:, 0], slopes = 1.0, slopes[:, 0]
+            weights[:, 0] = 1.0
         codes = np.clip(np.rint(weights * WEIGHT_OF_ONE), -32768, 32767).astype(np.int16)
         return (
-            self.rows, self.at[2].astype(np.int32), kinds, codes, np.rint(slopes * NORMAL_OF_ONE).astype(np.int16)
+            self.rows, self.at[2].astype(np.int32), kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
         )  # fmt: skip
 
     def _indicator(self, number: int, low, high):

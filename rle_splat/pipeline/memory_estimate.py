@@ -124,8 +124,8 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
         MemoryRow("classify", "visible", own * count, 20),  # extinction, opacity and color
         MemoryRow("classify", "visible", voxels, 1 / 8 + 1 / 64),  # bits of kept voxels and their bricks
         MemoryRow("mix", "visible", scalars * tables.mixed * voxels, value),  # a copy without the hidden segments
-        # The function of each voxel; 26 bytes of each at a boundary, of which organs have fewer than one in 16.
-        MemoryRow("mix", "visible", tables.labeled * voxels, 2 + 26 / 16),
+        # The function and the lead of each voxel; 44 bytes of each at a boundary, of which 20 organs have one in eight.
+        MemoryRow("mix", "visible", tables.labeled * voxels, 3 + 44 / 8),
         # Measured: 95 with lookup tables, 178 without.
         MemoryRow("mix", "work", tables.mixed * min(max(MIXED_AT_ONCE, nx * ny), voxels), 180),
         # Normals; of scalars the codes of a vector in the volume and in the world, and how steep values are.

@@ -106,7 +106,7 @@ class PreparedPart:
     kernels: tuple[str, ...]
 
 
-def prepare_steps(pictures=PICTURES):
+def prepare_steps():
     """Compile what default pictures need and is not on disk yet.
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
@@ -114,7 +114,7 @@ def prepare_steps(pictures=PICTURES):
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels and
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels, and
       with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
@@ -124,11 +124,6 @@ def prepare_steps(pictures=PICTURES):
 
     Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
     effects above at once, where together they have kernels of their own.
-
-    Parameters
-    ----------
-    pictures : sequence of SyntheticPicture
-        Those to make; fewer than all cover less.
 
     Yields
     ------
@@ -148,9 +143,9 @@ def prepare_steps(pictures=PICTURES):
     jit.need_kernels("The preparation")
     if not _can_be_kept():
         raise RleSplatError(NOT_KEPT)
-    whole = sum(picture.seconds(stored) for picture in pictures for stored in STORED_TYPES)
+    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
     done, prepared = 0.0, []
-    for picture in pictures:
+    for picture in PICTURES:
         for stored in STORED_TYPES:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()

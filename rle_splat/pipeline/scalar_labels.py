@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import opacity_distance
-from ..classify.label_cells import NO_KIND, NORMAL_OF_ONE, LabelCells, cell_steps
+from ..classify.label_cells import NO_KIND, SLOPE_OF_ONE, LabelCells, cell_steps
 from ..classify.label_edges import beside_any
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.reference import pack
@@ -24,6 +24,7 @@ from ..shade.surface_normals import Surfaces
 from ..shade.surface_points import place_steps, shown_ranges
 from ..volume.blocks import cut_chunks
 
+FLAT = 0.02  # of the largest density, in two voxels: less is no boundary that light shows
 CLEAR = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 0.0, 0.0, 0.0),))  # of a hidden label
 SOLID = TransferFunction(opacity=((0.0, 1.0),), color=((0.0, 0.0, 0.0, 0.0),))
 
@@ -38,7 +39,7 @@ class LabelFunctions:
     functions : tuple of TransferFunction or None
         Number 0 is the scene's own; None hides.
     known : (k,) ndarray of integers
-        Ascending labels that have a function.
+        Ascending labels that have a function, of those that a voxel can have.
     numbers : (k,) ndarray of uint16
         Function number of each of them.
     """
@@ -51,15 +52,17 @@ class LabelFunctions:
     @classmethod
     def of(cls, labels: Labels, own: TransferFunction) -> LabelFunctions:
         """Of the labels of a scene whose own transfer function is ``own``."""
-        functions, known = {own.classification_key: own}, sorted(labels.functions)
-        order = {own.classification_key: 0}
+        kind = labels.volume.voxels.dtype
+        possible = np.iinfo(kind)
+        known = sorted(label for label in labels.functions if possible.min <= label <= possible.max)
+        functions, order = {own.classification_key: own}, {own.classification_key: 0}
         numbers = []
         for label in known:
             function = labels.functions[label]
             key = None if function is None else function.classification_key
             functions.setdefault(key, function)
             numbers.append(order.setdefault(key, len(order)))
-        return cls(labels, tuple(functions.values()), np.array(known), np.array(numbers))
+        return cls(labels, tuple(functions.values()), np.array(known, kind), np.array(numbers, np.uint16))
 
     @property
     def hides(self) -> bool:
@@ -79,8 +82,10 @@ class LabelFunctions:
     def numbers_of(self, first: int, last: int) -> np.ndarray:
         """(planes, ny, nx) uint16: function numbers of planes [first, last)."""
         labels = np.asarray(self.labels.volume.voxels[first:last])
+        if not len(self.known):
+            return np.zeros(labels.shape, np.uint16)
         at = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
-        return np.where(self.known[at] == labels, self.numbers[at], 0).astype(np.uint16)
+        return np.where(self.known[at] == labels, self.numbers[at], np.uint16(0))
 
     def cell_steps(self):
         """Generator of fractions done: the LabelCells."""
@@ -148,19 +153,20 @@ class ScalarLabels:
                     with_points: bool, threads: int):  # fmt: skip
         """As ``surface_points.place_steps``, with the normals of labels at their boundaries.
 
-        Such a normal points to where there is less matter: of two functions to the one of less extinction on average.
-        Elsewhere a voxel is turned to where its own function shows less.  ``extinction``: (m,), of the voxels.
+        There they are those of a density, in which each function has its mean extinction: so they do not turn where
+        two organs meet that are equally dense.  Elsewhere a voxel is turned to where its own function shows less.
+        ``extinction``: (m,), of the voxels.
         """
         rows = voxels.row_start, voxels.column
         numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
         count = len(self.tables)
         dense = np.bincount(numbers, extinction, count) / np.maximum(np.bincount(numbers, minlength=count), 1)
         at = np.flatnonzero(records >= 0)
-        at = at[self.cells.normals[records[at]].any(axis=1)]
-        own, other = self.cells.kinds[records[at], :2].astype(np.int64).T
-        inward = (dense[own] > dense[other]) | ((dense[own] == dense[other]) & (own < other))
-        slopes = self.cells.normals[records[at]] / NORMAL_OF_ONE @ np.linalg.inv(volume.affine[:3, :3])
-        slopes *= (np.sign(volume.slope) * np.where(inward, 1.0, -1.0))[:, None]
+        kinds = self.cells.kinds[records[at]]
+        shares = np.where(kinds == NO_KIND, 0.0, dense[np.minimum(kinds, count - 1)] / max(dense.max(), 1e-30))
+        slopes = (shares[..., None] * self.cells.slopes[records[at]]).sum(axis=1) / SLOPE_OF_ONE
+        steep = np.linalg.norm(slopes, axis=1) > FLAT
+        at, slopes = at[steep], np.sign(volume.slope) * slopes[steep] @ np.linalg.inv(volume.affine[:3, :3])
         slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
         vectors = np.array(surfaces.vectors)
         vectors[at] = np.rint(slopes * ONE)

@@ -6,6 +6,7 @@ What each stage result depends on, so that a change redoes no more than it must:
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept; there short gaps are closed, too
     revealed  the voxels, and where labels hide
+    labels    the label map, and which labels look alike
     factor    relevant, where labels hide, and the transfer function
     gradients relevant, where opacity depends on them; thinned, from gradients and codes
     values    relevant, of further channels, and the principal axis

@@ -90,7 +90,8 @@ def note_looks(channels, numbers, first, looks, rows):
 @inner_loop
 def keep_near(samples, shares, mixed):
     """Keep what the functions at the begins of slabs show, before those at their ends are looked up."""
-    mixed[: 4 * BLOCK] = samples[: 4 * BLOCK]
+    for i in range(4 * BLOCK):
+        mixed[i] = samples[i]
     for i in range(BLOCK):
         mixed[4 * BLOCK + i] = shares[BLOCK * SPAN_BEGIN + i]
         mixed[5 * BLOCK + i] = shares[BLOCK * SPAN_END + i]

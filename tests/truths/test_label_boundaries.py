@@ -13,7 +13,7 @@ from rle_splat.effects.mixing import BY_PRE
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Channel, Labels
+from rle_splat.scene import Channel, Labels, RleSplatError
 from rle_splat.splat.label_fields import cell_field
 from rle_splat.splat.reference.label_parts import labels_at
 from rle_splat.volume.volume import Volume
@@ -219,7 +219,7 @@ def test_a_picture_is_a_march_along_rays(stage, rays):
     with use_reference():
         without = render(replace(scene, labels=None), fine())
     assert np.abs(without.rgba - expected).max() > 20 * LEVEL, "the labels count"
-    assert np.quantile(error, 0.99) < 3.0 * LEVEL
+    assert np.quantile(error, 0.99) < (1.5 if rays else 5.0) * LEVEL
 
 
 @pytest.mark.parametrize("spacing", ((1.0, 1.0, 1.0), (1.0, 1.0, 1.6)), ids=("cubes", "flat voxels"))
@@ -260,7 +260,9 @@ def test_kernels_draw_what_numpy_draws(stage, shade, rays):
     one = render(scene, fine(rays=rays)).rgba
     with use_reference():
         other = render(scene, fine(rays=rays)).rgba
-    assert np.abs(one - other).max() < 0.1 * LEVEL
+    error = np.abs(one - other).max(axis=-1)
+    # Where a ray grazes a line in which three meet, rounding may choose another one of them for a part of a slab.
+    assert np.count_nonzero(error > 0.1 * LEVEL) <= (rays > 0.0) and error.max() < LEVEL
     assert one.tobytes() == render(scene, fine(rays=rays, threads=1)).rgba.tobytes(), "threads change nothing"
 
 
@@ -281,3 +283,35 @@ def test_labels_with_channels_are_classified_voxel_by_voxel(stage):
     with use_reference():
         picture = render(replace(scene, channels=(Channel(scene.volume, scene.transfer_function),)))
     assert picture.report["plan"]["classification"] == "pre" and BY_PRE in picture.report["remarks"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "label"), ((np.uint32, 2**31), (np.uint32, 2**32 - 1), (np.int32, -(2**31)), (np.int8, -128)), ids=str
+)
+def test_numbers_of_labels_of_any_type_make_no_difference(stage, kind, label):
+    scene = organs(stage)
+    labels = np.where(scene.labels.volume.voxels == 10, 1, 0)
+    function = scene.labels.functions[10]
+    with use_reference():
+        expected = render(replace(scene, labels=Labels(Volume(labels.astype(np.uint8), np.eye(4)), {1: function})))
+        given = np.where(labels == 1, np.array(label, kind), np.array(0, kind))
+        same = render(replace(scene, labels=Labels(Volume(given, np.eye(4)), {label: function, 2**70: None})))
+    assert expected.rgba[..., 3].max() > 0.3
+    np.testing.assert_array_equal(same.rgba, expected.rgba)
+
+
+def test_a_map_of_one_label_is_a_volume_without_labels(stage):
+    """Where no boundary is, the picture is that of the label's function alone."""
+    scene = organs(stage)
+    tf, shape = scene.labels.functions[12], scene.volume.voxels.shape
+    everywhere = Labels(Volume(np.full(shape, 3, np.int16), np.eye(4)), {3: tf})
+    with use_reference():
+        picture = render(replace(scene, labels=everywhere), fine())
+        alone = render(replace(scene, labels=None, transfer_function=tf), fine())
+    np.testing.assert_allclose(picture.rgba, alone.rgba, atol=1e-5)
+
+
+def test_more_looks_than_numbers_are_one_sentence():
+    labels = np.zeros((2, 2, 2), np.uint16)
+    with pytest.raises(RleSplatError, match=r"^There are 9000 labels with different looks; at most 8190 are possible"):
+        drain(cell_steps(lambda first, last: labels[first:last], 9000, (2, 2, 2), True))
