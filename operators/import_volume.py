@@ -86,7 +86,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "its tab. Views through a camera stay", default=True)
     use_headlight: BoolProperty(
         name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
-        "give less than half of its brightness. The panel Lighting changes it", default=False, options={"SKIP_SAVE"})
+        "give it less than half of its brightness on any side. The panel Lighting changes it",
+        default=False, options={"SKIP_SAVE"})
 
     @classmethod
     def poll(cls, context):

@@ -10,7 +10,6 @@ from ..bridge.loop import index
 from ..rle_splat.scene import RleSplatError
 from .refusal import NO_VOLUME, refuse
 
-
 REST = 2.0  # seconds
 
 

@@ -178,7 +178,8 @@ def _tick():
 def _find_mesh_before(live: Live, region) -> str:
     """Name of a mesh that hides the volumes of a viewport; looked for where its refined pictures are blank."""
     viewport = live.viewport
-    if not viewport.is_refined or viewport.problem or any(one.rgba[..., 3].any() for one in viewport.pictures):
+    is_done = viewport.is_refined and viewport.pictures and not viewport.problem
+    if not is_done or any(one.rgba[..., 3].any() for one in viewport.pictures):
         return ""
     window = surface.window_of(region)
     owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
