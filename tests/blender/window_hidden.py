@@ -168,10 +168,28 @@ def check_world_light():
     passed("world light")
 
 
+def check_local_view():
+    """Local View shows all of a volume, not the place of its Empty."""
+    yield from new_file()
+    with in_the_view():
+        owner = panel_states.add_volume(FOLDER)
+        panel_states.make_active(owner)
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_perspective = "PERSP"
+    yield from settled()
+    with in_the_view():
+        bpy.ops.view3d.localview()
+    yield from until(lambda: (view.view_location - owner.location).length > 3.0 and view.view_distance > 8.0)
+    yield from settled()
+    yield from photograph("local view")
+    passed("local view")
+
+
 def scenario():
     by_numpy()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
     yield from check_behind_a_mesh()
+    yield from check_local_view()
     yield from check_world_light()
     yield from check_value_goes_with_the_mouse()
     yield from check_import_says_all_at_once()
