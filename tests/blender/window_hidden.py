@@ -188,12 +188,12 @@ def check_local_view():
 def scenario():
     by_numpy()
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
-    yield from check_behind_a_mesh()
-    yield from check_local_view()
-    yield from check_world_light()
     yield from check_value_goes_with_the_mouse()
     yield from check_import_says_all_at_once()
     yield from check_a_bad_volume_in_f12()
+    yield from check_local_view()
+    yield from check_behind_a_mesh()
+    yield from check_world_light()
 
 
 drive(scenario)
