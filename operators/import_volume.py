@@ -132,7 +132,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
-        eyes = viewports.eyes_of(None if bpy.app.background else context.window) or [None]
+        eyes = [None, *viewports.eyes_of(None if bpy.app.background else context.window)]
         warnings += dict.fromkeys(
             viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes)
         if self.use_headlight and corners:

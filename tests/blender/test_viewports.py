@@ -125,7 +125,8 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     cube.name = "Around"
     owner = scenes.import_raw(tmp_path, CUBE)
     viewports, layer = bridge("scene.viewports"), bpy.context.view_layer
-    assert "Around hides it" in capfd.readouterr().out
+    said = [line for line in capfd.readouterr().out.splitlines() if "Imported cube" in line]
+    assert len(said) == 1 and "Around hides it" in said[0], "one message, of which a window shows all"
     corners = bridge("volumes.box").world_corners(owner)
     assert viewports.hiding_meshes(layer, corners) == ["Around"]
 
