@@ -20,7 +20,6 @@ from tests.blender.user_steps import drag, middle, press, settled
 from tests.blender.window_driver import (
     MODULE,
     area_of,
-    by_numpy,
     drive,
     in_the_view,
     new_file,
@@ -163,7 +162,6 @@ def save_elsewhere(number: int):
 
 
 def scenario():
-    by_numpy()
     watch_redraws()
     until_then, number, memory = time.monotonic() + 60.0 * MINUTES, 0, []
     while time.monotonic() < until_then or number < 1:
