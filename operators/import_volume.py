@@ -89,7 +89,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "its tab. Views through a camera stay", default=True)
     use_headlight: BoolProperty(
         name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
-        "give less than half of its brightness. The panel Lighting changes it", default=False, options={"SKIP_SAVE"})
+        "give it less than half of its brightness on any side. The panel Lighting changes it",
+        default=False, options={"SKIP_SAVE"})
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
         "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})
@@ -143,7 +144,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
             viewports.frame(context.window, corners)
-        eyes = viewports.eyes_of(None if bpy.app.background else context.window) or [None]
+        eyes = [None, *viewports.eyes_of(None if bpy.app.background else context.window)]
         warnings += dict.fromkeys(
             viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes)
         if self.use_headlight and corners:

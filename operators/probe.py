@@ -10,7 +10,7 @@ from ..bridge.loop import index
 from ..rle_splat.scene import RleSplatError
 from .refusal import NO_VOLUME, refuse
 
-REST = 2.0  # seconds
+REST = 20.0  # seconds without a move until the mouse is no longer followed
 
 
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
@@ -47,6 +47,8 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
 
     def modal(self, context, event):
         """Pass all events on; forget the value once the mouse has left the region, and end while it rests."""
+        if context.region is None:  # the viewport was closed
+            return self._end(context)
         if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE"):
             self._moved = True
             x, y = event.mouse_x - context.region.x, event.mouse_y - context.region.y
@@ -64,7 +66,7 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
         self._end(context)
 
     def _end(self, context) -> set:
-        if probe.is_watched(context.area):
+        if context.area is None or probe.is_watched(context.area):
             probe.watch(None)
         context.window_manager.event_timer_remove(self._timer)
         return {"CANCELLED", "PASS_THROUGH"}

@@ -21,6 +21,7 @@ from . import drawing, shown, slice_drawing, slice_places, surface
 from .viewport import Viewport
 
 TICK = 0.005  # seconds between bites of work
+AFTER_LOCAL = 0.1  # seconds from Blender's own move to Local View until it is corrected
 
 calls: Counter = Counter()  # how often a handler was called ("before", "after"), and how often it went on ("drawn")
 _handles: list = []
@@ -31,6 +32,7 @@ class Live:
 
     ``keys``: of the volumes that it shows.  ``framebuffer``: the viewport's own, during a redraw.  ``placed``: textures
     of the pictures of ``version``.  ``waits``: see ``BlenderSurface``.  ``mesh``: name of one that hides them all.
+    ``is_local``: whether the viewport was in Local View.
     """
 
     def __init__(self):
@@ -38,7 +40,7 @@ class Live:
         self.keys, self.framebuffer = (), None
         self.version, self.placed = -1, []
         self.waits: list = []
-        self.mesh = ""
+        self.mesh, self.is_local = "", False
 
 
 _lives: dict[int, Live] = {}  # by address of the region
@@ -89,6 +91,9 @@ def _before() -> None:
         _forget_closed()
         _lives[address] = Live()
     live = _lives[address]
+    was_local, live.is_local = live.is_local, context.space_data.local_view is not None
+    if live.is_local and not was_local:
+        timer.start(_frame_local, 1e-3 * context.preferences.view.smooth_view + AFTER_LOCAL)
     live.keys, live.framebuffer = keys, surface.active_framebuffer()
 
 
@@ -177,10 +182,21 @@ def _tick():
     return TICK
 
 
+def _frame_local() -> None:
+    """Timer function: frame the volumes in viewports that have just entered Local View, once these stand still."""
+    for address, live in _lives.items():
+        region, area = surface.region_of(address)
+        if region is not None and live.is_local:
+            owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
+            placed = [(owner, corners) for owner in owners if len(corners := box.world_corners(owner))]
+            viewports.frame_if_too_near(area, placed)
+
+
 def _find_mesh_before(live: Live, region) -> str:
     """Name of a mesh that hides the volumes of a viewport; looked for where its refined pictures are blank."""
     viewport = live.viewport
-    if not viewport.is_refined or viewport.problem or any(one.rgba[..., 3].any() for one in viewport.pictures):
+    is_done = viewport.is_refined and viewport.pictures and not viewport.problem
+    if not is_done or any(one.rgba[..., 3].any() for one in viewport.pictures):
         return ""
     window = surface.window_of(region)
     owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
@@ -245,6 +261,7 @@ def stop() -> None:
     _missed.clear()
     shown.forget()
     timer.stop(_tick)
+    timer.stop(_frame_local)
 
 
 def register():

@@ -23,6 +23,7 @@ SIDES = {
     "A": ((0, 1, 0), (0, 0, 1)), "P": ((0, -1, 0), (0, 0, 1)), "L": ((-1, 0, 0), (0, 0, 1)),
     "R": ((1, 0, 0), (0, 0, 1)), "S": ((0, 0, -1), (0, -1, 0)), "I": ((0, 0, 1), (0, -1, 0)),
 }  # fmt: skip
+SAME_PLACE, TOO_NEAR = 1e-3, 0.5  # of a volume's longest side: a view at its origin that shows a part of it
 FAR = 1e30  # world units; Blender takes no infinite distance
 TAB_WAIT, TAB_TRIES = 0.1, 10  # seconds; a sidebar knows its tabs when it was drawn
 
@@ -83,25 +84,48 @@ def frame(window, boxes: list[np.ndarray], rotation: Quaternion | None = None) -
     rotation : mathutils.Quaternion, optional
         Of the views, but those of a quad view; by default each keeps its own.
     """
+    for area in _viewports(window):
+        frame_area(area, boxes, rotation)
+
+
+def frame_area(area, boxes: list[np.ndarray], rotation: Quaternion | None = None) -> None:
+    """``frame`` for one 3D viewport."""
     corners = np.concatenate(boxes)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     radius = ROOM * float(np.linalg.norm(corners - middle, axis=1).max())
     if not 0.0 < radius < math.inf:
         return
-    for area in _viewports(window):
-        space = area.spaces.active
-        free = _free_share(area)
-        for view in space.region_quadviews or (space.region_3d,):
-            if view.view_perspective == "CAMERA":
-                continue
-            is_perspective = view.view_perspective == "PERSP"
-            if rotation is not None and not space.region_quadviews:
-                view.view_rotation = rotation
-            view.view_location = middle
-            view.view_distance = distance_to_fit(radius, space.lens, free, is_perspective)
-        space.clip_start = max(min(space.clip_start, NEAREST * radius), LEAST_CLIP)
-        space.clip_end = max(space.clip_end, FURTHEST * radius)
-        area.tag_redraw()
+    space = area.spaces.active
+    free = _free_share(area)
+    for view in space.region_quadviews or (space.region_3d,):
+        if view.view_perspective == "CAMERA":
+            continue
+        is_perspective = view.view_perspective == "PERSP"
+        if rotation is not None and not space.region_quadviews:
+            view.view_rotation = rotation
+        view.view_location = middle
+        view.view_distance = distance_to_fit(radius, space.lens, free, is_perspective)
+    space.clip_start = max(min(space.clip_start, NEAREST * radius), LEAST_CLIP)
+    space.clip_end = max(space.clip_end, FURTHEST * radius)
+    area.tag_redraw()
+
+
+def frame_if_too_near(area, placed: list) -> None:
+    """Frame volumes in a viewport that Blender has moved to the origin of one: it knows Empties as points.
+
+    Parameters
+    ----------
+    area : bpy.types.Area
+    placed : list of (bpy.types.Object, ndarray of shape (8, 3))
+        Volume objects, and the corners of their boxes in world space.
+    """
+    view = area.spaces.active.region_3d
+    for owner, corners in placed:
+        size = float(np.ptp(corners, axis=0).max())
+        apart = float(np.linalg.norm(np.array(view.view_location) - np.array(owner.matrix_world.translation)))
+        if apart < SAME_PLACE * size and view.view_distance < TOO_NEAR * size:
+            frame_area(area, [box for _owner, box in placed])
+            return
 
 
 def _free_share(area) -> float:

@@ -109,7 +109,8 @@ def update_steps(scene):
     """
     image_changes.look_again()
     held, now = Held(scene), scene.frame_current
-    frames = [*range(scene.frame_start, scene.frame_end + 1), now][-MOST_KEPT:]
+    others = range(scene.frame_start, scene.frame_end + 1) if _may_change(scene.world) else ()
+    frames = [*others, now][-MOST_KEPT:]
     found: dict = {}
     for n, frame in enumerate(frames):
         yield Progress(n / len(frames), "rendering the world's light")
@@ -117,6 +118,21 @@ def update_steps(scene):
         found.pop(key, None)  # to the end: that of now is the last
         found[key] = line
     return "\n".join(found.values())
+
+
+def _may_change(world) -> bool:
+    """Whether a world may differ from frame to frame."""
+    trees = [world.node_tree]
+    for tree in trees:
+        inner = (getattr(node, "node_tree", None) for node in tree.nodes)
+        trees += [one for one in dict.fromkeys(inner) if one is not None and one not in trees]
+    nodes = [node for tree in trees for node in tree.nodes]
+    images = [node.image for node in nodes if getattr(node, "image", None) is not None]
+    return (
+        any(one.animation_data is not None for one in (world, *trees))
+        or any(image.source in ("MOVIE", "SEQUENCE") for image in images)
+        or any(getattr(node, "object", None) is not None for node in nodes)
+    )
 
 
 def add_light(scene, key: str, line: str) -> None:

@@ -82,6 +82,21 @@ def test_a_volume_is_framed(viewport, bridge, tmp_path):
     assert tuple(view.view_location) == (0.0, 0.0, 0.0)
 
 
+def test_a_view_at_the_origin_of_a_volume_is_moved_back_and_no_other(viewport, bridge, tmp_path):
+    """As Local View leaves it: at the corner of the volume, so near that a part of it is seen."""
+    owner = scenes.import_raw(tmp_path, CUBE)
+    owner.location = (10.0, 0.0, 0.0)
+    bpy.context.view_layer.update()
+    corners, view = bridge("volumes.box").world_corners(owner), viewport.spaces.active.region_3d
+    size = np.ptp(corners, axis=0).max()
+    view.view_perspective = "PERSP"
+    for place, distance, is_moved in (((10, 0, 0), 0.1, True), ((10, 0, 0), 2.0, False), ((11, 0, 0), 0.1, False)):
+        view.view_location, view.view_distance = place, distance * size
+        bridge("scene.viewports").frame_if_too_near(viewport, [(owner, corners)])
+        apart = np.linalg.norm(np.array(view.view_location) - corners.mean(axis=0))
+        assert (apart < 1e-4) == is_moved and (view.view_distance > size) == (is_moved or distance > 1.0)
+
+
 def test_a_patient_is_seen_from_a_side(viewport, bridge, core, tmp_path, refused):
     owner = scenes.import_raw(tmp_path, CUBE)
     refused(bpy.ops.rle_splat.frame_volume, "does not say how the patient lies", side="A")
@@ -110,7 +125,8 @@ def test_a_mesh_around_the_volume_is_told(addon, bridge, tmp_path, capfd):
     cube.name = "Around"
     owner = scenes.import_raw(tmp_path, CUBE)
     viewports, layer = bridge("scene.viewports"), bpy.context.view_layer
-    assert "Around hides it" in capfd.readouterr().out
+    said = [line for line in capfd.readouterr().out.splitlines() if "Imported cube" in line]
+    assert len(said) == 1 and "Around hides it" in said[0], "one message, of which a window shows all"
     corners = bridge("volumes.box").world_corners(owner)
     assert viewports.hiding_meshes(layer, corners) == ["Around"]
 

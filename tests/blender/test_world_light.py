@@ -219,7 +219,8 @@ def test_each_frame_of_an_animated_world_has_its_own_light(ball, bridge):
     bpy.app.handlers.frame_change_post.append(lambda *_: called.append("frame"))
     assert bpy.ops.rle_splat.update_world_light() == {"FINISHED"}
     bpy.app.handlers.frame_change_post.pop()
-    assert scene.frame_current == 2 and called == [] and scene.rle_splat.world_light.count("\n") == 2
+    assert scene.frame_current == 2 and called == []
+    assert scene.rle_splat.world_light.count("\n") == 2
     said, found = [], []
     for frame in (1, 2, 3):
         scene.frame_set(frame)
@@ -257,11 +258,15 @@ def test_undo_brings_back_the_light_of_the_world_before(ball, bridge):
     assert read(bridge, bpy.data.objects["cube"], warn=said.append).world == first and not said
 
 
-def test_update_world_light_is_for_worlds_that_need_it(ball):
+def test_update_world_light_is_for_worlds_that_need_it(ball, bridge):
     new_world()
     assert not bpy.ops.rle_splat.update_world_light.poll()
-    sky_world()
+    ramp = sky_world()
     assert bpy.ops.rle_splat.update_world_light.poll()
+    changes = bridge("scene.world_render")._may_change
+    assert not changes(bpy.context.scene.world)
+    ramp.color_ramp.elements[1].keyframe_insert("color", frame=1)
+    assert changes(bpy.context.scene.world)
     bpy.context.scene.rle_splat.use_world = False
     assert not bpy.ops.rle_splat.update_world_light.poll()
 

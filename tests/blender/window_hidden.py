@@ -9,7 +9,6 @@ from importlib import import_module
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.user_steps import live, middle, settled, simulate
@@ -22,9 +21,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
-    region_of,
     until,
-    window,
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_hidden_"))
@@ -56,40 +53,6 @@ def check_behind_a_mesh():
     yield from settled()
     yield from photograph("the mesh is hidden")
     passed("behind a mesh")
-
-
-def check_import_says_all_at_once():
-    """The sentence about the mesh, the guess and the result are one message."""
-    yield from new_file()
-    with in_the_view():
-        bpy.ops.mesh.primitive_cube_add(size=4.0)
-        voxels = np.clip(200.0 - 9.0 * np.sqrt(sum((axis - 16.0) ** 2 for axis in np.ogrid[:32, :32, :32])), 0.0, 255.0)
-        path = FOLDER / "ball_32x32x32_uint8.raw"
-        voxels.astype(np.uint8).tofile(path)
-        bpy.context.scene.rle_splat.scene_scale = 0.01
-        bpy.ops.rle_splat.import_volume(filepath=str(path))
-    yield
-    found = [line for line in window_reports() if "Imported" in line]
-    print(found, flush=True)
-    assert len(found) == 1 and "Cube hides it" in found[0]
-    yield from settled()
-    yield from photograph("one message")
-    passed("one message")
-
-
-def window_reports() -> list:
-    """The lines of Blender's Info editor."""
-    area = area_of("PROPERTIES")
-    area.type = "INFO"
-    with bpy.context.temp_override(window=window(), area=area, region=region_of(area, "WINDOW")):
-        bpy.ops.info.select_all(action="SELECT")
-        bpy.ops.info.report_copy()
-    area.type = "PROPERTIES"
-    return window_clipboard().splitlines()
-
-
-def window_clipboard() -> str:
-    return bpy.context.window_manager.clipboard
 
 
 def check_a_bad_volume_in_f12():
@@ -167,13 +130,30 @@ def check_world_light():
     passed("world light")
 
 
+def check_local_view():
+    """Local View shows all of a volume, not the place of its Empty."""
+    yield from new_file()
+    with in_the_view():
+        owner = panel_states.add_volume(FOLDER)
+        panel_states.make_active(owner)
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_perspective = "PERSP"
+    yield from settled()
+    with in_the_view():
+        bpy.ops.view3d.localview()
+    yield from until(lambda: (view.view_location - owner.location).length > 3.0 and view.view_distance > 8.0)
+    yield from settled()
+    yield from photograph("local view")
+    passed("local view")
+
+
 def scenario():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
+    yield from check_a_bad_volume_in_f12()
+    yield from check_local_view()
+    yield from check_value_goes_with_the_mouse()
     yield from check_behind_a_mesh()
     yield from check_world_light()
-    yield from check_value_goes_with_the_mouse()
-    yield from check_import_says_all_at_once()
-    yield from check_a_bad_volume_in_f12()
 
 
 drive(scenario)

@@ -1,5 +1,5 @@
-"""The light of an edited world in a real window: in F12 at once after the edit, and without a change of what was
-rendered before.
+"""The light of an edited world in a real window: F12 says that it is an earlier one until Update World Light is
+pressed, which changes nothing of what was rendered before.
 
     python3 dev.py blender --photograph tests/blender/window_world.py --size 1280x800
 """
@@ -80,12 +80,23 @@ def f12(path: Path):
     return shown(path)
 
 
+def update_world_light():
+    """Press the button and wait."""
+    with in_the_view():
+        assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    running = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running
+    yield from until(lambda: not running())
+
+
 def check_f12_after_an_edit(path: Path):
     color = add_world("ShaderNodeRGB").outputs[0]
     yield
     for wanted in ((0.8, 0.2, 0.1), (0.1, 0.3, 0.9)):
         color.default_value = (*wanted, 1.0)
         yield  # one tick: Blender notes the edit
+        yield from f12(path)
+        assert "press update world light" in bpy.context.scene.rle_splat.render_problem.lower()
+        yield from update_world_light()
         pixels = yield from f12(path)
         found = np.median(pixels[pixels[..., 3] > 0.95], axis=0)
         problem = bpy.context.scene.rle_splat.render_problem
@@ -111,7 +122,7 @@ def check_slots(path: Path):
     area_of("PROPERTIES").type = "IMAGE_EDITOR"
     area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
     yield from photograph("slot 1 before the edit")
-    yield from until(lambda: light.light_of(scene)[1] == "")
+    yield from update_world_light()
     called, before = [], light.light_of(scene)[0]
     for name in HANDLERS:
         getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
@@ -119,7 +130,8 @@ def check_slots(path: Path):
     setattr(sky, elevation, 0.1)
     yield
     assert light.light_of(scene)[1] == light.STALE
-    yield from until(lambda: light.light_of(scene)[1] == "")
+    yield from update_world_light()
+    assert light.light_of(scene)[1] == ""
     for name in HANDLERS:
         getattr(bpy.app.handlers, name).pop()
     print(f"the mean light was {before[0]}, and is {light.light_of(scene)[0][0]}")
