@@ -1,4 +1,4 @@
-"""What the tab shows before the first volume: three steps with their buttons, and whether the first picture takes longer."""
+"""What the tab shows before the first volume: three steps with their buttons, and whether compiling comes first."""
 
 from ..bridge.translations import OURS
 from ..rle_splat.runtime.jit import nothing_compiled_yet

@@ -38,7 +38,7 @@ STILL = 0.5  # seconds without a change before a world is rendered
 BRIEF, LONGEST = 0.02, 10.0  # seconds between looks of a render that waits for the light, and until it goes on without
 MOST_KEPT = 64
 STALE = "The world has changed since its light was rendered; the volume shows the earlier light."
-NOT_YET = "The world's light is not rendered yet, so it is left out; press Save Picture to render it."
+NOT_YET = "The world's light is not rendered yet, so it is left out; press Make Picture to render it."
 SOON = "The world's light is rendered as soon as the world is still."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
