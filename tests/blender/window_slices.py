@@ -13,6 +13,7 @@ from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     SHOTS,
+    TAB,
     area_of,
     by_numpy,
     drive,
@@ -192,7 +193,17 @@ def check_display(name):
     yield from photograph("shaded_again")
 
 
+def check_tab():
+    """After the extension was installed its tab is open."""
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    yield from until(lambda: sidebar.active_panel_category == TAB)
+    yield from photograph("installed")
+    assert area_of("VIEW_3D").spaces.active.show_region_ui
+
+
 def scenario():
+    yield from check_tab()
+    passed("check_tab")
     name = yield from set_up()
     for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back, check_display):
         yield from check(name)
