@@ -290,7 +290,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_shading: LiveBool(
         name="Shading", description="Light the volume like a surface where its values change", default=True)
     ambient: LiveFloat(
-        name="Base Brightness", default=0.2, min=0.0, soft_max=1.0,
+        name="Base Light", default=0.2, min=0.0, soft_max=1.0,
         description="Brightness that does not depend on the lights")
     diffuse: LiveFloat(
         name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
