@@ -1,4 +1,4 @@
-"""Clip to View: a clip plane that faces the view, so that what lies before it is removed."""
+"""Cut Along View: a clip plane that faces the view, so that what lies before it is removed."""
 
 import bpy
 import numpy as np

@@ -1,4 +1,4 @@
-"""Save Picture: render the volume through the active camera into a color image and a depth image."""
+"""Make Picture: render the volume through the active camera into a color image and a depth image."""
 
 import bpy
 

@@ -64,9 +64,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
                ("letters", "Letters", "Letters at the edges of the picture"), ("cube", "Cube", "A cube with letters"),
                ("off", "Off", "Nothing")])
     compare: StringProperty(
-        name="Presets Side by Side",
-        description="Names of presets, separated by commas, each in a picture of its own. Empty uses the volume's "
-                    "transfer function")
+        name="Presets Side by Side", description="Names of presets, separated by commas, each in a picture of its own. "
+        "Empty uses the volume's transfer function")
 
     is_new = False  # only files are written
     _viewport_has_depth = False  # whether the view of the button is a perspective one

@@ -167,6 +167,6 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
         f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}, RMSE "
-        f"{figure_text(found['rmse'])} levels at {every}. The image holds levels (1/255); white is one level or more."
+        f"{figure_text(found['rmse'])} gray levels of 255 at {every}. In the image white is one of these or more."
     )
     return image

@@ -28,8 +28,6 @@ def _on_load_post(*_):
     for scene in bpy.data.scenes:
         if scene.library is None and not scene.rle_splat.scene_id:
             _adopt(scene)
-        if scene.library is None:
-            _give_to_volumes(scene)
     _replace_removed()
 
 
@@ -51,9 +49,11 @@ def _give_to_volumes(scene) -> None:
 
 @persistent
 def _replace_removed(*_):
-    """Replace removed values of the knobs by those that are used instead, and take out removed settings."""
-    for own in (scene.rle_splat for scene in bpy.data.scenes if scene.library is None):
-        sentences = []
+    """Replace removed values of the knobs by those that are used instead, take out removed settings, and give volumes
+    what was their scene's."""
+    for scene in [scene for scene in bpy.data.scenes if scene.library is None]:
+        own, sentences = scene.rle_splat, []
+        _give_to_volumes(scene)
         for name in [name for name in settings.REMOVED_PROPERTIES if own.get(name) is not None]:
             del own[name]
             sentences.append(settings.removed_sentence(name))

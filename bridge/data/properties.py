@@ -146,13 +146,6 @@ def _shift(group, by: float) -> None:
     group.window_center = group.preset_center + by
 
 
-def _shift_property(step: float, precision: int):
-    """The shift as a property whose drag moves it by so many hundredths of a unit for each pixel."""
-    return FloatProperty(
-        name="Shift", translation_context=OURS, step=step, precision=precision, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")
-
-
 def _is_flipped(group) -> bool:
     return group.clip_keep == "OUTSIDE"
 
@@ -280,8 +273,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     preset_center: FloatProperty(
         name="Level of the Preset", description="Level of the transfer function when it was last applied",
         options={"HIDDEN"})
-    shift_by: _shift_property(100, 1)
-    shift_finely: _shift_property(1, 3)
+    shift_by: FloatProperty(  # a drag moves it by a unit for each pixel
+        name="Shift", translation_context=OURS, step=100, precision=1, get=_shift_of, set=_shift,
+        description="Move the whole transfer function to higher or lower values, in their unit")
+    shift_finely: FloatProperty(
+        name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
+        description="Move the whole transfer function to higher or lower values, in their unit")
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
     opacity_unit_distance: LiveFloat(
@@ -293,7 +290,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_shading: LiveBool(
         name="Shading", description="Light the volume like a surface where its values change", default=True)
     ambient: LiveFloat(
-        name="Base Brightness", default=0.2, min=0.0, soft_max=1.0,
+        name="Base Light", default=0.2, min=0.0, soft_max=1.0,
         description="Brightness that does not depend on the lights")
     diffuse: LiveFloat(
         name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")

@@ -216,7 +216,7 @@ def in_scene(scene):
 
 
 def picture_of(scene=None, **options):
-    """Save Picture of the active volume; returns (the image, its pixels)."""
+    """Make Picture of the active volume; returns (the image, its pixels)."""
     assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
     image = (scene or bpy.context.scene).rle_splat.image
     return image, image_pixels(image)

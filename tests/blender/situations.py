@@ -40,10 +40,10 @@ SITUATIONS = {
     "B24": ("a clip object is deleted", "it no longer cuts"),  # test_messages.py
     "B25": ("a volume is in the scene through an instanced collection alone", "it does not count as deleted: it is "
             "drawn, or the message says why not"),
-    "B26": ("the volume is in a collection that is hidden in the window", "Save Picture and renders show it where "
+    "B26": ("the volume is in a collection that is hidden in the window", "Make Picture and renders show it where "
             "it is now"),
     "B27": ("the volume's collection is hidden from renders, and shown again", "renders go with it"),
-    "B28": ("a mesh is looked at in local view", "Save Picture and renders still show the volume"),
+    "B28": ("a mesh is looked at in local view", "Make Picture and renders still show the volume"),
     # View layers: test_view_layers.py
     "B29": ("the volume is excluded from the first of two view layers", "each layer shows what it has"),
     "B30": ("meshes are excluded from one of two view layers", "they hide the volume in the other layer alone"),
@@ -62,8 +62,8 @@ SITUATIONS = {
     "B40": ("an operator would edit a linked volume", "it is refused in a sentence"),
     "B41": ("a volume is appended from a .blend in another folder", "its file is found"),
     # Pictures and what they were made from: test_situations_stale.py
-    "B42": ("a point of the opacity curve is moved from Python", "the next Save Picture shows it"),
-    "B43": ("a stop of the color ramp is removed from Python", "the next Save Picture shows it"),
+    "B42": ("a point of the opacity curve is moved from Python", "the next Make Picture shows it"),
+    "B43": ("a stop of the color ramp is removed from Python", "the next Make Picture shows it"),
     "B44": ("the transfer function is edited from Python, with Persistent Data", "the next render shows it"),
     "B45": ("the transfer function is edited under a backdrop that follows", "the backdrop shows it"),
     "B46": ("the camera is moved under a backdrop that follows", "the backdrop shows it"),
@@ -74,9 +74,9 @@ SITUATIONS = {
     "B51": ("the size of the render is changed under a backdrop that follows", "the backdrop has the new size"),
     "B52": ("a mesh is moved in front of a backdrop that follows", "the backdrop shows it"),
     # Switches: test_switches.py; B55 and B57: test_motion.py
-    "B53": ("Meshes Hide Volume, and Save Picture", "a mesh in front hides the volume as in renders"),
+    "B53": ("Meshes Hide Volume, and Make Picture", "a mesh in front hides the volume as in renders"),
     "B54": ("Meshes Hide Volume, and Shadow Pass", "a mesh in front hides the volume as in renders"),
-    "B55": ("motion blur", "Save Picture and renders show the same"),
+    "B55": ("motion blur", "Make Picture and renders show the same"),
     "B56": ("the Mist pass is switched on", "the picture stays the same"),
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),
     # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_transfer.py, test_vdb.py

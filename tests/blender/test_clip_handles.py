@@ -1,4 +1,4 @@
-"""Clip objects of a volume: they move with it, cut it alone, and their handles move one face; Clip to View."""
+"""Clip objects of a volume: they move with it, cut it alone, and their handles move one face; Cut Along View."""
 
 import bpy
 import numpy as np

@@ -38,7 +38,7 @@ def translate(monkeypatch):
 
 
 def told_beside(monkeypatch, what):
-    """Bytes as the panel has them in parentheses, with single rays or among meshes."""
+    """Bytes as the panel has them in parentheses, with exact pixels or among meshes."""
     found = re.search(rf"[(,] ?([\d.]+) (\w+) {what}[,)]", said(monkeypatch))
     return float(found[1]) * UNITS[found[2]]
 
@@ -47,7 +47,7 @@ def told_beside(monkeypatch, what):
 @pytest.mark.parametrize("classification, name", (("pre", "standard"), ("post", "standard"), ("post", "strict")))
 def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monkeypatch, classification, name, side):
     """Of post a picture says how many voxels it keeps, which are more than the visible ones; of strict it has some of
-    its pixels by single rays, which small pictures take most for."""
+    its pixels by exact pixels, which small pictures take most for."""
     scenes.use_cycles((side, side))
     bpy.context.scene.camera.location.z = 105.0  # it fills the frame, as the panel reckons
     settings = bpy.context.scene.rle_splat
@@ -60,7 +60,7 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     rendering = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     if quality.rays == 0.0 < rendering.report["plan"]["rays"]:
-        needed = told_beside(monkeypatch, "with single rays")
+        needed = told_beside(monkeypatch, "with exact pixels")
     kept = rendering.report["volume"]["visible_fraction"]
     assert share == pytest.approx(kept, abs=0.001) if classification == "pre" else share < kept < 2.0 * share
     assert needed == pytest.approx(rendering.report["memory_estimate_bytes"]["needed"], rel=0.3)
@@ -75,7 +75,7 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     bpy.ops.mesh.primitive_cube_add(size=10.0, location=(23.5, 23.5, 23.5))
     assert translate(monkeypatch)[0] == alone
     among = told_beside(monkeypatch, "among meshes")
-    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
+    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no exact pixels
     drafted = translate(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
     for with_meshes, needed in zip((False, True), drafted):
         plain, quality = bridge("scene.render_scene").read_scene(
@@ -111,7 +111,7 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification
-    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no single rays
+    bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no exact pixels
     free = int(0.9 * translate(monkeypatch)[0])
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)

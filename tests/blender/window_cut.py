@@ -173,7 +173,7 @@ def check_volume_shows_handles(name):
 
 
 def check_plane(name):
-    """Clip to View from the view as it is; its handle moves it along its normal."""
+    """Cut Along View from the view as it is; its handle moves it along its normal."""
     scenes.activate(bpy.data.objects[name])
     look((55.0, 0.0, 25.0))
     yield

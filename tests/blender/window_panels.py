@@ -85,7 +85,7 @@ def close_popup():
 
 
 def check_saved_picture():
-    """Save Picture opens an image editor with what it made."""
+    """Make Picture opens an image editor with what it made."""
     yield from new_file()
     with in_the_view():
         add_volume(folder())

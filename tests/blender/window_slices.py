@@ -13,6 +13,7 @@ from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
     SHOTS,
+    TAB,
     area_of,
     drive,
     in_the_view,
@@ -20,6 +21,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    region_of,
     until,
     window,
 )
@@ -62,11 +64,12 @@ def send(kind: str, place, value: str = "PRESS", **keys) -> None:
 
 
 def middle(region) -> np.ndarray:
-    return np.array([region.x + region.width // 2 + 12, region.y + region.height // 2 + 17])
+    """A pixel near the middle of a region that the sidebar does not cover."""
+    return np.array([region.x + 2 * region.width // 5, region.y + region.height // 2 + 17])
 
 
 def set_up():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_slices")
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "slices", "display", "shading", "render", "picture")))
     yield from new_file()
     z, y, x = np.mgrid[:N, :N, :N]
     inside = (x - 11.5) ** 2 + (y - 11.5) ** 2 + (z - 11.5) ** 2 < 120.0
@@ -167,9 +170,41 @@ def check_back(name):
     assert not len(area_of("VIEW_3D").spaces.active.region_quadviews)
 
 
+def check_display(name):
+    """A MIP begins with grays that suit it, on black, beside a scale bar and a color bar; the cut is switched off."""
+    properties, space = bpy.data.objects[name].rle_splat, area_of("VIEW_3D").spaces.active
+    space.show_object_viewport_volume = True
+    for one in slices().values():
+        one.hide_set(True)
+    scenes.activate(bpy.data.objects[name])
+    bpy.context.scene.rle_splat.show_scale_bar = bpy.context.scene.rle_splat.show_color_bar = True
+    properties.display = "mip"
+    with in_the_view():
+        assert bpy.ops.rle_splat.black_background() == {"FINISHED"}
+    yield from settled()
+    yield from photograph("mip_on_black")
+    region = region_of(area_of("VIEW_3D"), "WINDOW")
+    picture = scenes.load_pixels(Path(os.environ[SHOTS]) / "mip_on_black.png")[::-1]
+    bar = picture[region.y + 60 : region.y + 220, region.x + 74, :3]
+    assert np.ptp(bar) > 0.8 and (np.diff(bar[:, 0]) >= -0.01).all(), "no color bar from black to white"
+    properties.display = "composite"
+    yield from settled()
+    yield from photograph("shaded_again")
+
+
+def check_tab():
+    """After the extension was installed its tab is open."""
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    yield from until(lambda: sidebar.active_panel_category == TAB)
+    yield from photograph("installed")
+    assert area_of("VIEW_3D").spaces.active.show_region_ui
+
+
 def scenario():
+    yield from check_tab()
+    passed("check_tab")
     name = yield from set_up()
-    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back):
+    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back, check_display):
         yield from check(name)
         passed(check.__name__)
 
