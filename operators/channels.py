@@ -11,14 +11,13 @@ from ..bridge.held import Held
 from ..bridge.loop import store
 from ..bridge.translations import translate
 from ..bridge.volumes import channels, loading, new_volume, volumes
+from ..rle_splat.read.channels import MOST_CHANNELS
 from ..rle_splat.runtime.steps import rescale
 from ..rle_splat.scene import RleSplatError
 from .import_volume import LAST_SUFFIXES, ImportsVolumes
 from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_editable_values, has_editable_volume, refuse
-
-MOST_CHANNELS = 16  # of one file
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):

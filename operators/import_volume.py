@@ -35,8 +35,7 @@ DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name i
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
 ENCODED = "encoded"  # in place of the name of a format
-# Switches that a dialog proposes to users, and no script gets without asking.
-PROPOSED = ("use_headlight", "hide_table")
+PROPOSED = ("use_headlight", "hide_table")  # what a dialog proposes to users, and no script gets without asking
 LETTERS = 38  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -160,8 +159,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             shown.switch_all(context.window, False)
 
     def _steps(self, paths):
-        """Generator of Progress: (ReadSource, options, TransferFunction or None, reason for it, MadeSegment of the body
-        or None) of each path."""
+        """Generator of Progress: ReadSource, options, TransferFunction or None, reason for it, and MadeSegment or None,
+        of each path."""
         read = []
         for i, path in enumerate(paths):
             options = source_options.PlainOptions()

@@ -10,16 +10,14 @@ from typing import NamedTuple
 
 import bpy
 import numpy as np
-from mathutils import Color
 
 from ...rle_splat.classify.anatomy import find_appearance
-from ...rle_splat.classify.label_styles import LabelStyle, labels_of
+from ...rle_splat.classify.label_styles import LabelStyle, distinct_color, labels_of
 from ...rle_splat.read.formats import RAW, format_of
 from ...rle_splat.read.labels import read_label_steps
 from ...rle_splat.runtime.steps import announce, drain, rescale
 from ...rle_splat.scene import Labels, RleSplatError
-from ...rle_splat.segment.label_map import BACKGROUND
-from ...rle_splat.volume.counts import counts_values, list_stored_values
+from ...rle_splat.segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ...rle_splat.volume.measure import measure_steps
 from ...rle_splat.volume.volume import Volume
 from ..data.decimals import typed
@@ -44,7 +42,6 @@ FUNCTION_ITEMS = [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
-MOST_LABELS = 512  # a file with more different values is a scan, not a label map
 PURPOSE = "labels"  # see ``store.Wish``
 
 
@@ -242,7 +239,7 @@ def _describe(row, number: int, named) -> None:
     row.label_name = named.name if named else f"Label {number}" if number else "Background"
     row.show, row.look, row.opacity = True, OWN, 1.0
     row.use_color = named is not None and named.color is not None
-    row.color = named.color if row.use_color else _distinct_color(number)
+    row.color = named.color if row.use_color else distinct_color(number)
 
 
 def show_anatomy(rows) -> tuple[int, int]:
@@ -259,7 +256,7 @@ def show_anatomy(rows) -> tuple[int, int]:
             row.show = False
             continue
         known = find_appearance(row.label_name)
-        row.shown_color = known.color if known else _distinct_color(row.label)
+        row.shown_color = known.color if known else distinct_color(row.label)
         row.look, row.opacity = SOLID, known.opacity if known else 1.0
         found, count = found + bool(known), count + 1
     return found, count
@@ -271,27 +268,6 @@ def check_grid(found: Volume, volume: Volume) -> None:
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
-
-
-def _distinct_color(number: int) -> tuple:
-    """A scene-linear color; those of numbers that follow one another are apart by the golden ratio of hues."""
-    color = Color()
-    color.hsv = number * 0.618034 % 1.0, 0.75, 0.8
-    return tuple(color)
-
-
-def value_steps(volume):
-    """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
-    MOST_LABELS of them."""
-    if counts_values(volume.voxels.dtype):
-        return list_stored_values(volume.voxels.dtype)[volume.value_counts > 0]
-    found = np.zeros(0, volume.voxels.dtype)
-    for z, plane in enumerate(volume.voxels):
-        found = np.union1d(found, plane)
-        if len(found) > MOST_LABELS:
-            break
-        yield z / len(volume.voxels)
-    return found
 
 
 def remove_row(rows, index: int) -> bool:

@@ -17,7 +17,7 @@ from ...rle_splat.read.formats import write_steps
 from ...rle_splat.runtime.steps import announce, rescale
 from ...rle_splat.scene import RleSplatError
 from ...rle_splat.segment import body as segment
-from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, put_segment
+from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, put_segment, value_steps
 from ...rle_splat.volume.volume import NamedLabel, Volume
 from ..look import transfer
 from ..loop import store
@@ -141,7 +141,7 @@ def _written_steps(labels_after: Volume, named: tuple, path: str, number: int):
     after = replace(labels_after, named_labels=named, remarks=())
     os.makedirs(os.path.dirname(path), exist_ok=True)
     yield from rescale(write_steps(after, path), 0.0, WRITTEN, "writing the segments")
-    values = yield from announce(labels.value_steps(after), WRITTEN, 1.0, "reading labels")
+    values = yield from announce(value_steps(after), WRITTEN, 1.0, "reading labels")
     return MadeSegment(path, labels.LabelMap(after, values), number)
 
 

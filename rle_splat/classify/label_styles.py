@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import colorsys
 from dataclasses import dataclass, replace
 
 from ..scene import Labels, RleSplatError, as_float, from_mapping, read_json
@@ -9,6 +10,12 @@ from .presets import fit_preset, preset
 from .transfer_function import TransferFunction
 
 SOLID_VOXELS = 10.0  # thickness to which the opacity of a solid label refers, in voxels of the smallest spacing
+
+
+def distinct_color(number: int) -> tuple:
+    """A scene-linear color; hues of numbers that follow one another are apart by the golden ratio."""
+    return colorsys.hsv_to_rgb(number * 0.618034 % 1.0, 0.75, 0.8)
+
 
 @dataclass(frozen=True)
 class LabelStyle:

@@ -156,7 +156,7 @@ def _make(args, line):
     sources = Sources(
         DataSource(_use_slashes(args.volume), {**level_options(volume), **volume_options(args)}),
         None if args.labels is None else DataSource(_use_slashes(args.labels)),
-        tuple(map(DataSource, map(_use_slashes, args.channel), further.channel_options)),
+        tuple(DataSource(_use_slashes(path), options) for path, options in further.channel_sources),
     )
     return made, remarks, sidecar_of(made, sources)
 

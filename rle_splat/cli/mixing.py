@@ -6,15 +6,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..classify.default import default_channel_function_steps
-from ..classify.label_styles import LabelStyle, labels_of, read_label_styles
+from ..classify.label_styles import LabelStyle, distinct_color, labels_of, read_label_styles
 from ..classify.presets import PRESETS, fit_preset_steps
 from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
-from ..read.channels import read_channel_steps
+from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
 from ..runtime.steps import drain
 from ..scene import Channel, RleSplatError, Scene
+from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ..volume.volume import Volume
+from .options import volume_options
 
 LABEL_EDGES = ("smooth", "voxels")
 
@@ -28,7 +30,7 @@ def add_mixing_options(parser) -> None:
         "--label-functions", metavar="FILE.json",
         help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
-        "the label file",
+        "the label file, or distinct colors if it has none",
     )
     group.add_argument(
         "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0],
@@ -37,6 +39,10 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
         help="a volume to add to the picture; may be given several times",
+    )
+    group.add_argument(
+        "--file-channels", action="store_true",
+        help="add the other channels in the file of the volume, each in its color and with a window of its own",
     )
     group.add_argument(
         "--channel-function", action="append", default=[], metavar="FILE.json|PRESET",
@@ -91,11 +97,19 @@ def _read_styles(path) -> tuple | None:
     return read_label_styles(path)
 
 
-def _style_labels(path, labels) -> tuple:
-    """The styles of the labels that a label file names."""
-    if not labels.named_labels:
-        raise RleSplatError(f"{Path(path).name} does not name its labels; give their colors with --label-functions.")
-    return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
+def _style_labels(path, labels: Volume) -> tuple:
+    """The styles of the labels that a label file names; of one without names, such as of nuclei, distinct colors."""
+    if labels.named_labels:
+        return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
+    numbers = drain(value_steps(labels))
+    if len(numbers) > MOST_LABELS:
+        raise RleSplatError(
+            f"{Path(path).name} has more than {MOST_LABELS} different values; choose a label map, or say what its "
+            "labels look like with --label-functions."
+        )
+    return tuple(
+        LabelStyle(int(n), hidden=bool(n == BACKGROUND), color=distinct_color(int(n)), solid=True) for n in numbers
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +120,13 @@ class Further:
     ----------
     labels : Volume or None
     channels : tuple of Volume
-    channel_options : tuple of dict
-        Of ``read_volume``, by which each channel is read again.
+    channel_sources : tuple of (str, dict)
+        Path of each channel, and options of ``read_volume`` by which it is read again.
     """
 
     labels: Volume | None = None
     channels: tuple = ()
-    channel_options: tuple = ()
+    channel_sources: tuple = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -124,8 +138,22 @@ class Further:
 def read_further(args, volume, line) -> Further:
     """Read the labels and channels of the options, with progress on a ProgressLine; ``volume``: the scene's."""
     labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume))
-    found = [line.follow(read_channel_steps(path, volume)) for path in args.channel]
-    return Further(labels, tuple(channel for channel, _ in found), tuple(options for _, options in found))
+    sources = [(path, None) for path in args.channel] + (_file_channels(args, volume) if args.file_channels else [])
+    found = [line.follow(read_channel_steps(path, volume, options)) for path, options in sources]
+    again = ((path, options) for (path, _), (_, options) in zip(sources, found))
+    return Further(labels, tuple(channel for channel, _ in found), tuple(again))
+
+
+def _file_channels(args, volume: Volume) -> list:
+    """Path and options of each other channel in the file of the volume."""
+    name = Path(args.volume).name
+    if volume.frames == 1 or volume.frame_axis == "time":
+        raise RleSplatError(f"{name} holds no further channels; leave --file-channels out.")
+    if volume.frames > MOST_CHANNELS:
+        raise RleSplatError(f"{name} holds {volume.frames} volumes; at most {MOST_CHANNELS} can be shown as channels.")
+    options = {**level_options(volume), **volume_options(args)}
+    shown = options.get("frame") or 1
+    return [(args.volume, {**options, "frame": n}) for n in range(1, volume.frames + 1) if n != shown]
 
 
 def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
@@ -152,7 +180,7 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
             styles = _style_labels(args.labels, further.labels)
         smooth = args.label_edges == LABEL_EDGES[0]
         labels = labels_of(further.labels, styles, scene.volume, scene.transfer_function, smooth)
-    given = functions or (None,) * len(further.channels)
+    given = functions + (None,) * (len(further.channels) - len(functions))
     channels = tuple(Channel(one, _function_of(one, name)) for one, name in zip(further.channels, given))
     return replace(scene, labels=labels, channels=channels)
 

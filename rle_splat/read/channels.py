@@ -6,6 +6,8 @@ from ..volume.regrid import on_grid_steps
 from ..volume.volume import Volume
 from .formats import format_of, read_steps
 
+MOST_CHANNELS = 16  # of one file
+
 
 def read_channel_steps(path, volume: Volume, options: dict | None = None):
     """Generator of Progress: read a channel and bring it onto the grid of a volume.

@@ -66,8 +66,9 @@ def _whole_steps(labels: Volume):
     voxels = np.empty(labels.voxels.shape, dtype=np.int32)
     for z, stored in enumerate(labels.voxels):
         values = labels.physical(stored)
-        if not (np.abs(values) <= LARGEST).all() or (values != np.round(values)).any():
+        if (values != np.round(values)).any():
             return labels  # no label map; Labels says so
+        _check_numbers(float(values.min()), float(values.max()))
         voxels[z] = values
         yield Progress(z / len(voxels), DOING)
     return replace(labels, voxels=voxels, slope=1.0, intercept=0.0)
@@ -78,6 +79,7 @@ def _narrow_steps(labels: Volume):
     if labels.voxels.dtype.kind not in "iu" or counts_values(labels.voxels.dtype):
         return labels
     low, high = yield from announce(range_steps(labels), 0.0, 1.0, DOING)
+    _check_numbers(low, high)
     fits = [kind for kind in NARROW if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
     if not fits:
         return labels
@@ -86,6 +88,13 @@ def _narrow_steps(labels: Volume):
         voxels[z] = stored
         yield Progress(z / len(voxels), DOING)
     return replace(labels, voxels=voxels)
+
+
+def _check_numbers(low: float, high: float) -> None:
+    """RleSplatError if labels from ``low`` to ``high`` have numbers that tables of labels cannot hold."""
+    if max(-low, high) > LARGEST:
+        number = high if high > LARGEST else low
+        raise RleSplatError(f"The label file has the number {number:.0f}; give labels numbers below 2^31.")
 
 
 def _names_beside(path: Path) -> tuple[NamedLabel, ...]:

@@ -1,7 +1,7 @@
 """Whether a CT was taken with contrast medium in the vessels, by the histogram of its body above soft tissue.
 
-Bone also has values above soft tissue.  But it is thin or porous, so averages of about 4 mm change from one to the
-next, and those within a heart or an aorta that are filled with contrast medium do not.
+Bone also has values above soft tissue.  But it is thin or porous, so that averages of about 4 mm change from one to the
+next.  Those within a heart or an aorta that are filled with contrast medium do not.
 """
 
 from __future__ import annotations

@@ -7,10 +7,26 @@ from dataclasses import replace
 import numpy as np
 
 from ..scene import RleSplatError
+from ..volume.counts import counts_values, list_stored_values
 from ..volume.volume import Volume
 
 WIDTHS = (np.uint8, np.int16, np.uint16, np.int32)  # types of label maps, the narrowest first
 BACKGROUND = 0
+MOST_LABELS = 512  # a file with more different values is a scan, not a label map
+
+
+def value_steps(labels: Volume):
+    """Generator of fractions done: the stored values of a label map, ascending; of one that is none, more than
+    MOST_LABELS of them."""
+    if counts_values(labels.voxels.dtype):
+        return list_stored_values(labels.voxels.dtype)[labels.value_counts > 0]
+    found = np.zeros(0, labels.voxels.dtype)
+    for z, plane in enumerate(labels.voxels):
+        found = np.union1d(found, plane)
+        if len(found) > MOST_LABELS:
+            break
+        yield z / len(labels.voxels)
+    return found
 
 
 def empty_map(volume: Volume) -> Volume:

@@ -187,6 +187,38 @@ def test_channels_are_matched_by_their_places(call, refused, function_file, tmp_
     assert "The channel lies elsewhere" in refused(*words("away"))
 
 
-def test_labels_without_names_need_looks(call, raw, raw_options, labels, tmp_path):
-    result = call("render", raw, *raw_options, "--labels", labels, "-o", tmp_path / "x.npy")
-    assert result.code == 2 and "does not name its labels; give their colors with --label-functions" in result.err
+def test_labels_without_names_have_distinct_colors(picture, labels, voxels, tmp_path):
+    """As instances of nuclei: solid, whatever the values are, and voxels of no label hidden."""
+    found = np.fromfile(labels, np.uint16).reshape(voxels.shape)
+    found[:, :, :4] = 0
+    found.tofile(labels)
+    rgba, _ = picture("--labels", labels)
+    left, right = (rgba[10:26, columns].reshape(-1, 4).mean(axis=0) for columns in (slice(13, 17), slice(24, 30)))
+    assert rgba[10:26, :8, 3].max() < 0.05 and min(left[3], right[3]) > 0.9
+    assert np.abs(left[:3] - right[:3]).max() > 0.3
+
+
+def test_a_scan_in_place_of_labels(call, raw, raw_options, tmp_path):
+    """More values than labels can have."""
+    scan = tmp_path / "scan.raw"
+    np.arange(20 * 16 * 12, dtype=np.uint16).tofile(scan)
+    result = call("render", raw, *raw_options, "--labels", scan, "-o", tmp_path / "x.npy")
+    assert result.code == 2 and "scan.raw has more than 512 different values" in result.err
+
+
+def test_channels_of_a_file(call, refused, tmp_path):
+    """Each in its color: with the other channel a picture has both, and a figure is made again from its sidecar."""
+    tifffile = pytest.importorskip("tifffile")
+    values = np.zeros((20, 2, 20, 20), np.uint16)  # z, channel, y, x
+    values[6:14, 0, 4:9, 6:14] = 900
+    values[6:14, 1, 12:17, 6:14] = 5000
+    tifffile.imwrite(tmp_path / "cells.tif", values, imagej=True, metadata={"axes": "ZCYX"})
+    words = ["render", tmp_path / "cells.tif", "--size", "40", "--elevation", "90", "--no-shading", "-o"]
+    alone, both = tmp_path / "alone.npy", tmp_path / "both.npy"
+    assert call(*words, alone).code == 0
+    assert call(*words, both, "--file-channels").code == 0
+    green, magenta = (np.load(path)[..., :3].reshape(-1, 3).max(axis=0) for path in (alone, both))
+    assert green[1] > 0.3 > 1e-6 > green[0] and magenta[0] > 0.3 and magenta[1] == pytest.approx(green[1], abs=0.02)
+    tifffile.imwrite(tmp_path / "one.tif", values[:, 0], imagej=True, metadata={"axes": "ZYX"})
+    assert "no further channels" in refused("render", tmp_path / "one.tif", "--file-channels", "-o", alone)
+

@@ -120,6 +120,23 @@ def test_shapes_have_the_volumes_of_their_formulas(tmp_path: Path, grid: str):
         assert counted(tmp_path, volume, shapes) == pytest.approx(exact, rel=0.01)
 
 
+@pytest.mark.parametrize("grid", GRIDS)
+def test_irregular_regions_have_the_areas_of_their_polygons(tmp_path: Path, grid: str):
+    """The area of a polygon, from its corners, times the distance of slices; summed and in millimeters."""
+    random, volume = np.random.default_rng(4), scan(**GRIDS[grid])
+    shapes, area = [], 0.0
+    for z in range(10, 32):
+        radius = 13.0 + sum(random.uniform(0.0, 2.0) * np.cos(n * ANGLES + random.uniform(0.0, 6.0)) for n in (2, 3, 5))
+        x, y = MIDDLE[0] + radius * np.cos(ANGLES), MIDDLE[1] + radius * np.sin(ANGLES)
+        shapes.append(np.stack([x, y, np.full_like(x, z)], axis=1))
+        corners = shapes[-1] @ volume.affine[:3, :3].T
+        area += 0.5 * np.linalg.norm(np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0))
+    apart = np.cross(*volume.affine[:3, :2].T)
+    apart = abs(volume.affine[:3, 2] @ apart) / np.linalg.norm(apart)
+    voxel = abs(np.linalg.det(volume.affine[:3, :3]))
+    assert counted(tmp_path, volume, shapes) * voxel == pytest.approx(area * apart, rel=0.01)
+
+
 @pytest.mark.parametrize("step", [0.5, 1.5, 2.0, 3.0])
 def test_planes_of_another_distance_than_the_slices(tmp_path: Path, step: float):
     """A part of a sphere between two contours, whose volume is known."""

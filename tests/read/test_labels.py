@@ -95,6 +95,29 @@ def test_labels_of_another_place_are_refused():
         drain(on_grid_steps(labels_on(affine, SHAPE), SCAN))
 
 
+@pytest.mark.parametrize(
+    ("stored", "numbers"),
+    [(np.uint32, (0, 1, 2**31)), (np.int64, (0, 1, 2**40)), (np.float32, (0, 2**31, 3)), (np.int64, (0, -(2**33), 3))],
+)
+def test_numbers_that_are_too_large_are_an_error(stored, numbers, tmp_path):
+    voxels = np.zeros((2, 3, 4), stored)
+    voxels.ravel()[:3] = np.array(numbers, stored)
+    nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4), dtype=stored), tmp_path / "a.nii")
+    scan = Volume(np.zeros((4, 3, 2), np.int16), np.diag((-1.0, -1.0, 1.0, 1.0)), space="patient")
+    wanted = max(numbers, key=abs)
+    with pytest.raises(RleSplatError, match=rf"the number {wanted}; give labels numbers below 2\^31"):
+        drain(read_label_steps(tmp_path / "a.nii", scan))
+
+
+def test_negative_numbers_are_labels(tmp_path):
+    voxels = np.zeros((2, 3, 4), np.int32)
+    voxels[0, 0, :2] = -3, 70
+    nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4), dtype=np.int32), tmp_path / "a.nii")
+    scan = Volume(np.zeros((4, 3, 2), np.int16), np.diag((-1.0, -1.0, 1.0, 1.0)), space="patient")
+    found = drain(read_label_steps(tmp_path / "a.nii", scan)).voxels
+    assert found.dtype == np.int16 and np.unique(found).tolist() == [-3, 0, 70]
+
+
 def test_labels_without_a_place_are_matched_by_index_and_say_so():
     labels = labels_on(np.eye(4), SHAPE, None)
     found = drain(on_grid_steps(labels, SCAN))
