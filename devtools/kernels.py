@@ -57,9 +57,7 @@ def _make(version: str, level: str, path: Path) -> None:
     make_file(path, path, level, [core_of(version).python], environ)
 
 
-def make_file(
-    path: Path, seen_as: str | Path, level: str, python: list, environ: dict[str, str], pictures=()
-) -> None:
+def make_file(path: Path, seen_as: str | Path, level: str, python: list, environ: dict[str, str], pictures=()) -> None:
     """Compile the kernels for a level by any Python, and pack them into a file.
 
     ``python``: the command that runs it where ``rle_splat`` and ``devtools`` can be imported; it knows the file as
