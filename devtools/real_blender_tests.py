@@ -33,7 +33,7 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 DRAWN = (
     "orthographic", "perspective", "sideways", "lights", "lights, draft", "lights and meshes", "hard walls",
     "surfaces only", "unlit", "hard walls, unlit", "clip objects", "X-ray", "maximum", "labels", "channels",
-    "channels, unlit", "channels, pre-classified", "pre-classified", "pre-classified, sideways",
+    "channels, unlit", "channels, hard walls", "channels, pre-classified", "pre-classified", "pre-classified, sideways",
     "pre-classified, unlit", "pre-classified, lights", "short records",
 )  # fmt: skip
 

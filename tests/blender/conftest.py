@@ -41,7 +41,7 @@ EVERY_BLENDER = {
     "test_turntable.py", "test_modes.py", "test_motion.py", "test_messages.py", "test_switches.py",
     # The interface: panels, operators, viewports.
     "test_panels.py", "test_panel_actions.py", "test_own_presets.py", "test_bad_input.py", "test_clip_handles.py",
-    "test_viewports.py", "test_live_view.py", "test_live_switch.py", "test_live_viewport.py", "test_live_bad_input.py",
+    "test_viewports.py", "test_live_view.py", "test_live_switch.py", "test_live_bad_input.py",
     # What users do to a file: every situation of the catalogue of hard cases.
     "test_situations_copies.py", "test_situations_deletion.py", "test_situations_edits.py", "test_situations_files.py",
     "test_situations_identity.py", "test_situations_renders.py", "test_situations_stale.py",

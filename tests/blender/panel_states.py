@@ -1,7 +1,7 @@
 """What a user's scene can be while the panels are drawn: each state is made in an empty file, in the background as in a
 window.
 
-``STATES``: name -> function of a folder for files.  Pictures are small and made by numpy: no kernel is compiled.
+``STATES``: name -> function of a folder for files.  Pictures are small.
 """
 
 from importlib import import_module

@@ -161,15 +161,17 @@ def test_lights_are_read_as_evaluated(bridge):
     assert (area.shape, area.size, area.size_y) == ("RECTANGLE", 2.0, 0.5)
 
 
-@pytest.mark.parametrize("kind", ["POINT", "SPOT", "SUN", "AREA"])
+@pytest.mark.parametrize("kind", ["POINT", "SPOT", "SUN", "AREA", "ELLIPSE"])
 def test_a_light_that_is_not_normalized_is_as_bright_as_cycles_makes_it(bridge, tmp_path, kind):
     """"Normalize" off scales a light by its area: the plain energy read has the same ratio as two renders."""
     scene = scenes.use_cycles((8, 8), samples=256)
     scenes.add_camera((0.0, 0.0, 20.0), type="ORTHO", ortho_scale=0.2)
     scenes.add_white_floor(1.0)
-    data = bpy.data.lights.new("light", kind)
+    data = bpy.data.lights.new("light", "AREA" if kind == "ELLIPSE" else kind)
     data.energy = 10.0
-    settings = {"AREA": {"size": 0.6}, "SUN": {"angle": 0.4}}.get(kind, {"shadow_soft_size": 0.3})
+    settings = {
+        "AREA": {"size": 0.6}, "ELLIPSE": {"shape": "ELLIPSE", "size": 0.6, "size_y": 0.3}, "SUN": {"angle": 0.4},
+    }.get(kind, {"shadow_soft_size": 0.3})  # fmt: skip
     for key, value in settings.items():
         setattr(data, key, value)
     light = bpy.data.objects.new("light", data)

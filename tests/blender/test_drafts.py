@@ -262,8 +262,10 @@ def tick(following, most=5000):
 def test_a_scrubbed_backdrop_shows_a_draft_and_refines(timeline, monkeypatch):
     scene, settings = bpy.context.scene, bpy.context.scene.rle_splat
     first = backdrop_pixels()
-    monkeypatch.setattr(timeline.time, "perf_counter", iter(range(10**9)).__next__)  # a second for each look at it
-    monkeypatch.setattr(timeline, "BITE", 1.5)  # so that each tick is one step
+    done, advance = [], timeline._advance
+    monkeypatch.setattr(timeline.time, "perf_counter", lambda: float(len(done)))  # each step takes a second,
+    monkeypatch.setattr(timeline, "_advance", lambda work: done.append(work) or advance(work))
+    monkeypatch.setattr(timeline, "BITE", 0.5)  # so that each tick is one step
     scene.frame_set(2)
     settings.last_report_json = ""
     shown = tick(timeline)

@@ -175,7 +175,9 @@ def test_the_time_of_rays_is_that_of_their_work_scaled_by_what_some_took():
 
 def test_the_time_that_is_told_of_rays_is_corrected_by_what_they_take(monkeypatch):
     """Before, the FLAIR brain for 1 level was told to take six seconds until it was done after three."""
-    now = iter((10.0, 10.1, 11.5))
-    monkeypatch.setattr(planned.time, "perf_counter", lambda: next(now))
-    told = planned._say_rays(6200.0)
-    assert told(0.02).endswith(", about 6 s") and told(0.5).endswith(", about 3 s")
+    now = [10.0]
+    monkeypatch.setattr(planned.time, "perf_counter", lambda: now[0])
+    say, said = planned._say_rays(6200.0), []
+    for now[0], share in ((10.1, 0.02), (11.5, 0.5)):
+        said.append(say(share).rpartition(", ")[2])
+    assert said == ["about 6 s", "about 3 s"]

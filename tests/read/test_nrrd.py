@@ -41,6 +41,19 @@ def test_every_voxel_lies_where_its_value_says(tmp_path, name, encoding, space):
     assert all(volume.space == PATIENT and volume.unit == "mm" for volume in volumes)
 
 
+@pytest.mark.parametrize("name, short", [
+    ("left-posterior-superior", "LPS"), ("right-anterior-superior", "RAS"), ("left-anterior-superior", "LAS")])
+def test_a_space_and_its_abbreviation_are_one(tmp_path, name, short):
+    """Of each space one of both was compared with SimpleITK above."""
+    assert {name, short} & SPACES.keys()
+    found = []
+    for space in (name, short, short.lower()):
+        header = {**header_of(AFFINES["oblique"]), "space": space}
+        nrrd.write(str(tmp_path / "a.nrrd"), coordinates(AFFINES["oblique"])[0], header)
+        found.append(read_volume(tmp_path / "a.nrrd"))
+    assert all(one.space == PATIENT and np.array_equal(one.affine, found[0].affine) for one in found)
+
+
 @pytest.mark.parametrize("dtype", [">i2", "<f8", ">u4", "<i8"])
 def test_types_and_byte_orders(tmp_path, dtype):
     values = np.arange(-30, 30).reshape(3, 4, 5).astype(dtype) if "u" not in dtype else np.ones((3, 4, 5), dtype)
