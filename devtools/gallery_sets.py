@@ -85,9 +85,9 @@ def _lay_slice(stage: Stage) -> None:
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="axial")
     made = bpy.context.view_layer.objects.active
-    made.matrix_world = Matrix.Translation((0.0, 0.0, stage.middle.z + PLATE * MM - made.matrix_world.translation.z)
-                                           ) @ made.matrix_world  # fmt: skip
-    made.scale.y *= 0.86  # the table is beyond it
+    made.matrix_world = Matrix.Translation((0.0, -6.0 * MM, stage.middle.z + PLATE * MM
+                                            - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
+    made.scale.y *= 0.79  # the table is beyond it
     tree = made.material_slots[0].material.node_tree
     image, glow = (next(node for node in tree.nodes if node.bl_idname == f"ShaderNode{kind}")
                    for kind in ("TexImage", "Emission"))  # fmt: skip

@@ -2,8 +2,8 @@
 
     python3 dev.py blender --photograph tests/blender/window_recording.py --size 1280x800
 
-writes recording.gif, and pictures of the how-to guides, into build/window-shots/window_recording.  The scan is the folder
-tests/blender/data/scan, if there is one, else the practice CT.
+writes recording.gif, and pictures of the how-to guides, into build/window-shots/window_recording.  The scan is that of
+tests/blender/data/scan, if there is such a folder, else the practice CT.
 """
 
 import os
