@@ -40,9 +40,11 @@ CENTISECONDS, WIDTH, COLORS = 12, 840, 96  # of a frame
 THUMBNAILS = 120
 HOLD = 8  # frames for which a step stands still
 NEARER = 0.6  # than Frame, which shows the whole box
-STILLS = {  # pictures of the how-to guides: frames side by side, the part of each, the width of all
-    "how-to-table": ((3, 4), "810x510+150+230", 1200), "how-to-presets": ((2,), "1280x800+0+0", 1100),
-    "how-to-cut": ((18, 23), "690x540+300+200", 1200), "how-to-live": ((7, 13), "1230x660+50+80", 1300),
+HEAD, OPEN, VIEW = "810x510+150+230", "690x540+300+200", "1230x660+50+80"  # parts of a frame
+STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
+    "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
+    "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((7, VIEW), (13, VIEW)), 348),
+    "gallery-strip": (((1, HEAD), (4, HEAD), (23, "740x510+200+230"), (25, "820x610+230+120")), 330),
 }  # fmt: skip
 shown = []  # how long each photograph is shown, in frames
 
@@ -190,10 +192,10 @@ def save() -> None:
               for word in ("-delay", str(CENTISECONDS * times), str(folder / f"frame-{number:03}.png"))]  # fmt: skip
     words = ["-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
     subprocess.run(["convert", "-loop", "0", *frames, *words, str(folder / "recording.gif")], check=True)
-    for name, (numbers, part, width) in STILLS.items():
-        parts = [str(folder / f"frame-{number:03}.png") for number in numbers]
-        words = ["-crop", part, "+repage", "+append", "-resize", f"{width}x", "-quality", "82"]
-        subprocess.run(["convert", *parts, *words, str(folder / f"{name}.jpg")], check=True)
+    for name, (parts, height) in STILLS.items():
+        words = [word for number, part in parts for word in (
+            "(", str(folder / f"frame-{number:03}.png"), "-crop", part, "+repage", "-resize", f"x{height}", ")")]
+        subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 
 drive(scenario)
