@@ -121,8 +121,11 @@ def spine(stage: Stage):
     bpy.context.scene.cycles.use_denoising = True
     stage.key(3.0, (-1.2, 1.4, 2.0))
     stage.area("Rim", 50.0, (1.6, -1.4, 1.0), COLD)
-    softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
-                  (((-1.3, 1.6, 1.1), 24.0, (6.0, 5.5, 5.0)), ((1.6, 0.9, 0.6), 18.0, (3.0, 3.4, 4.0))), 0.6)
+    softbox_world(
+        ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
+        (((-1.3, 1.6, 1.1), 24.0, (6.0, 5.5, 5.0)), ((1.6, 0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
+        0.6,
+    )
     stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
     view_transform("Standard")
     yield RENDER

@@ -193,8 +193,20 @@ def save() -> None:
     words = ["-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
     subprocess.run(["convert", "-loop", "0", *frames, *words, str(folder / "recording.gif")], check=True)
     for name, (parts, height) in STILLS.items():
-        words = [word for number, part in parts for word in (
-            "(", str(folder / f"frame-{number:03}.png"), "-crop", part, "+repage", "-resize", f"x{height}", ")")]
+        words = [
+            word
+            for number, part in parts
+            for word in (
+                "(",
+                str(folder / f"frame-{number:03}.png"),
+                "-crop",
+                part,
+                "+repage",
+                "-resize",
+                f"x{height}",
+                ")",
+            )
+        ]
         subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 
