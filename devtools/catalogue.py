@@ -33,9 +33,9 @@ Numbers at the edge are treated alike under every classification:
   digits. Where the largest value is less than twice the smallest, the middle is subtracted first and less is lost.
 - A step of a transfer function is taken from the right. A range of a single value is a step.
 - An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
-- Colors, and lit colors, may be up to 1e9 times white. More is refused in one sentence.
+- Colors, and lit colors, may be up to 1e9 times white. More gives an error.
 - An opacity distance below 1e-26 world units is taken as 1e-26: what it applies to is opaque in any case.
-- Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50. Others are refused in one sentence.
+- Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50. Others give an error.
 
 | id | case | what is bounded | at most | float32 | float64 |
 |---|---|---|---|---|---|

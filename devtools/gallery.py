@@ -13,30 +13,26 @@ from .places import OUT, ROOT, Failure, clean_environ, run, say
 from .sample import sample
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "objects", "studio", "plate", "data", "grids")
+PARTS = ("scene", "sets", "objects", "studio", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture of the gallery: what the page says of it, its pixels, and how its parts are put together."""
+    """One picture of the gallery: what the page says of it, its pixels, and the samples of Cycles."""
 
     title: str
-    size: tuple[int, int]  # of each part
-    layout: str = "single"  # or "row", "grid", "turn"
+    size: tuple[int, int]
     samples: int = 6
-    suffix: str = ".jpg"
 
 
 SHOTS = {
-    "plate": Shot("CT head, the skin peeled off one side, with a titanium plate on the bone", (1280, 1600)),
-    "chest": Shot("chest CT: bones, and the heart and great vessels as a label, with a clip box", (1280, 1600)),
-    "vessels": Shot("angiography, as the largest value along each ray and shaded", (1000, 1200), "row"),
+    "spine": Shot("bones of a chest on a slice of the same CT, with pedicle screws", (1400, 1050), 12),
     "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
-    "looks": Shot("one head under four transfer functions", (800, 800), "grid"),
+    "nuclei": Shot("nuclei in a confocal stack, one of them dividing", (1400, 1050)),
+    "aorta": Shot("the two lumina of a dissected aorta", (900, 1200)),
     "smoke": Shot("smoke around a ring and an ember", (1200, 1600)),
     "engine": Shot("CT of an engine block, a quarter cut away", (1600, 1200)),
-    "turntable": Shot("a turn around the brain", (480, 420), "turn", suffix=".gif"),
 }
 
 
@@ -67,9 +63,9 @@ def _make(name: str, version: str, percent: float) -> None:
     say(f"{shot.title} ...")
     size = [max(round(0.01 * percent * pixels), 1) for pixels in shot.size]
     run_job(version, "gallery_scene.py", folder, scene=name, size=size, samples=shot.samples)
-    picture = FOLDER / (name + shot.suffix)
+    picture = FOLDER / f"{name}.jpg"
     run(
-        [ensure(CORE), "-m", "devtools.gallery_pictures", folder, shot.layout, picture],
+        [ensure(CORE), "-m", "devtools.gallery_pictures", folder, picture],
         f"{picture.name} could not be put together.", cwd=ROOT, env=clean_environ(),
     )  # fmt: skip
     say(f"  {picture}  {time.monotonic() - began:.0f} s")
@@ -82,7 +78,7 @@ def _page() -> str:
         report = FOLDER / name / "report.json"
         if report.is_file():
             found = json.loads(report.read_text(encoding="utf-8"))
-            parts.append(f"## {shot.title}\n\n![{shot.title}]({name}{shot.suffix})\n\n{effect_table(found)}\n")
+            parts.append(f"## {shot.title}\n\n![{shot.title}]({name}.jpg)\n\n{effect_table(found)}\n")
     return "\n".join(parts)
 
 

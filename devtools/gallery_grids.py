@@ -1,4 +1,4 @@
-"""Finer and smoother grids of scans for the gallery, by numpy alone (runs in an environment with numpy)."""
+"""Finer and smoother slices of a head with thick ones, for the figure and the picture of shadows."""
 
 from __future__ import annotations
 
@@ -35,38 +35,3 @@ def smoothed(voxels: np.ndarray, times: int = 1, axes=(0, 1, 2)) -> np.ndarray:
             padded = np.pad(moved, [(1, 1), (0, 0), (0, 0)], mode="edge")
             field = np.moveaxis(_weighted(padded, (0.25, 0.5, 0.25), len(moved)), 0, axis)
     return field
-
-
-def share(mask: np.ndarray, reach: int) -> np.ndarray:
-    """What share of the voxels up to ``reach`` away along each axis is in a mask, float32."""
-    found = mask.astype(np.float32)
-    for axis in range(3):
-        padded = np.pad(found, [(reach + 1, reach) if a == axis else (0, 0) for a in range(3)], mode="edge")
-        total = np.cumsum(padded, axis, dtype=np.float32)
-        high = np.take(total, range(2 * reach + 1, total.shape[axis]), axis)
-        low = np.take(total, range(total.shape[axis] - 2 * reach - 1), axis)
-        found = (high - low) / (2 * reach + 1)
-    return found
-
-
-def connected(mask: np.ndarray, seeds: np.ndarray, most: int = 400) -> np.ndarray:
-    """What of a mask is connected to the seeds by faces, found by spreading in sweeps along the axes."""
-    found = mask & seeds
-    for _ in range(most):
-        before = np.count_nonzero(found)
-        for axis in range(3):
-            for backward in (False, True):
-                found = _spread(found, mask, axis, backward)
-        if np.count_nonzero(found) == before:
-            break
-    return found
-
-
-def _spread(found: np.ndarray, mask: np.ndarray, axis: int, backward: bool) -> np.ndarray:
-    """Fill each run of a mask along an axis from its first found voxel on."""
-    grid = np.moveaxis(mask, axis, 0)
-    reached = np.moveaxis(found.copy(), axis, 0)
-    order = range(len(grid) - 2, -1, -1) if backward else range(1, len(grid))
-    for k in order:
-        reached[k] |= reached[k + 1 if backward else k - 1] & grid[k]
-    return np.moveaxis(reached, 0, axis)

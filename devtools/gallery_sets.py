@@ -1,153 +1,168 @@
-"""The sets of the gallery that show the body, each a generator that takes the stage with an imported volume and yields
-the name of a picture whenever the scene is ready for it (runs in an environment with bpy)."""
+"""The sets of the gallery that show the body and its cells, each a generator that takes the stage with an imported
+volume and yields the name of a picture whenever the scene is ready for it (runs in an environment with bpy).
+
+Every step is an operator or a setting that a user has, too.
+"""
 
 from __future__ import annotations
 
 import math
 
 import bpy
-from demo_scene import material, named, rod
-from gallery_data import FRONT, HEART, KIDNEYS, PEELED, SPECKS, STRAY, organs, peel
+from demo_scene import bevelled, material, named, rod
+from gallery_data import aorta_labels, nuclei_labels
 from gallery_objects import engine, smoke
-from gallery_plate import bend_plate
 from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
-CLEAR = 0.02  # sizes from a thin foot to the floor, which gets no shadow where it touches the volume's box
-SKIN_AND_BONE = {
-    "name": "skin and bone", "unit": "HU",
-    "opacity": [[-1000, 0], [-650, 0], [-200, 0.5], [50, 0.9], [200, 0.9], [600, 0.97], [2000, 0.98]],
-    "color": [[-1000, 0.78, 0.5, 0.37], [-120, 0.78, 0.5, 0.37], [-60, 0.75, 0.45, 0.28], [20, 0.5, 0.13, 0.09],
-              [150, 0.55, 0.17, 0.12], [180, 0.87, 0.79, 0.64], [800, 0.9, 0.83, 0.7], [2500, 0.98, 0.97, 0.94]],
-    "shade": {"ambient": 0.22, "diffuse": 0.8, "specular": 0.22, "shininess": 22},
-}  # fmt: skip
-# The four looks of one view.
-LOOKS = {
-    "skin": SKIN_AND_BONE,
-    "glass": {
-        **SKIN_AND_BONE, "name": "bone under clear skin",
-        "opacity": [[-1000, 0], [-450, 0], [-300, 0.02], [-150, 0.02], [-50, 0.004], [180, 0.004], [330, 0.5],
-                    [700, 0.9], [2000, 0.97]],
-    },
-    "bone": {
-        **SKIN_AND_BONE, "name": "bone",
-        "opacity": [[-1000, 0], [180, 0], [330, 0.4], [700, 0.85], [2000, 0.97]],
-    },
-}  # fmt: skip
-# Names and colors of a chest's labels.
-ORGANS = {HEART: ("Heart and great vessels", (0.72, 0.07, 0.05)), KIDNEYS: ("Kidneys", (0.42, 0.13, 0.09))}
-BONES = {
-    "name": "bones", "unit": None, "opacity": [[0, 0], [60, 0], [100, 0.25], [170, 0.75], [255, 0.95]],
-    "color": [[0, 0.8, 0.62, 0.45], [110, 0.84, 0.72, 0.55], [190, 0.9, 0.83, 0.7], [255, 0.97, 0.94, 0.88]],
-    "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.25, "shininess": 22},
-}  # fmt: skip
-BLOOD = {
-    "name": "vessels", "unit": None, "opacity": [[0, 0], [28, 0], [50, 0.45], [90, 0.85], [255, 0.97]],
-    "color": [[0, 0.55, 0.16, 0.1], [50, 0.62, 0.15, 0.09], [90, 0.72, 0.14, 0.08], [130, 0.78, 0.2, 0.12],
-              [200, 0.92, 0.62, 0.45]],
-    "shade": {"ambient": 0.18, "diffuse": 0.82, "specular": 0.4, "shininess": 40},
-}  # fmt: skip
+CELLS = ((0.86, 0.28, 0.22), (0.95, 0.62, 0.2), (0.35, 0.7, 0.3), (0.2, 0.6, 0.75), (0.3, 0.4, 0.85),
+         (0.65, 0.35, 0.8), (0.9, 0.45, 0.6), (0.85, 0.8, 0.35))  # fmt: skip
+LUMINA = {1: ("True Lumen", (0.72, 0.07, 0.05)), 2: ("False Lumen", (0.16, 0.3, 0.72))}
+MM = 0.001
+# Of two vertebrae: the height of their pedicles, and where a screw enters on the left and on the right, in mm from the
+# middle of the scan.
+PEDICLES = ((14.8, -29.8, -2.3), (-16.8, -29.8, 0.2))
+ENTRY = 61.8
+BONE_VOXEL = (218, 345, 63)  # in the left pedicle
+AORTA_VOXEL = (264, 270, 90)
+PLATE = -34.6  # the height of the slice
 
 
-def _mounted_head(stage: Stage) -> None:
-    """The head upright, without what it lies on and without the slices that metal in the teeth has streaked."""
-    stage.turn(180.0, "X")  # the scan's z runs from the crown down
-    stage.show(SKIN_AND_BONE)
-    shape = tuple(stage.volume.rle_splat.shape)
-    stage.hide_labels(peel(stage.folder, stage.folder / "head.raw", shape), {STRAY: "Head rest and noise"})
-    stage.clip_plane("Head Rest", stage.at(0.0, -0.418, 0.0), (0.0, -1.0, 0.0))
-    stage.clip_plane("Below the Nose", stage.at(0.0, 0.44, -0.09), (0.0, 0.1, -1.0))
+def _emission(name: str, color):
+    """A material that is as bright as its color, whatever the light."""
+    made = material(name, (0.0, 0.0, 0.0), roughness=1.0)
+    shader = made.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Emission Color"].default_value = (*color, 1.0)
+    shader.inputs["Emission Strength"].default_value = 1.0
+    return made
 
 
-def plate(stage: Stage):
-    """A head whose skin is peeled off on one side, where a plate of titanium is screwed to the bone."""
-    _mounted_head(stage)
-    for row in stage.volume.rle_splat.labels:
-        if row.label == PEELED:
-            row.label_name, row.look = "Peeled", "ct-bone"
-    # Labels with a transfer function of their own are pre-classified: a wider footprint than the tent is smoother.
-    stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
-    toward = (-1.75, 3.2, 0.95)
-    stage.camera(toward, lens=112.0, aim=(-0.06, -0.03, 0.01))
-    titanium = material("Titanium", (0.36, 0.36, 0.38), roughness=0.45, metallic=1.0)
-    screws = material("Screws", (0.3, 0.3, 0.33), roughness=0.3, metallic=1.0)
-    bend_plate(stage.volume, stage.middle, (-0.75, 0.45, 0.5), titanium, screws)
-    steel = material("Steel", (0.55, 0.56, 0.58), roughness=0.3, metallic=1.0)
-    stage.sweep(toward, -0.41)
-    stage.disk("Plinth", stage.at(0.0, -0.03, -0.33), 0.24, 0.08, material("Plinth", (0.16, 0.165, 0.175), 0.5))
-    rod("Stem", stage.at(0.0, -0.03, -0.33), stage.at(0.0, -0.03, 0.0), 0.016 * stage.size, steel)
-    stage.key(3.2, (0.9, 2.4, 2.4))
-    stage.area("Rim", 70.0, (1.3, -1.9, 1.2), COLD, side=0.7)
-    stage.area("Left Rim", 28.0, (-2.3, -0.8, 0.4), COLD, side=0.6)
-    stage.area("Fill", 8.0, (1.8, 2.6, 0.0), WARM, side=2.0)
-    plain_world((0.06, 0.07, 0.09), 0.6)
-    stage.settings.ambient_occlusion = 0.8
+def _letters(body: str, place: Vector, size: float, coat) -> None:
+    """Text that lies flat, to be read from the patient's back."""
+    curve = bpy.data.curves.new(body, "FONT")
+    curve.body, curve.size, curve.align_x, curve.align_y = body, size, "CENTER", "CENTER"
+    curve.materials.append(coat)
+    made = bpy.data.objects.new(body, curve)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(math.pi, 4, "Z")
+
+
+def _screw(entry: Vector, ahead: Vector, coat) -> Vector:
+    """A pedicle screw that enters at a point; returns where its head holds the rod."""
+    ahead = ahead.normalized()
+    turned = ahead.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    for name, radius, length, along, sides in (
+        ("Screw", 2.6, 42.0, 16.0, 48), ("Head", 5.8, 12.0, -8.5, 64), ("Set Screw", 3.6, 3.5, -15.0, 6),
+    ):  # fmt: skip
+        bpy.ops.mesh.primitive_cylinder_add(radius=radius * MM, depth=length * MM, vertices=sides)
+        made = named(name, coat)
+        made.matrix_world = Matrix.Translation(entry + along * MM * ahead) @ turned
+        if name == "Head":
+            bevelled(made, 1.2 * MM)
+    return entry - 9.5 * MM * ahead
+
+
+def _keep_bones(stage: Stage) -> None:
+    """Remove Table; the aorta, then the bones, by Keep What Is Under the Mouse; Grow by two voxels."""
+    ours = stage.volume.rle_splat
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    bpy.ops.rle_splat.remove_table()
+    bpy.ops.rle_splat.keep_connected(voxel=AORTA_VOXEL, value=170.0)
+    for row in ours.labels:
+        row.show = row.label_name == "Body"
+    bpy.ops.rle_splat.keep_connected(voxel=BONE_VOXEL, value=190.0)
+    ours.active_label = next(n for n, row in enumerate(ours.labels) if row.show)
+    bones = ours.labels[ours.active_label].label
+    bpy.ops.rle_splat.change_segment(tool="GROW", length=1.6)
+    for row in ours.labels:
+        row.show = row.label == bones
+    ours.window_center, ours.smoothness, ours.two_sided = 470.0, 1.4, False
+
+
+def _lay_slice(stage: Stage) -> None:
+    """An axial slice as the ground, brighter than the window of the bones shows it."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_slice(kind="axial")
+    made = bpy.context.view_layer.objects.active
+    made.matrix_world = Matrix.Translation((0.0, -6.0 * MM, stage.middle.z + PLATE * MM
+                                            - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
+    made.scale.y *= 0.79  # the table is beyond it
+    tree = made.material_slots[0].material.node_tree
+    image, glow = (next(node for node in tree.nodes if node.bl_idname == f"ShaderNode{kind}")
+                   for kind in ("TexImage", "Emission"))  # fmt: skip
+    spread = tree.nodes.new("ShaderNodeMapRange")
+    for name, value in (("From Min", 0.055), ("From Max", 0.26), ("To Max", 0.9)):
+        spread.inputs[name].default_value = value
+    tree.links.new(image.outputs["Color"], spread.inputs["Value"])
+    tree.links.new(spread.outputs["Result"], glow.inputs["Color"])
+
+
+def spine(stage: Stage):
+    """Bones of a chest on an axial slice, seen from the back, with screws and rods in two vertebrae."""
+    _keep_bones(stage)
+    _lay_slice(stage)
+    titanium = material("Titanium", (0.62, 0.62, 0.66), roughness=0.32, metallic=1.0)
+    at = stage.middle
+    for side in (1, 2):
+        inward = 0.18 if side == 1 else -0.18
+        upper, lower = (_screw(at + MM * Vector((row[side], ENTRY, row[0])), Vector((inward, -1.0, -0.05)), titanium)
+                        for row in PEDICLES)  # fmt: skip
+        beyond = 11.0 * MM * (lower - upper).normalized()
+        rod("Rod", upper - beyond, lower + beyond, 2.75 * MM, titanium)
+    white, ground = _emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
+    for body, x, y, size in (("R", -130.0, 85.0, 22.0), ("L", 110.0, 85.0, 22.0), ("50 mm", 65.0, 108.0, 9.0)):
+        _letters(body, at + MM * Vector((x, y, ground)), MM * size, white)
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=at + MM * Vector((65.0, 118.0, ground)))
+    named("Scale Bar", white).scale = (50.0 * MM, 1.2 * MM, 0.6 * MM)
+    camera = stage.camera((0.6, 1.6, 1.05), lens=78.0, aim=(-0.05, 0.06, -0.03))
+    camera.data.shift_x, camera.data.shift_y = -0.03, -0.02
+    stage.without_background(12)
+    bpy.context.scene.cycles.use_denoising = True
+    stage.key(3.0, (-1.2, 1.4, 2.0))
+    stage.area("Rim", 50.0, (1.6, -1.4, 1.0), COLD)
+    softbox_world(
+        ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
+        (((-1.3, 1.6, 1.1), 24.0, (6.0, 5.5, 5.0)), ((1.6, 0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
+        0.6,
+    )
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
     view_transform("Standard")
     yield RENDER
 
 
-def looks(stage: Stage):
-    """One view of a head under four transfer functions, the last as an X-ray."""
-    _mounted_head(stage)
-    stage.camera((-2.0, 3.2, 0.5), lens=158.0, aim=(-0.08, -0.05, 0.12))
-    stage.without_background()
-    stage.key(3.2, (0.6, 2.6, 2.2))
-    stage.area("Rim", 90.0, (1.6, -1.6, 1.0), COLD, side=0.8)
-    plain_world((0.06, 0.07, 0.09), 0.5)
-    stage.settings.ambient_occlusion = 0.8
-    view_transform("Standard")
-    for name, function in LOOKS.items():
-        stage.show(function)
-        yield name
-    plain_world((0.0, 0.0, 0.0), 0.0)
-    stage.settings.display = "xray"
-    look = stage.volume.rle_splat
-    look.window_center, look.window_width, look.opacity_scale = 1300.0, 2600.0, 0.25
-    yield "xray"
-
-
-def chest(stage: Stage):
-    """The bones of the chest; the heart and its vessels are a label with its own color, and the front is cut away."""
-    stage.show(BONES)
-    stage.hide_labels(organs(stage.folder), {SPECKS: "Specks"})
+def nuclei(stage: Stage):
+    """Nuclei, each in a color of its own; one of them divides."""
+    stage.read_labels(nuclei_labels())
     for row in stage.volume.rle_splat.labels:
-        if row.label in ORGANS:
-            row.use_color, (row.label_name, row.color) = True, ORGANS[row.label]
-    stage.settings.classification, stage.settings.kernel = "pre", "bspline2"
-    stage.cut_box("Window", stage.at(-0.02, -0.45, -0.02), (0.24, 0.3, 0.3))
-    stage.clip_plane("Table", stage.at(0.0, 0.31, 0.0), (0.0, 1.0, 0.0))
-    stage.clip_plane("Front", stage.at(0.0, FRONT - 0.5, 0.0), (0.0, -1.0, 0.0))
-    toward = (-1.3, -3.0, 0.75)
-    stage.camera(toward, lens=92.0, aim=(0.0, 0.0, -0.03))
-    stage.sweep(toward, stage.foot - CLEAR)
-    stage.key(3.8, (-1.5, -1.8, 2.3))
-    stage.area("Rim", 90.0, (1.9, 1.6, 1.2), COLD, side=0.9)
-    stage.area("Fill", 10.0, (2.4, -1.8, 0.0), WARM, side=2.0)
-    plain_world((0.06, 0.07, 0.09), 0.6)
-    stage.settings.ambient_occlusion = 0.8
-    view_transform("Standard")
+        row.show = row.label != 0
+        row.use_color, row.color = True, CELLS[row.label % len(CELLS)]
+    _alone(stage, (0.4, -1.45, 1.75), 62.0, (-1.2, -1.0, 1.6), (0.0, 0.03, 0.0))
     yield RENDER
 
 
-def vessels(stage: Stage):
-    """The same angiography twice: shaded under three lights on a floor, and the largest value along each ray."""
-    stage.show(BLOOD)
-    toward = (0.9, -3.0, 0.55)
-    stage.camera(toward, lens=118.0, aim=(0.02, -0.03, -0.04))
-    floor = stage.sweep(toward, stage.foot - CLEAR)
-    stage.key(3.4, (-1.2, -1.6, 2.5))
-    stage.area("Rim", 120.0, (1.9, 1.5, 0.9), COLD, side=0.8)
-    stage.area("Fill", 9.0, (2.2, -2.0, -0.2), WARM, side=2.0)
-    plain_world((0.03, 0.034, 0.042), 0.6)
+def aorta(stage: Stage):
+    """The two lumina of a dissected aorta."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    stage.read_labels(aorta_labels())
+    for row in stage.volume.rle_splat.labels:
+        row.show = row.label in LUMINA
+        if row.show:
+            row.label_name, row.shown_color = LUMINA[row.label]
+    _alone(stage, (2.5, 1.0, 0.35), 95.0, (0.5, 2.0, 1.7))
+    yield RENDER
+
+
+def _alone(stage: Stage, toward, lens: float, key, aim=(0.0, 0.0, 0.0)) -> None:
+    """Nothing but the volume, under a sun and a cold lamp from behind."""
+    stage.camera(toward, lens=lens, aim=aim)
+    stage.without_background()
+    stage.key(3.6, key)
+    stage.area("Rim", 50.0, (-key[0], -key[1], 0.8), COLD)
+    plain_world((0.05, 0.06, 0.08), 0.6)
     stage.settings.ambient_occlusion = 0.8
     view_transform("Standard")
-    yield "shaded"
-    floor.hide_render = True
-    stage.without_background()
-    plain_world((0.0, 0.0, 0.0), 0.0)
-    stage.settings.display = "mip"
-    stage.volume.rle_splat.window_center, stage.volume.rle_splat.window_width = 120.0, 250.0
-    yield "mip"
 
 
 def _glossy(stage: Stage) -> None:
@@ -193,27 +208,7 @@ def brain(stage: Stage):
     yield RENDER
 
 
-def turntable(stage: Stage, frames: int = 30):
-    """The camera's way around the brain, a picture for each step."""
-    _glossy(stage)
-    stage.without_background()
-    stage.key(3.6, (1.3, 1.6, 1.6))
-    stage.area("Rim", 60.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
-    stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
-    plain_world((0.06, 0.07, 0.09), 0.8)
-    stage.settings.ambient_occlusion = 0.8
-    view_transform("Standard")
-    for frame in range(frames):
-        angle = 2.0 * math.pi * frame / frames
-        stage.camera((3.3 * math.sin(angle), 3.3 * math.cos(angle), 0.7), lens=88.0)
-        yield f"turn{frame:02d}"
-
-
-SETS = {
-    "plate": plate, "chest": chest, "vessels": vessels, "brain": brain, "looks": looks, "smoke": smoke,
-    "engine": engine, "turntable": turntable,
-}  # fmt: skip
+SETS = {"spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta, "smoke": smoke, "engine": engine}
 DATA_OF = {
-    "plate": "head", "chest": "chest", "vessels": "vessels", "brain": "template", "looks": "head", "smoke": "smoke",
-    "engine": "engine", "turntable": "template",
+    "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta", "smoke": "smoke", "engine": "engine",
 }  # fmt: skip

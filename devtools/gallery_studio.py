@@ -70,19 +70,11 @@ class Stage:
         bpy.ops.rle_splat.load_transfer(filepath=str(path))
         self.volume.rle_splat.two_sided = False
 
-    def hide_labels(self, path: Path, hidden: dict) -> None:
-        """Read a label file and hide some of its labels, given as {label: name}."""
+    def read_labels(self, path: Path) -> None:
+        """List the segments of a label file."""
         bpy.context.view_layer.objects.active = self.volume
         self.volume.rle_splat.label_file = str(path)
         bpy.ops.rle_splat.read_labels()
-        for row in self.volume.rle_splat.labels:
-            if row.label in hidden:
-                row.label_name, row.show = hidden[row.label], False
-
-    def clip_plane(self, name: str, place: Vector, toward) -> bpy.types.Object:
-        """Cut away what lies beyond a plane through ``place``, on the side that ``toward`` points to."""
-        return self._clip("PLANE", "INSIDE", name, Matrix.Translation(place) @ Vector(toward).to_track_quat(
-            "Z", "Y").to_matrix().to_4x4() @ Matrix.Scale(0.5 * self.size, 4))  # fmt: skip
 
     def cut_box(self, name: str, middle: Vector, half) -> bpy.types.Object:
         """Cut away what is inside a box of the world's axes, given by its middle and half its sides in sizes."""

@@ -1,8 +1,9 @@
-"""The live viewport in motion, as a GIF for the documentation: the view turns about a head, then a box cuts it open.
+"""A recording for the README in a real window, by simulated mouse and keys: import, preset, Remove Table, a cut, F12.
 
-    python3 dev.py blender --photograph tests/blender/window_animation.py --size 1280x800
+    python3 dev.py blender --photograph tests/blender/window_recording.py --size 1280x800
 
-keeps it as build/window-shots/window_animation/live-viewport.gif.
+writes recording.gif, and pictures of the how-to guides, into build/window-shots/window_recording.  The scan is that of
+tests/blender/data/scan, if there is such a folder, else the practice CT.
 """
 
 import os
@@ -13,9 +14,12 @@ from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
-from tests.blender.user_steps import settled
+from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -26,66 +30,184 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     region_of,
+    until,
+    window,
 )
 
-FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_animation_")) / "practice-ct"
-TURN, CUT = 30, 12  # frames
-NEARER = 0.65  # than Frame, which shows the whole box
-CENTISECONDS, WIDTH, COLORS = 9, 640, 128  # of a frame
+SCAN = Path(__file__).parent / "data" / "scan"
+FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
+CENTISECONDS, WIDTH, COLORS = 12, 840, 96  # of a frame
+THUMBNAILS = 120
+HOLD = 8  # frames for which a step stands still
+NEARER = 0.6  # than Frame, which shows the whole box
+HEAD, OPEN, VIEW = "810x510+150+230", "690x540+300+200", "1230x660+50+80"  # parts of a frame
+STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
+    "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
+    "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((7, VIEW), (13, VIEW)), 348),
+    "gallery-strip": (((1, HEAD), (4, HEAD), (23, "740x510+200+230"), (25, "820x610+230+120")), 330),
+}  # fmt: skip
+shown = []  # how long each photograph is shown, in frames
 
 
-def look_from(turn: float) -> None:
-    view = area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((radians(78.0), 0.0, radians(turn))).to_quaternion()
+def frame(times: int = 1):
+    """Keep what the window shows at once: a draft, as a user sees it while something moves."""
+    yield from photograph(f"frame-{len(shown):03}")
+    shown.append(times)
 
 
-def frame(number: int):
-    """Keep what the window shows at once: a draft, as a user sees it while the view moves."""
-    yield from photograph(f"frame-{number:02}")
+def drag(button: str, begin, end, steps: int):
+    """Drag from one pixel of the window to another, a frame for each step."""
+    begin, end = np.array(begin, float), np.array(end, float)
+    for value, at in (("NOTHING", begin - 1), ("NOTHING", begin)):
+        simulate("MOUSEMOVE", value, at)
+        yield
+    simulate(button, "PRESS", begin)
+    yield
+    for step in range(1, steps + 1):
+        simulate("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / steps)
+        yield
+        yield from frame()
+    simulate(button, "RELEASE", end)
+    yield
+    yield from settled()
+
+
+def pixel_of(point) -> np.ndarray:
+    """Where the view shows a point of the world, in pixels of the window."""
+    area = area_of("VIEW_3D")
+    region = region_of(area, "WINDOW")
+    place = location_3d_to_region_2d(region, area.spaces.active.region_3d, Vector(point))
+    return np.array((region.x + place.x, region.y + place.y))
+
+
+def corners_of(one) -> tuple[Vector, Vector]:
+    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(one)
+    return Vector(corners.min(axis=0)), Vector(corners.max(axis=0))
+
+
+def scene_around(low: Vector, high: Vector) -> None:
+    """A floor, a lamp and a world for the render."""
+    scene, center, size = bpy.context.scene, (low + high) / 2, (high - low).length
+    with in_the_view():
+        bpy.ops.mesh.primitive_plane_add(size=20.0 * size, location=(center.x, center.y, low.z - 0.001))
+    floor = bpy.data.materials.new("Floor")
+    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.07, 0.08, 0.1, 1.0)
+    bpy.context.object.data.materials.append(floor)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy, sun.data.angle = 3.5, radians(3.0)
+    sun.rotation_euler = Euler((radians(40.0), radians(40.0), 0.0))
+    scene.collection.objects.link(sun)
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.2, 0.22, 0.26, 1.0)
+
+
+def camera_to_view() -> None:
+    region, scene = area_of("VIEW_3D").spaces.active.region_3d, bpy.context.scene
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start = 0.01
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
+
+
+def cut(volume):
+    """A box whose left face is dragged by its handle to the middle of the head."""
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    box = bpy.context.view_layer.objects.active
+    yield from settled()
+    yield from frame(3)
+    before = box.matrix_world.copy()
+    face = box.matrix_world @ Vector((1.0, 0.0, 0.0))
+    middle_of = sum(corners_of(volume), Vector()) / 2
+    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x, face.y, face.z)), 8)
+    assert box.matrix_world != before, "the handle was missed"
+
+
+def rendered():
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    yield from press("F12", middle())
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
+    yield
+    yield
 
 
 def scenario():
     # Imported when the extension, which brings pydicom, is installed.
-    import_module("devtools.practice_ct").write_series(FOLDER)
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display")
+    scan = SCAN
+    if not scan.is_dir():
+        scan = FOLDER / "practice-ct"
+        import_module("devtools.practice_ct").write_series(scan)
+    bpy.context.preferences.view.render_display_type = "AREA"
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects")
     yield from new_file()
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
+    scene.view_settings.view_transform = "Standard"
+    scene.render.resolution_x, scene.render.resolution_y = 840, 640
+    yield from frame(HOLD)
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(FOLDER)) == {"FINISHED"}
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-skin-and-bone") == {"FINISHED"}
-    look_from(25.0)
-    area_of("VIEW_3D").spaces.active.region_3d.view_distance *= NEARER
+        assert bpy.ops.rle_splat.import_folder(directory=str(scan)) == {"FINISHED"}
+    volume, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation = Euler((radians(76.0), 0.0, radians(-30.0))).to_quaternion()
+    view.view_distance *= NEARER
     yield from settled()
-    for number in range(TURN):
-        look_from(25.0 + 360.0 * number / TURN)
-        yield from frame(number)
+    yield from frame(HOLD)
+    for _ in range(THUMBNAILS):  # steps in which the pictures of presets are made
+        yield
+    for preset in ("x-ray", "ct-bone"):
+        with in_the_view():
+            assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
+        yield from settled()
+        yield from frame(HOLD)
     with in_the_view():
-        assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
-    box = bpy.context.view_layer.objects.active
-    box.rle_splat.clip_keep = "OUTSIDE"
-    look_from(25.0)
-    goal = box.location + Vector((0.095, -0.115, 0.125))  # the left, front and upper eighth of the head
-    for number in range(CUT):
-        box.location = goal + (1.0 - (number + 1) / CUT) * Vector((0.0, -0.1, 0.1))
-        yield from frame(TURN + number)
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
-    for number in range(TURN + CUT, TURN + 2 * CUT):
-        yield from frame(number)  # still, so that the cut can be seen
+    yield from frame(HOLD)
+    yield from drag("MIDDLEMOUSE", middle(100.0), middle(-70.0), 8)
+    yield from frame(3)
+    yield from cut(volume)
+    yield from frame(HOLD)
+    scene_around(*corners_of(volume))
+    bpy.context.view_layer.objects.active = volume
+    scene.rle_splat.lighting, scene.rle_splat.use_shadows = "SCENE", True
+    camera_to_view()
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    yield from settled()
+    yield from frame(HOLD)
+    yield from rendered()
+    yield from frame(2 * HOLD)
     save()
-    passed("animation")
+    passed("recording")
 
 
 def save() -> None:
-    """Put the photographs together, cut to the viewport, and remove them."""
-    folder, region = Path(os.environ[SHOTS]), region_of(area_of("VIEW_3D"), "WINDOW")
-    screen = bpy.context.window_manager.windows[0].height
-    cut = f"{region.width}x{region.height}+{region.x}+{screen - region.y - region.height}"
-    frames = sorted(folder.glob("frame-*.png"))
-    words = ["-crop", cut, "+repage", "-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
-    goal = folder / "live-viewport.gif"
-    subprocess.run(["convert", "-delay", str(CENTISECONDS), "-loop", "0", *map(str, frames), *words, str(goal)],
-                   check=True)
-    for one in frames:
-        one.unlink()
+    """Put the photographs together as a GIF, and some as pictures of the how-to guides."""
+    folder = Path(os.environ[SHOTS])
+    frames = [word for number, times in enumerate(shown)
+              for word in ("-delay", str(CENTISECONDS * times), str(folder / f"frame-{number:03}.png"))]  # fmt: skip
+    words = ["-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
+    subprocess.run(["convert", "-loop", "0", *frames, *words, str(folder / "recording.gif")], check=True)
+    for name, (parts, height) in STILLS.items():
+        words = [
+            word
+            for number, part in parts
+            for word in (
+                "(",
+                str(folder / f"frame-{number:03}.png"),
+                "-crop",
+                part,
+                "+repage",
+                "-resize",
+                f"x{height}",
+                ")",
+            )
+        ]
+        subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 
 drive(scenario)
