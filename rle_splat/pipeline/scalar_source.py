@@ -389,7 +389,7 @@ class ScalarSource(Source):
         further = [Reach.of(channel.volume, channel.transfer_function) for channel in channels]
         labeled, shadows = self.scene.labels is not None, shadow_count(self.scene) if lit else 0
         thinned = self.scene.transfer_function.gradient_opacity is not None
-        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels))
+        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels), self.quality.exact_light)
 
         def estimate_for(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)

@@ -19,12 +19,12 @@ import numpy as np
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only, thread_count
 from ..runtime.parallel import share_out
+from ..runtime.work_sizes import BRICK_SIDE as SIDE
 from . import reference
 from .sample_light import OCTAVES
 from .surface_points import STEPS
 
-SIDE = 8  # cells of a brick: its corners are 1.4 times as many, with 4 they would be 2 times as many
-SHIFT = 3
+SHIFT = SIDE.bit_length() - 1
 CORNERS = SIDE + 1
 LAYER, BRICK = CORNERS**2, CORNERS**3
 FURTHEST = 8  # bricks that a ray passes over at once
