@@ -63,6 +63,7 @@ PICTURES = (
     SyntheticPicture("sideways", 4.3, 0.0, azimuth=90.0),
     SyntheticPicture("lights", 7.7, 0.0, scene="lights", perspective=True),
     SyntheticPicture("lights, draft", 0.8, 0.0, quality="draft", scene="lights"),
+    SyntheticPicture("lights, traced", 4.0, 0.0, scene="lights", knobs={"exact_light": True}),
     SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
@@ -114,6 +115,7 @@ def prepare_steps():
     - at the qualities "standard" and "draft", which classify after interpolation and have the same kernels: by the
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
+    - at "standard", by lamps with shadows that are traced, as "strict" does and pictures for a tolerance.
     - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels, and
       with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;

@@ -19,12 +19,12 @@ import numpy as np
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only, thread_count
 from ..runtime.parallel import share_out
+from ..runtime.work_sizes import BRICK_SIDE as SIDE
 from . import reference
 from .sample_light import OCTAVES
 from .surface_points import STEPS
 
-SIDE = 8  # cells of a brick: its corners are 1.4 times as many, with 4 they would be 2 times as many
-SHIFT = 3
+SHIFT = SIDE.bit_length() - 1
 CORNERS = SIDE + 1
 LAYER, BRICK = CORNERS**2, CORNERS**3
 FURTHEST = 8  # bricks that a ray passes over at once
@@ -172,24 +172,28 @@ def _fill(row_start, column, extinction, shape_xyz, numbers, corners):
 def _fill_layers(begin, end, row_start, column, extinction, shape_xyz, numbers, corners):
     """``_fill`` for layers of bricks [begin, end)."""
     _, n_y, n_z = shape_xyz
-    _, b_y, b_x = numbers.shape
     for layer in range(begin, end):
         for z in range(layer * SIDE, min(layer * SIDE + CORNERS, n_z)):
             for y in range(n_y):
                 row = z * n_y + y
-                # A voxel on the border of two bricks is a corner of both.
-                low_y = max((y - 1) >> SHIFT, 0)
-                for v in range(row_start[row], row_start[row + 1]):
-                    if extinction[v] <= _ZERO:
-                        continue
-                    x = np.int64(column[v])
-                    for j in range(low_y, min(y >> SHIFT, b_y - 1) + 1):
-                        for i in range(max((x - 1) >> SHIFT, 0), min(x >> SHIFT, b_x - 1) + 1):
-                            if corners.size == 0:
-                                numbers[layer, j, i] = 1
-                                continue
-                            at = np.int64(numbers[layer, j, i]) * BRICK + (z - layer * SIDE) * LAYER
-                            corners[at + (y - j * SIDE) * CORNERS + x - i * SIDE] = extinction[v]
+                _fill_row(row_start[row], row_start[row + 1], y, z, layer, column, extinction, numbers, corners)
+
+
+@inner_loop
+def _fill_row(first, last, y, z, layer, column, extinction, numbers, corners):
+    """``_fill`` for voxels [first, last) of a row, in one layer; one on the border of bricks is a corner of each."""
+    _, b_y, b_x = numbers.shape
+    for v in range(first, last):
+        if extinction[v] <= _ZERO:
+            continue
+        x = np.int64(column[v])
+        for j in range(max((y - 1) >> SHIFT, 0), min(y >> SHIFT, b_y - 1) + 1):
+            for i in range(max((x - 1) >> SHIFT, 0), min(x >> SHIFT, b_x - 1) + 1):
+                if corners.size == 0:
+                    numbers[layer, j, i] = 1
+                    continue
+                at = np.int64(numbers[layer, j, i]) * BRICK + (z - layer * SIDE) * LAYER
+                corners[at + (y - j * SIDE) * CORNERS + x - i * SIDE] = extinction[v]
 
 
 @kernel
