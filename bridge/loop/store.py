@@ -114,9 +114,9 @@ def nbytes() -> int:
 
 
 def _bytes_of(value) -> int:
-    if isinstance(value, tuple):  # the light of an image: a few numbers
-        return 0
     volume = getattr(value, "volume", value)  # of a label map
+    if not hasattr(volume, "holds_values"):  # the light of an image: a few numbers
+        return 0
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
     return volume.nbytes

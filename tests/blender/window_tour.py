@@ -149,6 +149,9 @@ def save_elsewhere(number: int):
     """Save As in another folder, undo after it, and open the file."""
     folder = FOLDER / f"place {number % 2}"
     folder.mkdir(exist_ok=True)
+    with in_the_view():
+        for step in ("rendered", "before saving"):  # so that undo does not go back beyond the import
+            bpy.ops.ed.undo_push(message=step)
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "tour.blend"))
     yield
     with in_the_view():
