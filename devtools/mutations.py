@@ -301,6 +301,11 @@ MUTANTS = (
         "a spot without its soft edge", "falloff *= t * t * (3.0 - 2.0 * t)\n    return towards, falloff",
         "falloff *= t\n    return towards, falloff",
     ),
+    _light(
+        "ambient light counted twice",
+        "np.maximum(everywhere + light_by_normal(n, falling.sky), falling.material[0])",
+        "everywhere + light_by_normal(n, falling.sky) + falling.material[0]",
+    ),
     _light("an area light that shines backward", "np.maximum(off_axis, 0.0)", "np.abs(off_axis)"),
     _light(
         "a lamp without a size", "np.maximum((way**2).sum(axis=1), light[NEAREST])", "(way**2).sum(axis=1)",
