@@ -15,10 +15,13 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from .environments import CORE, ensure
+from .environments import BPY, CORE, ensure, ensure_bpy
 from .places import KERNELS, ROOT, Failure, clean_environ, say
 
-COPIED = ("rle_splat", "tests", "devtools", "pyproject.toml")
+COPIED = (
+    "rle_splat", "bridge", "operators", "panels", "__init__.py", "LICENSE", "blender_manifest.toml", "tests",
+    "devtools", "requirements", "pyproject.toml",
+)  # fmt: skip
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
 VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
@@ -26,6 +29,9 @@ VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
     for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "stage_cache_search")
 )
 LENS = "tests/truths/test_lens.py"
+NIFTI, METAIMAGE, MGH, NRRD, SUV = (
+    f"tests/read/test_{name}.py" for name in ("nifti", "metaimage", "mgh", "nrrd", "suv")
+)
 RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anything else is no verdict.
 
 
@@ -33,18 +39,40 @@ RED, GREEN = 1, 0  # pytest's exit codes: some tests failed; all passed.  Anythi
 class Mutant:
     """``changes``: (file under rle_splat, stable form, naive form), each form occurring exactly once.  ``tests``:
     what must go red, as arguments of pytest.  ``compiles``: whether any kernel is made of what is changed; mutants
-    without share the kernels that the first of them compiles."""
+    without share the kernels that the first of them compiles.  ``by``: "kernels"; "numpy", without numba; or "Blender",
+    its module: files are then those under bridge."""
 
     name: str
     case: str
     changes: tuple[tuple[str, str, str], ...]
     tests: tuple[str, ...]
     compiles: bool = True
+    by: str = "kernels"
+
+    def find(self, root: Path, file: str) -> Path:
+        """One of its files in a clone."""
+        return root / ("bridge" if self.by == "Blender" else "rle_splat") / file
 
 
 def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
     """A key of the stage cache without one of the things that the stage's result depends on."""
     return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (CACHE_SEARCH,), compiles=False)
+
+
+def _read(what: str, file: str, form: str, naive: str, tests: str) -> Mutant:
+    """A reader that takes a field of a file for another one."""
+    return Mutant(what, "reading", ((f"read/{file}", form, naive),), (tests,), compiles=False, by="numpy")
+
+
+def _light(what: str, form: str, naive: str) -> Mutant:
+    """A formula of light, in its reference implementation."""
+    tests = "tests/unit/test_shading.py", "-k", "numpy"
+    return Mutant(what, "light", (("shade/reference.py", form, naive),), tests, compiles=False, by="numpy")
+
+
+def _bridge(what: str, file: str, form: str, naive: str, tests: str) -> Mutant:
+    """What the renderer is given of Blender's data; ``tests``: FILE::TEST of tests/blender."""
+    return Mutant(what, "bridge", ((file, form, naive),), (f"tests/blender/{tests}",), compiles=False, by="Blender")
 
 
 MUTANTS = (
@@ -243,6 +271,54 @@ MUTANTS = (
         ),),
         (LENS, "-k", "ORTHO"), compiles=False,
     ),
+    _read(
+        "the qform before the sform", "nifti.py",
+        "header.get_sform(coded=True)[0]\n            if affine is None:\n                affine = header.get_qform",
+        "header.get_qform(coded=True)[0]\n            if affine is None:\n                affine = header.get_sform",
+        NIFTI,
+    ),
+    _read("a slope of zero", "nifti.py", "if slope == 0.0 or not math", "if not math", NIFTI),
+    _read(
+        "right and left of NIfTI as they are stored", "nifti.py",
+        "return lps_from_ras(scale @ check_affine(path, affine))", "return scale @ check_affine(path, affine)", NIFTI,
+    ),
+    _read("a TransformMatrix by columns", "metaimage.py", "axes.T * spacing", "axes * spacing", METAIMAGE),
+    _read("any byte order", "metaimage.py", '(">" if msb else "<")', '"<"', METAIMAGE),
+    _read(
+        "every frame the first", "metaimage.py", "parts, (frame - 1) * each, each", "parts, 0, each", METAIMAGE,
+    ),
+    _read(
+        "the center of voxels half a voxel off", "mgh.py", "0.5 * np.array(shape)", "0.5 * (np.array(shape) - 1)", MGH,
+    ),
+    _read("LAS as LPS", "nrrd.py", '"las": (1, -1, 1)', '"las": (1, 1, 1)', NRRD),
+    _read("a dose that does not decay", "dicom/suv.py", "pet.dose * 0.5 ** (elapsed / pet.half_life)", "pet.dose", SUV),
+    _read(
+        "the time of a series that was made again", "dicom/suv.py",
+        "[pet.to_series, *(one.to_acquisition for one in pets if one.to_acquisition is not None)]", "[pet.to_series]",
+        SUV,
+    ),
+    _light(
+        "a spot without its soft edge", "falloff *= t * t * (3.0 - 2.0 * t)\n    return towards, falloff",
+        "falloff *= t\n    return towards, falloff",
+    ),
+    _light(
+        "ambient light counted twice",
+        "np.maximum(everywhere + light_by_normal(n, falling.sky), falling.material[0])",
+        "everywhere + light_by_normal(n, falling.sky) + falling.material[0]",
+    ),
+    _light("an area light that shines backward", "np.maximum(off_axis, 0.0)", "np.abs(off_axis)"),
+    _light(
+        "a lamp without a size", "np.maximum((way**2).sum(axis=1), light[NEAREST])", "(way**2).sum(axis=1)",
+    ),
+    _bridge(
+        "an ellipse as large as its box", "scene/lights.py",
+        '* (math.pi / 4.0 if data.shape in ("DISK", "ELLIPSE") else 1.0)', "",
+        "test_camera.py::test_a_light_that_is_not_normalized_is_as_bright_as_cycles_makes_it",
+    ),
+    _bridge(
+        "the scene's camera for a view's own", "live/surface.py",
+        "space.camera if space.use_local_camera else context.scene.camera", "context.scene.camera", "test_live_view.py",
+    ),
 )  # fmt: skip
 
 
@@ -263,10 +339,10 @@ def _mutate(folder: Path, mutant: Mutant) -> dict[Path, str]:
     """Apply a mutant to the copy; what the files held before."""
     before = {}
     for name, stable, naive in mutant.changes:
-        path = folder / "rle_splat" / name
+        path = mutant.find(folder, name)
         text = path.read_text(encoding="utf-8")
         if text.count(stable) != 1:
-            raise Failure(f"The mutant '{mutant.name}' no longer fits rle_splat/{name}; bring it up to date.")
+            raise Failure(f"The mutant '{mutant.name}' no longer fits {name}; bring it up to date.")
         before.setdefault(path, text)
         path.write_text(text.replace(stable, naive), encoding="utf-8")
     return before
@@ -287,18 +363,24 @@ def mutations(only: str = "") -> int:
         whole = clean_environ(RLE_SPLAT_CACHE=str(KERNELS))
         broken = clean_environ(RLE_SPLAT_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
         shared = broken | {"RLE_SPLAT_CACHE": str(Path(place) / "shared")}
+        environs = {"kernels": shared, "Blender": shared, "numpy": shared | {"NUMBA_DISABLE_JIT": "1"}}
+        pythons = {"kernels": python, "numpy": python}
+        if any(mutant.by == "Blender" for mutant in chosen):
+            pythons["Blender"] = ensure_bpy(list(BPY)[-1])
         without: dict[tuple, tuple] = {}  # tests -> what they came to without a mutation
         for mutant in chosen:
             begun = time.monotonic()
             # Without the mutation they must be green, or red would prove nothing.
             if mutant.tests not in without:
                 # Here kernels are compiled for all mutants that share them, so that no time runs out on account of it.
-                how = (ROOT, mutant.tests, whole) if mutant.compiles else (folder, mutant.tests, shared, MOST_SECONDS)
-                without[mutant.tests] = _run(python, *how)
+                own = folder, mutant.tests, environs[mutant.by], MOST_SECONDS
+                how = (ROOT, mutant.tests, whole) if mutant.compiles else own
+                without[mutant.tests] = _run(pythons[mutant.by], *how)
             code, told = without[mutant.tests]
             if code == GREEN:
                 before = _mutate(folder, mutant)
-                code, told = _run(python, folder, mutant.tests, broken if mutant.compiles else shared)
+                environ = broken if mutant.compiles else environs[mutant.by]
+                code, told = _run(pythons[mutant.by], folder, mutant.tests, environ)
                 for path, text in before.items():
                     path.write_text(text, encoding="utf-8")
                 verdict = "killed" if code in (RED, None) else "SURVIVED"

@@ -1,5 +1,7 @@
 """A viewport's matrices as a camera, and its depth as the ends of rays: against Blender's own cameras and triangles."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -239,3 +241,17 @@ def test_lines_of_the_floor_end_no_ray_but_meshes_do(settings, bridge, view, to_
     above = (kind == 3) & (np.abs(ends - cleared) > 0.0)
     assert above.sum() < 0.1 * (kind == 3).sum(), "a needle is lost but where it passes through the floor"
     np.testing.assert_array_equal(cleared[kind == 0], ends[kind == 0])
+
+
+def test_clip_distances_are_those_of_the_camera_that_a_view_looks_through(bridge):
+    cameras = []
+    for start in (0.25, 2.0):
+        data = bpy.data.cameras.new("eye")
+        data.clip_start, data.clip_end = start, 64.0
+        cameras.append(bpy.data.objects.new("eye", data))
+    context = SimpleNamespace(scene=SimpleNamespace(camera=cameras[0]))
+    found = []
+    for kind, is_own in (("PERSP", True), ("CAMERA", False), ("CAMERA", True)):
+        space = SimpleNamespace(use_local_camera=is_own, camera=cameras[1], clip_start=0.5, clip_end=8.0)
+        found.append(bridge("live.surface").clip_of(context, space, SimpleNamespace(view_perspective=kind)))
+    assert found == [(0.5, 8.0), (0.25, 64.0), (2.0, 64.0)]

@@ -6,10 +6,10 @@ import pytest
 
 from devtools.mutations import MUTANTS
 
-SOURCES = Path(__file__).resolve().parents[2] / "rle_splat"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
 def test_a_mutant_applies(mutant):
     for file, stable, naive in mutant.changes:
-        assert (SOURCES / file).read_text(encoding="utf-8").count(stable) == 1 and naive != stable
+        assert mutant.find(ROOT, file).read_text(encoding="utf-8").count(stable) == 1 and naive != stable
