@@ -102,7 +102,7 @@ def _draw_colors(owner, scale: float) -> None:
     try:
         colors = colors_of(owner)
     except RleSplatError:
-        return  # the panel says why
+        return  # the panel shows why
     left, bottom = LEFT * scale, 2.0 * BOTTOM * scale
     heights = bottom + TALL * scale * np.linspace(0.0, 1.0, len(colors))
     corners = [(x, y) for y in heights.tolist() for x in (left, left + 3.0 * THICK * scale)]
