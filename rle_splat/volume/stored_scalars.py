@@ -1,8 +1,7 @@
 """Stored values as kernels take them, so that one kernel serves volumes of all types.
 
 A kernel of its own for each type would have to be compiled for each.  A branch more for each run, row or cell of voxels
-takes at most some hundredths of the time.  (Where each voxel is one memory access, a branch for each took half as long
-again.)
+takes at most some hundredths of the time.  (With a branch for each voxel, sizes of gradients took 1.8 times as long.)
 """
 
 from __future__ import annotations
