@@ -10,13 +10,11 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, kernel, parallel_call
 from ..runtime.parallel import share_out
-from ..volume.stored_scalars import BitPatterns, pattern_at
 from . import reference
 
 PIECE = 1 << 14  # voxels per piece of work
-NO_LABELS = read_only(np.empty(0, np.uint8))  # in place of None, which would make a kernel of its own
 
 
 def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0) -> None:
@@ -41,8 +39,7 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0)
     """
     if compiled():
         with parallel_call(threads):
-            labels = NO_LABELS if labels is None else labels
-            _mark(-(-len(seen) // PIECE), (BitPatterns.of(stored), labels, numbers, shown, size, seen))
+            _mark(-(-len(seen) // PIECE), (stored, labels, numbers, shown, size, seen))
     else:
         reference.mark_seen(stored, labels, numbers, shown, size, seen)
 
@@ -71,9 +68,7 @@ def add_channel(
     """
     if compiled():
         with parallel_call(threads):
-            labels = NO_LABELS if labels is None else labels
-            arguments = (indices, BitPatterns.of(stored), labels, numbers, *tables, size, distance, properties)
-            _add(-(-len(indices) // PIECE), arguments)
+            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, properties))
     else:
         reference.add_channel(indices, stored, labels, numbers, tables, size, distance, properties)
 
@@ -88,8 +83,8 @@ def _mark(pieces, arguments):
 def _mark_pieces(begin, end, stored, labels, numbers, shown, size, seen):
     """``_mark`` for pieces [begin, end)."""
     for i in range(begin * PIECE, min(end * PIECE, seen.size)):
-        entry = pattern_at(stored, i)
-        if labels.size > 0:
+        entry = np.int64(stored[i])
+        if labels is not None:
             entry += size * np.int64(numbers[labels[i]])
         seen[i] |= shown[entry]
 
@@ -106,8 +101,8 @@ def _add_pieces(
 ):
     """``_add`` for pieces [begin, end); arithmetic as in ``reference.mix``."""
     for i in range(begin * PIECE, min(end * PIECE, indices.size)):
-        entry = pattern_at(stored, indices[i])
-        if labels.size > 0:
+        entry = np.int64(stored[indices[i]])
+        if labels is not None:
             entry += size * np.int64(numbers[labels[indices[i]]])
         extinction = extinctions[entry]
         if extinction > 0.0:

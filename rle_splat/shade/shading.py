@@ -15,7 +15,6 @@ from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
 from ..volume.gradient import unit_normals
-from ..volume.stored_scalars import BitPatterns, pattern_at
 from . import reference
 from .chunk_light import (
     DB,
@@ -160,16 +159,16 @@ def light_records(
         properties, density = properties.copy(), EXTINCTION
         properties[:, density] = 1.0
     row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
-    seen = (read_only(properties), density)
+    seen = (row_of, read_only(properties), density)
     if not compiled():
-        reference.write_records(positions, row_of, *seen, normals, falling, records, most)
+        reference.write_records(positions, *seen, normals, falling, records, most)
     else:
         light = (None, None, None, None)
         if falling is not None:
             near = falling.near
             light = (components(normals), falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            _write_records(positions.arguments, BitPatterns.of(row_of), *seen, *light, records, most)
+            _write_records(positions.arguments, *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
 
 
@@ -190,7 +189,7 @@ def refuse_too_bright(brightest: float) -> float:
 def _write_records(positions, row_of, properties, density_column, normals, material, rays, near, records, most):
     """Kernel of ``light_records``.
 
-    ``positions``: RecordPositions.arguments. ``row_of``: BitPatterns, rows of ``properties`` (n, 5).
+    ``positions``: RecordPositions.arguments. ``row_of``: (m,) rows of ``properties`` (n, 5); None if voxel i has row i.
     ``normals`` (3, m) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
     (``Lighting.near``) is None, so that unused code is not compiled.
     """
@@ -229,7 +228,7 @@ def _write_planes(
             if near is not None:
                 add_near(near, normals[:, at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
             for i in range(stop - at):
-                entry = pattern_at(row_of, at + i)
+                entry = at + i if row_of is None else np.int64(row_of[at + i])
                 red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
                 if normals is not None:
                     if normals[0, at + i] != _ZERO or normals[1, at + i] != _ZERO or normals[2, at + i] != _ZERO:

@@ -1,7 +1,7 @@
 """Stored values as kernels take them, so that one kernel serves volumes of all types.
 
-A kernel of its own for each type would have to be compiled for each.  A branch more for each run or cell of voxels
-takes no time that could be measured.
+A kernel of its own for each type would have to be compiled for each.  A branch more for each run, row or cell of voxels
+takes at most some hundredths of the time.  (With a branch for each voxel, sizes of gradients took 1.8 times as long.)
 """
 
 from __future__ import annotations
@@ -46,31 +46,6 @@ class StoredValues(NamedTuple):
         """Of an array of any type."""
         known = values.dtype.name in StoredScalars._fields
         return cls(StoredScalars.of(values), _empty("float64", values.ndim) if known else read_only(values))
-
-
-class BitPatterns(NamedTuple):
-    """Bit patterns of stored values, table rows as well, in the array of their type; both are empty without any."""
-
-    uint8: np.ndarray
-    uint16: np.ndarray
-
-    @classmethod
-    def of(cls, patterns):
-        """Of an array of one of the types, or None."""
-        if patterns is None:
-            return cls(_empty("uint8", 1), _empty("uint16", 1))
-        patterns = read_only(patterns)
-        if patterns.dtype == np.uint8:
-            return cls(patterns, _empty("uint16", patterns.ndim))
-        return cls(_empty("uint8", patterns.ndim), patterns)
-
-
-@inner_loop
-def pattern_at(patterns, i):
-    """Number ``i`` of BitPatterns; ``i`` itself without any."""
-    if patterns.uint8.size > 0:
-        return np.int64(patterns.uint8[i])
-    return np.int64(patterns.uint16[i]) if patterns.uint16.size > 0 else i
 
 
 @cache
