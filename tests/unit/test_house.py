@@ -109,10 +109,17 @@ def is_module(name: str) -> bool:
 
 
 def imports_of(path: Path, source: str):
-    """(own modules, other top-level packages) that a shipped file imports, relative imports resolved."""
+    """(own modules, other top-level packages) that a shipped file imports, relative imports resolved.
+
+    What only the type checker imports is left out: it is no dependency of what runs.
+    """
     package = list(path.parent.parts)
     own, others = set(), set()
-    for node in ast.walk(ast.parse(source)):
+    tree = ast.parse(source)
+    tree.body = [
+        node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    ]
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             others |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
