@@ -107,7 +107,7 @@ class PreparedPart:
     kernels: tuple[str, ...]
 
 
-def prepare_steps():
+def prepare_steps(pictures=PICTURES):
     """Compile what default pictures need and is not on disk yet.
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
@@ -127,6 +127,11 @@ def prepare_steps():
     Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
     effects above at once, where together they have kernels of their own.
 
+    Parameters
+    ----------
+    pictures : sequence of SyntheticPicture
+        Those to make; fewer than all cover less.
+
     Yields
     ------
     Progress
@@ -145,9 +150,9 @@ def prepare_steps():
     jit.need_kernels("The preparation")
     if not _can_be_kept():
         raise RleSplatError(NOT_KEPT)
-    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
+    whole = sum(picture.seconds(stored) for picture in pictures for stored in STORED_TYPES)
     done, prepared = 0.0, []
-    for picture in PICTURES:
+    for picture in pictures:
         for stored in STORED_TYPES:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()

@@ -324,6 +324,7 @@ def _classify_labeled(labels, channels, lookup, before, here, start, step, begin
     )  # fmt: skip
 
 
+@inner_loop
 def _find_channels(further, corners, start, step, cubics):
     """Put the cubics of further channels along a stretch into ``cubics``; that of one without a value at some corner
     is far below all values."""

@@ -107,8 +107,9 @@ def test_volumes_of_a_scene_have_modes_and_lights_of_their_own(volume, bridge, t
     other.rle_splat.lighting = "BOTH"
     depsgraph = bpy.context.evaluated_depsgraph_get()
     placed = bridge("scene.placements").shown(depsgraph)
-    found, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
-    plain = {one.owner.name: scene for one, scene in zip(placed, found)}
+    found, problems, _ = bridge("scene.render_scene").read_scenes(placed, depsgraph, with_meshes=True)
+    plain = {placed[number].owner.name: scene for number, scene in found.items()}
+    assert not problems
     assert [plain[one.name].mode for one in (volume, other)] == ["mip", "composite"]
     lit = {name: (len(scene.lights), scene.headlight) for name, scene in plain.items()}
     assert lit == {volume.name: (1, False), other.name: (1, True)}

@@ -77,6 +77,12 @@ def clip_box(tmp_path):
     scenes.activate(bpy.data.objects["cube"])
 
 
+def moved_clip_box(tmp_path):
+    bpy.ops.rle_splat.add_clip(kind="BOX")
+    bpy.context.object.location.x += 1.0
+    scenes.activate(bpy.context.object)
+
+
 def labels(tmp_path):
     path = tmp_path / "labels.raw"
     path.write_bytes(np.repeat(np.arange(7, dtype=np.uint8) % 3, 49).tobytes())
@@ -126,11 +132,13 @@ EDITS = {
     "add_slice": (dict(kind="ALL"), None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
+    "clear_labels": ({}, listed_labels),
     "color_anatomy": ({}, listed_labels),
     "add_channels": ({}, two_volumes),
     "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Clip Box"), clip_box),
+    "fit_clip": ({}, moved_clip_box),
     "reload": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),
     "bake_volume": (dict(filepath="baked.vdb"), None),
@@ -138,7 +146,11 @@ EDITS = {
 PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 # Of which nothing is undone.
 READERS = ("list_effects", "save_figure", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
-VIEWS = ("frame_volume", "live_again", "choose_object", "use_window_tool")  # of views and the selection alone
+VIEWS = (  # of views and the selection alone; those of slices are tested in a window
+    "frame_volume", "live_again", "choose_object", "use_window_tool", "black_background", "four_up", "scroll_slice",
+    "show_tab",
+)  # fmt: skip
+OF_THE_SCENE = ("hide_mesh", "update_world_light")  # not of a volume
 FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
 CHOICES = ("choose_transfer",)  # dialogs, which call one of the others
 MOVIES = ("turntable",)  # the camera that one adds is undone below
@@ -149,7 +161,7 @@ SERIES = ("import_folder", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
-    listed = {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *MOVIES, *SERIES, *SEGMENTS}
+    listed = {*EDITS, *PICTURES, *READERS, *FILES, *CHOICES, *VIEWS, *MOVIES, *SERIES, *SEGMENTS, *OF_THE_SCENE}
     assert listed == set(dir(bpy.ops.rle_splat))
 
 

@@ -37,7 +37,7 @@ def sensible_plans(base: Quality) -> list[Quality]:
     mine = _qualities(base, base.classification)
     known = {(plan.depth_rule, plan.sheet_density) for plan in mine}
     for rule, density in BETWEEN:
-        fields = dict(depth_rule=rule, sheet_density=density, termination=1 / 4096)
+        fields = dict(depth_rule=rule, sheet_density=density, termination=1 / 4096, exact_light=False)
         plan = possible(mine[-1], name=_named(base.classification, f"{rule} {density:.1f}"), **fields)
         if plan is not None and (rule, density) not in known:
             plans.append(plan)
