@@ -77,9 +77,9 @@ def clip_box(tmp_path):
     scenes.activate(bpy.data.objects["cube"])
 
 
-def moved_clip_box(tmp_path):
+def large_clip_box(tmp_path):
     bpy.ops.rle_splat.add_clip(kind="BOX")
-    bpy.context.object.location.x += 1.0
+    bpy.context.object.scale *= 3.0  # around all of the volume
     scenes.activate(bpy.context.object)
 
 
@@ -138,7 +138,7 @@ EDITS = {
     "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Clip Box"), clip_box),
-    "fit_clip": ({}, moved_clip_box),
+    "fit_clip": ({}, large_clip_box),
     "reload": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),
     "bake_volume": (dict(filepath="baked.vdb"), None),
