@@ -31,21 +31,20 @@ def core_of(version: str) -> Environment:
     return Environment(f"Python {version}", ENVIRONMENTS / f"core-{version}", (version,), ("core.txt",))
 
 
-def source_digest(pictures=()) -> bytes:
-    """A hash of what the kernels are made from: the sources, the pinned packages and the pictures; () for all."""
+def source_digest() -> bytes:
+    """A hash of what the kernels are made from: the sources and the pinned packages."""
     total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes())
-    total.update(repr(tuple(pictures)).encode() if pictures else b"")
     for path in sorted(PACKAGE.rglob("*.py")):
         total.update(path.relative_to(PACKAGE).as_posix().encode())
         total.update(path.read_bytes())
     return total.hexdigest().encode()
 
 
-def is_made(path: Path, pictures=()) -> bool:
-    """Whether a file holds the kernels of these sources for these pictures, () for all: its comment says so."""
+def is_made(path: Path) -> bool:
+    """Whether a file holds the kernels of these sources: its comment says so."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.comment == source_digest(pictures)
+            return archive.comment == source_digest()
     except (OSError, zipfile.BadZipFile):
         return False
 
@@ -56,16 +55,16 @@ def _make(version: str, path: Path) -> None:
     make_file(path, path, [core_of(version).python], environ)
 
 
-def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], pictures=()) -> None:
+def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str]) -> None:
     """Compile the kernels by any Python, and pack them into a file.
 
     ``python``: the command that runs it where ``rle_splat`` and ``devtools`` can be imported; it knows the file as
-    ``seen_as``.  ``pictures``: names of those of rle_splat/pipeline/prepare.py whose kernels it holds; () for all.
+    ``seen_as``.
     """
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
     said = run_quietly(
-        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest(pictures).decode(), *pictures],
+        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode()],
         f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
         env={**environ, "NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": ""},
     )  # fmt: skip

@@ -1,9 +1,8 @@
 """Compile what default pictures need and pack it into a file, in an environment with numba:
 
-    python -m devtools.pack_kernels FILE COMMENT [PICTURE ...]
+    python -m devtools.pack_kernels FILE COMMENT
 
-PICTURE: one of those in rle_splat/pipeline/prepare.py, by name; without any, all.  NUMBA_CPU_NAME names the processor
-that the kernels are for.  The number of kernels is printed.
+NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from pathlib import Path
 
 from numba.core.serialize import dumps
 
-from rle_splat.pipeline.prepare import PICTURES, prepare_steps
+from rle_splat.pipeline.prepare import prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
 from rle_splat.runtime.numba_internals import Kernel
 from rle_splat.runtime.shipped_kernels import entry_name
@@ -52,7 +51,5 @@ def pack(path: Path, comment: bytes) -> int:
 
 
 if __name__ == "__main__":
-    file, comment, *names = sys.argv[1:]
-    by_name = {picture.name: picture for picture in PICTURES}
-    drain(prepare_steps([by_name[name] for name in names or by_name]))
-    print(pack(Path(file), comment.encode()))
+    drain(prepare_steps())
+    print(pack(Path(sys.argv[1]), sys.argv[2].encode()))

@@ -28,15 +28,6 @@ TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
-# The pictures of rle_splat/pipeline/prepare.py whose kernels the zip for a Blender of a small system brings: its Python
-# is that of no release, so those that windows draw with are enough.  The driver of windows fails where one is missing.
-DRAWN = (
-    "orthographic", "perspective", "sideways", "lights", "lights, draft", "lights and meshes", "hard walls",
-    "surfaces only", "unlit", "hard walls, unlit", "clip objects", "X-ray", "maximum", "labels", "channels",
-    "channels, unlit", "channels, hard walls", "channels, pre-classified", "pre-classified", "pre-classified, sideways",
-    "pre-classified, unlit", "pre-classified, lights", "short records",
-)  # fmt: skip
-
 AT_ONCE = 2  # windows, which wait half of their time
 USUAL_SCREEN = (1280, 800)
 # The scripts that drive a window, with their screens in pixels.
@@ -88,7 +79,7 @@ def _zip_for(blender: Blender) -> Path:
 def _kernels_of(blender: Blender) -> Path:
     """The file of kernels for the Python of a small system, compiled in there: this machine may have no such Python."""
     path = FOLDER / kernel_file(blender.python)
-    if is_made(path) or is_made(path, DRAWN):
+    if is_made(path):
         return path
     folder = Path(tempfile.mkdtemp(prefix="compiles_kernels_", dir=blender.root))
     for wheel in wheels_for([this_platform()], [blender.python]):
@@ -100,7 +91,7 @@ def _kernels_of(blender: Blender) -> Path:
         blender, PYTHONPATH=blender.inside(folder), RLE_SPLAT_CACHE=blender.inside(blender.root / "kernels-shipped")
     )
     made = folder / path.name
-    make_file(made, blender.inside(made), [*blender.command[:-1], "python3"], environ, DRAWN)
+    make_file(made, blender.inside(made), [*blender.command[:-1], "python3"], environ)
     path.parent.mkdir(exist_ok=True)
     shutil.move(made, path)
     shutil.rmtree(folder)

@@ -107,7 +107,7 @@ class PreparedPart:
     kernels: tuple[str, ...]
 
 
-def prepare_steps(pictures=PICTURES):
+def prepare_steps():
     """Compile what default pictures need and is not on disk yet.
 
     Covered are pictures of volumes of STORED_TYPES, orthographic and in perspective, along each principal axis:
@@ -127,11 +127,6 @@ def prepare_steps(pictures=PICTURES):
     Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
     effects above at once, where together they have kernels of their own.
 
-    Parameters
-    ----------
-    pictures : sequence of SyntheticPicture
-        Those to make; fewer than all cover less.
-
     Yields
     ------
     Progress
@@ -150,9 +145,9 @@ def prepare_steps(pictures=PICTURES):
     jit.need_kernels("The preparation")
     if not _can_be_kept():
         raise RleSplatError(NOT_KEPT)
-    whole = sum(picture.seconds(stored) for picture in pictures for stored in STORED_TYPES)
+    whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
     done, prepared = 0.0, []
-    for picture in pictures:
+    for picture in PICTURES:
         for stored in STORED_TYPES:
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()

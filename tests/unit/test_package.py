@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from devtools import bootstrap, build, environments, kernels, places, real_blender_tests, uv, wheels
-from rle_splat.pipeline.prepare import PICTURES
+from devtools import bootstrap, build, environments, kernels, places, uv, wheels
 from rle_splat.runtime.cache_folder import RELEASE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -74,20 +73,6 @@ def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
             archive.comment = comment
         assert kernels.make_kernels(["3.14"]) == made
     assert asked == ["3.14"]
-
-
-def test_a_file_with_some_of_the_kernels_is_not_one_with_all(tmp_path, monkeypatch):
-    """So a zip to be given away never brings those that the tests of windows are content with."""
-    path = tmp_path / "some.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.comment = kernels.source_digest(real_blender_tests.DRAWN)
-    assert kernels.is_made(path, real_blender_tests.DRAWN) and not kernels.is_made(path)
-    assert not kernels.is_made(path, real_blender_tests.DRAWN[1:])
-
-
-def test_what_windows_draw_with_is_among_what_is_prepared():
-    names = [picture.name for picture in PICTURES]
-    assert len(set(names)) == len(names) and set(real_blender_tests.DRAWN) < set(names)
 
 
 def test_each_blender_of_the_tests_takes_one_zip_of_its_python():
