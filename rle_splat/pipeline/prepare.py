@@ -191,8 +191,8 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
 
     By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
     the camera; "labels" and "unlit labels"; "channels" and "unlit channels", with itself as another one; "surfaces",
-    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights and a
-    triangle that cuts the ball.
+    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights, a
+    triangle that cuts the ball, and one of glass.
     """
     camera, matrix = turntable(
         volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT
@@ -227,4 +227,5 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     if picture.scene != "meshes":
         return scene
     corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
-    return replace(scene, triangles=corners)
+    pane = {"panes": corners + SIDE / 8.0, "pane_shares": np.array([[0.5, 0.8, 0.9, 1.0]])}
+    return replace(scene, triangles=corners, **pane)
