@@ -257,7 +257,8 @@ MUTANTS = (
     ),
     _left_out(
         "the strength of ambient occlusion", "pipeline/shadows.py",
-        "(*key, scene.ambient_occlusion)", "key",
+        "(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion))",
+        "(codes, scene.ambient_occlusion, key)",
     ),
     _left_out(
         "the functions of labels and channels", "classify/mixture.py",
