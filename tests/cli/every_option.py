@@ -80,7 +80,7 @@ SMALL = {"render": "--size 32", "figure": "--width-cm 3 --dpi 40", "accuracy": "
 # In every command line; they choose what is read of other formats; they render elsewhere.
 NOT_DRIVEN = (
     "--shape", "--dtype", "--output", "-o", "--help", "--grid", "--series", "--frame", "--like", "--dask", "--workers",
-    "--slabs",
+    "--slabs", "--file-channels",
 )  # fmt: skip
 
 
