@@ -33,7 +33,7 @@ def labels(tmp_path, voxels):
 def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     functions = write_json([{"label": 1, "name": "left", "hidden": True}, {"label": 2, "color": [0.0, 1.0, 0.0]}])
     rgba, report = picture("--labels", labels, "--label-functions", functions)
-    whole, _ = picture("--classification", "pre")
+    whole, _ = picture()
     assert rgba[:, :8, 3].max() < 0.02 < whole[:, 12:16, 3].max() and rgba[..., [0, 2]].max() < 1e-6
     np.testing.assert_allclose(rgba[:, 22:, 3], whole[:, 22:, 3], atol=0.02)
     np.testing.assert_allclose(rgba[..., 1], rgba[..., 3], atol=1e-5)
@@ -55,7 +55,7 @@ def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_
     own = json.loads(function_file.read_text())
     functions = [{"label": 1, "preset": "x-ray"}, {"label": 2, "transfer_function": own}]
     rgba, report = picture("--labels", labels, "--label-functions", write_json(functions))
-    whole, _ = picture("--classification", "pre")
+    whole, _ = picture()
     np.testing.assert_allclose(rgba[:, 22:], whole[:, 22:], atol=0.02)
     assert np.abs(rgba - whole).max() > 0.1
     effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
