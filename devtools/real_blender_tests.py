@@ -41,6 +41,7 @@ WINDOW_SCRIPTS = {
     "window_several.py": USUAL_SCREEN,
     "window_cut.py": USUAL_SCREEN,
     "window_slices.py": (1600, 1000),  # four views
+    "window_hidden.py": (1600, 1000),
     "window_look.py": USUAL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
     "window_film.py": (1280, 1000),

@@ -185,7 +185,9 @@ def check_display(name):
     yield from photograph("mip_on_black")
     region = region_of(area_of("VIEW_3D"), "WINDOW")
     picture = scenes.load_pixels(Path(os.environ[SHOTS]) / "mip_on_black.png")[::-1]
-    bar = picture[region.y + 66 : region.y + 214, region.x + 74, :3]  # without its ends
+    scale = bpy.context.preferences.system.ui_scale
+    low, high = (region.y + round(height * scale) for height in (62.0, 218.0))
+    bar = picture[low:high, region.x + round(76.0 * scale), :3]
     assert np.ptp(bar) > 0.8 and (np.diff(bar[:, 0]) >= -0.01).all(), "no color bar from black to white"
     properties.display = "composite"
     yield from settled()

@@ -1,12 +1,13 @@
 """A tour by mouse and keys through all that a user does, again and again for some minutes, in a real window.
 
-    python3 dev.py blender --photograph tests/blender/window_tour.py --size 1600x1000
+    python3 dev.py blender --photograph tests/blender/long_tour.py --size 1600x1000
 
 A job of its own, which takes RLE_SPLAT_TOUR minutes, ten if that is not set.  Nothing may print a traceback.  It prints
-how many redraws of ours took longer than 30 ms of processor time, and the resident memory of each round.
+how many redraws of ours took longer than 30 ms of processor time, and the largest resident memory until each round.
 """
 
 import os
+import resource
 import tempfile
 import time
 from importlib import import_module
@@ -50,8 +51,8 @@ def watch_redraws():
 
 
 def resident() -> float:
-    """MiB of this process that are in memory."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1024.0**2
+    """MiB that this process had in memory at most."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def add_volume(name: str, radius: float, labels: int):
