@@ -128,11 +128,16 @@ def test_without_numba_one_sentence_says_so(environ):
     assert done.stderr.count("\n") == 1 and "numba, which cannot be loaded" in done.stderr
 
 
-@needs_numba
-def test_a_preparation_says_how_far_it_is(monkeypatch):
+@pytest.fixture
+def one_picture(monkeypatch):
     """Of one picture and type."""
+    monkeypatch.setattr(prepare, "PICTURES", prepare.PICTURES[:1])
     monkeypatch.setattr(prepare, "STORED_TYPES", ("uint8",))
-    steps = prepare.prepare_steps(prepare.PICTURES[:1])
+
+
+@needs_numba
+def test_a_preparation_says_how_far_it_is(one_picture):
+    steps = prepare.prepare_steps()
     said = []
     with pytest.raises(StopIteration) as done:
         while True:
