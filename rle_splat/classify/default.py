@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.steps import drain
-from ..segment.contrast import LEAST_SHARE, contrast_share_steps
 from ..volume.histogram import Histogram, histogram_steps, percentile_steps
 from ..volume.volume import Volume
 from .presets import fit_preset_steps
@@ -98,6 +97,8 @@ def _contrast_steps(volume: Volume):
     """Generator of fractions done: whether a volume is a CT with contrast medium in its vessels."""
     if volume.value_unit != "HU":
         return False
+    from ..segment.contrast import LEAST_SHARE, contrast_share_steps  # with numba, which looking at a file does without
+
     return (yield from contrast_share_steps(volume)) >= LEAST_SHARE
 
 
