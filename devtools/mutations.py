@@ -377,11 +377,11 @@ def mutations(only: str = "") -> int:
                 own = folder, mutant.tests, environs[mutant.by], MOST_SECONDS
                 how = (ROOT, mutant.tests, whole) if mutant.compiles else own
                 without[mutant.tests] = _run(pythons[mutant.by], *how)
-            code, told = without[mutant.tests]
+            code, outcome = without[mutant.tests]
             if code == GREEN:
                 before = _mutate(folder, mutant)
                 environ = broken if mutant.compiles else environs[mutant.by]
-                code, told = _run(pythons[mutant.by], folder, mutant.tests, environ)
+                code, outcome = _run(pythons[mutant.by], folder, mutant.tests, environ)
                 for path, text in before.items():
                     path.write_text(text, encoding="utf-8")
                 verdict = "killed" if code in (RED, None) else "SURVIVED"
@@ -389,7 +389,7 @@ def mutations(only: str = "") -> int:
                 verdict = "NO VERDICT, red already"
             if verdict != "killed":
                 survivors.append(mutant.name)
-            say(f"{verdict:<9} {mutant.case:<8} {mutant.name}  ({time.monotonic() - begun:.0f} s; {told})")
+            say(f"{verdict:<9} {mutant.case:<8} {mutant.name}  ({time.monotonic() - begun:.0f} s; {outcome})")
             shutil.rmtree(cache, ignore_errors=True)
     say(f"\n{len(chosen) - len(survivors)} of {len(chosen)} mutants killed in {time.monotonic() - started:.0f} s")
     return 1 if survivors or not chosen else 0

@@ -30,7 +30,7 @@ import numpy as np
 from ..classify.classification import unit_length
 from ..classify.gaps import close_gaps
 from ..classify.limits import LEAST_DISTANCE
-from ..classify.lookup_table import LookupTable, extinction_of
+from ..classify.lookup_table import LookupTable
 from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
 from ..classify.visible import VisibleVoxels
@@ -38,31 +38,27 @@ from ..effects.mixing import is_sampled
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
-from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
-from ..raycast.scalar_rays import ChannelVoxels, RowVoxels, bricks_of
-from ..raycast.trace import trace as trace_rays
-from ..runtime.jit import read_only
+from ..encode.scalars import scalar_tables
 from ..runtime.memory import bytes_text
 from ..runtime.steps import Progress, announce, time_steps
 from ..scene import preintegrated_of
-from ..shade.lighting import Lighting
-from ..shade.sample_light import SampleLight
 from ..shade.shading import refuse_too_bright
 from ..splat.scalar_splat import LabelLook
 from ..view.depth_rules import value_rule
 from ..volume.blocks import Blocks, block_steps
 from ..volume.gradient_size import gradient_sizes
 from .lighting import scene_lighting
+from .lit_scalars import LitScalars
 from .medium import Medium, ScalarVoxels, mist_color
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
-from .scalar_channels import ScalarChannel, center_ends, find_value_ends, join_values, make_channel_table
+from .scalar_channels import ScalarChannel, find_value_ends, make_channel_table
 from .scalar_labels import LabelFunctions, ScalarLabels
-from .scalar_light import IN_ROWS, code_steps, light_of, with_factor
+from .scalar_light import code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
 
 if TYPE_CHECKING:
-    from ..volume.volume import Volume
+    pass
 
 ONE_VOXEL_THICK = (
     "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "
@@ -99,177 +95,6 @@ class RelevantVoxels:
 def _relevant_key(reach: Reach, further, closed: bool) -> tuple:
     """``further``: the Reach of each further channel."""
     return (*reach.key, *(each.key for each in further), closed)
-
-
-@dataclass(frozen=True, eq=False)
-class LitScalars:
-    """The relevant voxels of a scene and their light, before a principal axis is chosen.
-
-    Attributes
-    ----------
-    source : ScalarSource
-    work : Work
-        That its tables are part of.
-    volume : Volume
-        Whose values count: where labels hide, these are taken away from.
-    voxels : VisibleVoxels
-    key : tuple
-        All that the voxels depend on.
-    ends : tuple of float
-        Smallest and largest stored value that is splatted.
-    infinite : tuple of float
-        Stored values that stand for minus and plus infinity; empty where nothing is infinite.
-    length : float
-        World length of a unit of the volume.
-    transfer : LookupTable or ValueMap
-        The lookup table of the transfer function; in a mode that shows values, how these are counted.
-    estimate : MemoryEstimate
-        What all of it and its tables take.
-    falling : Lighting or None
-        None where nothing shines.
-    light : SampleLight or None
-        Once it is shaded; None where nothing shines.
-    codes : (m, channels) ndarray of int16 or None
-        As ``encode.scalars.ScalarVolume`` has them, in rows, once it is shaded; None where nothing shines or thins.
-    codes_key : tuple
-        All that they depend on.
-    thinned : bool
-        Whether their last channel is a factor of extinction.
-    channels : tuple of ScalarChannel
-        Further ones.
-    labels : ScalarLabels or None
-        Whose functions classify in place of ``transfer``.
-    """
-
-    source: ScalarSource
-    work: Work
-    volume: Volume
-    voxels: VisibleVoxels
-    key: tuple
-    ends: tuple
-    infinite: tuple
-    length: float
-    transfer: LookupTable | ValueMap
-    estimate: MemoryEstimate
-    falling: Lighting | None
-    light: SampleLight | None = None
-    codes: np.ndarray | None = None
-    codes_key: tuple = ()
-    thinned: bool = False
-    channels: tuple[ScalarChannel, ...] = ()
-    labels: ScalarLabels | None = None
-
-    @property
-    def visible_voxels(self) -> int:
-        return len(self.voxels)
-
-    @property
-    def nan_voxels(self) -> int:
-        return self.voxels.nan_voxels
-
-    @property
-    def center(self) -> float:
-        """What is taken from stored values before they are splatted."""
-        return center_of(self.volume.voxels.dtype, self.ends)
-
-    def extinction(self) -> np.ndarray:
-        """(m,) float32 of the voxels by transfer functions alone, 1 / world length."""
-        kind = self.volume.voxels.dtype
-        if self.labels is not None:
-            return self.labels.extinction(self.voxels, kind, self.infinite)
-        found = extinction_of(self.transfer, self.voxels.stored, kind, self.infinite)
-        return sum((channel.extinction() for channel in self.channels), found)
-
-    @property
-    def parts(self) -> tuple[ScalarChannel, ...]:
-        """All channels: the volume itself first."""
-        volume, function = self.volume, self.source.scene.transfer_function
-        own = ScalarChannel(
-            volume, function, self.voxels, Reach.of(volume, function), self.ends, self.infinite, self.transfer
-        )
-        return (own, *self.channels)
-
-    @property
-    def functions_key(self) -> tuple:
-        """The keys of all transfer functions, as far as they classify."""
-        functions = (self.source.scene.transfer_function, *(channel.function for channel in self.channels))
-        labels = () if self.labels is None else self.labels.key
-        return (*(function.classification_key for function in functions), *labels)
-
-    @property
-    def centers(self) -> tuple[float, ...]:
-        """``center`` of each further channel."""
-        return tuple(channel.center for channel in self.channels)
-
-    @property
-    def further_tables(self) -> tuple[LookupTable, ...]:
-        """The lookup table of each further channel."""
-        return tuple(channel.transfer for channel in self.channels)
-
-    @property
-    def values_key(self) -> tuple:
-        """All that the values of further channels depend on."""
-        return (self.key, *(channel.values_key for channel in self.channels))
-
-    def encode_steps(self, axis: int):
-        """Generator of fractions done: the ScalarVolume of one principal axis."""
-        voxels, job, clock, threads = self.voxels, self.work.job, self.work.clock, self.source.threads
-        kind = self.source.scene.volume.voxels.dtype
-        with clock.stage("encode"):
-            tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, threads=threads))
-        order = IN_ROWS if is_shared(axis) else axis
-
-        def place_steps(words):
-            return in_scanlines(tables, voxels, words, threads=threads)
-
-        def scalars():
-            self.work.claim(self.estimate.one_axis())
-            return place_steps(scalars_of(voxels, kind, self.infinite, self.center))
-
-        steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
-        placed = yield from time_steps(steps, clock, "encode")
-        values = codes = None
-        if self.channels:
-            steps = job.steps("values", (self.values_key, order), lambda: place_steps(join_values(self.channels)))
-            values = yield from time_steps(steps, clock, "mixing")
-        if self.codes is not None:
-            steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
-            # As with classified voxels, whose records are lit already.
-            codes = (yield from time_steps(steps, clock, "shade")).view(np.int16)
-        return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, self.centers)
-
-    def trace(self, rays, slabs: int, counts=None):
-        """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
-        scene, voxels, job = self.source.scene, self.voxels, self.work.job
-        shape, ends = scene.volume.shape_xyz, (self.infinite, self.center)
-        bricks = job.get("bricks", self.key, lambda: bricks_of(voxels.bits, shape))
-        key = (self.key, *ends, IN_ROWS)
-        scalars = job.get("scalars", key, lambda: scalars_of(voxels, scene.volume.voxels.dtype, *ends))
-        codes = None if self.codes is None else read_only(self.codes)
-        # Of the function as it is: what is kept may be more.
-        reach = Reach.of_values(scene.volume, find_shown_values(scene.transfer_function, scene.mode))
-        shown = center_ends(reach, self.center)
-        look = None
-        if self.labels is not None:
-            shown = np.concatenate((shown, center_ends(self.labels.functions.reach(scene.volume), self.center)))
-            look = LabelLook(self.labels.cells, self.labels.tables)
-        rows = RowVoxels(
-            voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
-        )
-        return trace_rays(
-            rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
-            self.further_tables, self.centers, look,
-        )  # fmt: skip
-
-    def _channel_rows(self) -> ChannelVoxels | None:
-        """Further channels for single rays; None without any."""
-        if not self.channels:
-            return None
-        key = (self.values_key, IN_ROWS)
-        values = self.work.job.get("values", key, lambda: join_values(self.channels))
-        shown = [center_ends(channel.reach, channel.center) for channel in self.channels]
-        begins = np.cumsum([0, *map(len, shown)])
-        return ChannelVoxels(*map(read_only, (values, np.concatenate(shown), begins)))
 
 
 @dataclass(frozen=True, eq=False)
