@@ -12,7 +12,7 @@ from ..classify.relevant import Reach
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_values import ValueMap, find_shown_values
 from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
-from ..raycast.scalar_rays import ChannelVoxels, RowVoxels, bricks_of
+from ..raycast.rays import ChannelVoxels, RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
 from ..runtime.steps import time_steps

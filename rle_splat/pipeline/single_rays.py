@@ -11,7 +11,7 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 
 from ..effects.mixing import is_sampled
-from ..raycast.scalar_rays import rays_through
+from ..raycast.rays import rays_through
 from ..runtime.figures import percent_text
 from ..runtime.work_sizes import RAYS_AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of

@@ -14,7 +14,8 @@ from ..splat.splat import OPAQUE
 from ..volume.stored_scalars import StoredScalars
 from . import reference
 from .ray_light import ray_light
-from .scalar_rays import POWERS, RayList, RowVoxels, trace_rays
+from .rays import RayList, RowVoxels
+from .scalar_rays import POWERS, trace_rays
 
 
 def trace(

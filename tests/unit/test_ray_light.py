@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.raycast.scalar_rays import RowVoxels, bricks_of, rays_through
+from rle_splat.raycast.rays import RowVoxels, bricks_of, rays_through
 from rle_splat.raycast.trace import trace
 from rle_splat.scene import Environment, Quality
 from rle_splat.shade.lighting import lighting
