@@ -54,7 +54,6 @@ WINDOW_SCRIPTS = {
     "window_world.py": USUAL_SCREEN,
     "window_after_render.py": USUAL_SCREEN,
     "window_times.py": USUAL_SCREEN,
-    "window_recording.py": USUAL_SCREEN,
     "window_tutorial.py": (1280, 1100),
 }
 

@@ -88,6 +88,8 @@ PICTURES = (
         "pre-classified, lights", 10.2, 1.6, classification="pre", scene="lights", azimuth=45.0, elevation=35.26,
         perspective=True,
     ),
+    # Also the grid of a volume that meshes mirror (``medium_grid``).
+    SyntheticPicture("pre-classified, lights and meshes", 2.2, 0.0, classification="pre", scene="meshes"),
     SyntheticPicture("wide footprints", 22.7, 0.0, classification="pre", knobs={"kernel": "gaussian"}),
     SyntheticPicture("opacities", 17.9, 0.0, classification="pre", knobs={"model": "opacity"}),
     SyntheticPicture(
@@ -121,8 +123,8 @@ def prepare_steps():
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded.
-    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows, with labels, with
-      channels; with each footprint, model and record, and so as in the paper.
+    - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows without and
+      with meshes, with labels, with channels; with each footprint, model and record, and so as in the paper.
 
     Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
     effects above at once, where together they have kernels of their own.

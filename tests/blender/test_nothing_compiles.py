@@ -58,6 +58,14 @@ def picture(jit) -> bool:
     return bool(compiling)
 
 
+def jit_of(extension_zip, core):
+    """The module that compiles; a skip where the zip leaves all kernels to it."""
+    with zipfile.ZipFile(extension_zip) as archive:
+        if not any(name.startswith("rle_splat/kernels/") for name in archive.namelist()):
+            pytest.skip("this zip brings no kernels")
+    return core("runtime.jit")
+
+
 def add_lamp():
     """A lamp beside the ball, so that controls of shadows count."""
     lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "POINT"))
@@ -67,10 +75,7 @@ def add_lamp():
 
 @pytest.mark.parametrize(("state", "stored"), STATES)
 def test_no_control_compiles(state, stored, extension_zip, core, tmp_path, monkeypatch):
-    with zipfile.ZipFile(extension_zip) as archive:
-        if not any(name.startswith("rle_splat/kernels/") for name in archive.namelist()):
-            pytest.skip("this zip brings no kernels")
-    jit = core("runtime.jit")
+    jit = jit_of(extension_zip, core)
     monkeypatch.setattr(panel_states, "add_volume", partial(panel_states.add_volume, stored=stored))
     panel_states.STATES[state](tmp_path)
     add_lamp()
@@ -85,4 +90,20 @@ def test_no_control_compiles(state, stored, extension_zip, core, tmp_path, monke
         with contextlib.suppress(TypeError):
             setattr(data, name, before)
     assert count > 100
+    assert compiling == []
+
+
+def test_no_grid_compiles(extension_zip, core, tmp_path):
+    """The grid that mirrors and shadow rays of other engines see has the light of a scene with meshes."""
+    jit = jit_of(extension_zip, core)
+    panel_states.STATES["one"](tmp_path)
+    add_lamp()
+    bpy.ops.mesh.primitive_plane_add(size=60.0, location=(0.0, 0.0, 0.0))  # through the ball
+    owner = next(one for one in bpy.context.scene.objects if one.rle_splat.is_volume)
+    bpy.context.view_layer.objects.active = owner
+    settings = bpy.context.scene.rle_splat
+    settings.lighting, settings.use_shadows = "SCENE", True
+    compiling = []
+    with jit.while_compiling(lambda: (compiling.append(1), stop())), contextlib.suppress(Compiles):
+        assert bpy.ops.rle_splat.bake_volume(filepath=str(tmp_path / "grid.vdb")) == {"FINISHED"}
     assert compiling == []

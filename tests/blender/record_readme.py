@@ -1,8 +1,8 @@
 """A recording for the README in a real window, by simulated mouse and keys: import, preset, Remove Table, a cut, F12.
 
-    python3 dev.py blender --photograph tests/blender/window_recording.py --size 1280x800
+    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1280x800
 
-writes recording.gif, and pictures of the how-to guides, into build/window-shots/window_recording.  The scan is that of
+writes recording.gif, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
 tests/blender/data/scan, if there is such a folder, else the practice CT.
 """
 
