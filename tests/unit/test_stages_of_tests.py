@@ -33,7 +33,8 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
 
 
 def test_each_script_that_drives_a_window_is_a_stage():
-    scripts = (path for path in (TESTS / "blender").glob("*.py") if not path.name.startswith(("long_", "record_")))  # own jobs
+    own_jobs = ("long_", "record_")
+    scripts = (path for path in (TESTS / "blender").glob("*.py") if not path.name.startswith(own_jobs))
     drivers = {path.name for path in scripts if "\ndrive(" in path.read_text(encoding="utf-8")}
     assert drivers | {"window.py"} == set(real_blender_tests.WINDOW_SCRIPTS)
 
