@@ -68,15 +68,14 @@ def list_exposures(scene: Scene) -> list[Scene]:
     # The first is near the middle of both.
     times = (np.argsort(np.argsort((np.arange(count) * SILVER + 0.5) % 1.0)) + 0.5) / count
     points = lens_points(count, camera.aperture_blades, camera.aperture_rotation, camera.aperture_ratio, times)
-    blurring = [blur.pictures(scene) > 1 for blur in BLURS]
-    return [_sharpen(scene, blurring, point, time) for point, time in zip(points, times)]
-
-
-def _sharpen(scene: Scene, blurring: list[bool], point, time: float) -> Scene:
-    """The sharp scene through a point of the lens at a time; ``blurring``: which BLURS take several pictures."""
-    for blur, is_on in zip(BLURS, blurring):
-        scene = blur.sharpen(scene, point, time) if is_on else blur.remove(scene)
-    return scene
+    scenes = [scene] * count
+    for blur in BLURS:
+        several = blur.pictures(scene) > 1
+        scenes = [
+            blur.sharpen(one, point, time) if several else blur.remove(one)
+            for one, point, time in zip(scenes, points, times, strict=True)
+        ]
+    return scenes
 
 
 def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):

@@ -38,7 +38,7 @@ from ..encode.scalars import OWN_TYPES, center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes, bytes_text
-from ..runtime.steps import Clock, Progress, announce, drain, rescale, time_steps
+from ..runtime.steps import Clock, Progress, announce, drain, rescale
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.shading import DENSITY
 from ..shade.surface_normals import BEYOND, gaussian, surface_steps
@@ -131,14 +131,15 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     _check(scene, quality)
     scene, clock, volume = analyze_effects(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
-    steps = time_steps(key_steps(volume), clock, "classify")
-    volume.measured["voxel_key"] = yield from announce(steps, 0.0, 0.02, looking)
+    with clock.stage("classify"):
+        volume.measured["voxel_key"] = yield from announce(key_steps(volume), 0.0, 0.02, looking)
     kind = _ClassifiedChunks if quality.classification == "pre" else _ScalarChunks
     chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
     resumed = writer.planes
     has_coarse = yield from rescale(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
-    yield from announce(time_steps(chunks.prepare_steps(), clock, "classify"), 0.02, 0.04, looking)
+    with clock.stage("classify"):
+        yield from announce(chunks.prepare_steps(), 0.02, 0.04, looking)
     nx, ny, nz = volume.shape_xyz
     density = 1.0  # visible voxels among all; of the first chunk nothing is known
     while (first := writer.planes) < nz:

@@ -15,7 +15,6 @@ from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, s
 from ..raycast.rays import ChannelVoxels, RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
-from ..runtime.steps import time_steps
 from ..shade.lighting import Lighting
 from ..shade.sample_light import SampleLight
 from ..splat.scalar_splat import LabelLook
@@ -156,15 +155,18 @@ class LitScalars:
             return place_steps(scalars_of(voxels, kind, self.infinite, self.center))
 
         steps = job.steps("scalars", (self.key, self.infinite, self.center, order), scalars)
-        placed = yield from time_steps(steps, clock, "encode")
+        with clock.stage("encode"):
+            placed = yield from steps
         values = codes = None
         if self.channels:
             steps = job.steps("values", (self.values_key, order), lambda: place_steps(join_values(self.channels)))
-            values = yield from time_steps(steps, clock, "mixing")
+            with clock.stage("mixing"):
+                values = yield from steps
         if self.codes is not None:
             steps = job.steps("codes", (self.codes_key, order), lambda: place_steps(self.codes.view(np.uint16)))
             # As with classified voxels, whose records are lit already.
-            codes = (yield from time_steps(steps, clock, "shade")).view(np.int16)
+            with clock.stage("shade"):
+                codes = (yield from steps).view(np.int16)
         return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, self.centers)
 
     def trace(self, rays, slabs: int, counts=None):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from ..classify.lookup_table import LookupTable
 from ..effects.ray_values import ValueMap
+from ..runtime.steps import announce
 from ..scene import Mist, Quality
 from ..splat.scalar_splat import LabelLook, scalar_splat_steps, value_splat_steps
 from ..splat.splat import splat_steps
@@ -49,9 +50,12 @@ class Medium(ABC):
         """The MemoryEstimate of all that is made; None where nothing is left to be made."""
         return self.voxels.estimate
 
-    def encode_steps(self, axis: int):
-        """Generator of fractions done: the tables of a principal axis."""
-        return self.voxels.encode_steps(axis)
+    def encode_steps(self, axes):
+        """Generator of Progress: encode along some principal axes; returns axis -> tables."""
+        tables = {}
+        for axis in axes:
+            tables[axis] = yield from announce(self.voxels.encode_steps(axis), 0.1, 0.2, "Encoding")
+        return tables
 
     @abstractmethod
     def splat_steps(self, tables, plane, intervals):

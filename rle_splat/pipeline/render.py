@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
-from ..runtime.steps import Clock, Progress, announce, drain, step_within, time_steps
+from ..runtime.steps import Clock, Progress, announce, drain
 from ..scene import Quality, Rendering, Scene
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
@@ -29,7 +29,7 @@ from .medium import Medium
 from .picture import Picture, begin_picture
 from .preset_plan import choose_plan
 from .report import make_report
-from .single_rays import NO_PIXELS, steep_steps
+from .single_rays import retrace_steps
 from .source import Source
 from .stage_cache import StageCache
 from .views import Fade
@@ -71,9 +71,9 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     half-made stays in ``cache``.
     """
     clock = Clock()
-    steps = step_within(_average_steps(scene, quality, cache, refuse_empty_view, clock), clock.running)
-    rendering, compiled = yield from watch_steps(steps, scene)
-    return replace(rendering, report={**rendering.report, "kernels": compiled})
+    steps = _average_steps(scene, quality, cache, refuse_empty_view, clock)
+    rendering, kernels = yield from watch_steps(steps, scene, clock)
+    return replace(rendering, report={**rendering.report, "kernels": kernels})
 
 
 def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, refuse_empty_view: bool, clock: Clock):
@@ -110,13 +110,15 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # Shade: normals from the gradient, and the light that reaches each voxel ("pre" multiplies both as it encodes).
     medium = yield from picture.source.shade_steps(voxels, picture.work)
     # Encode: the paper's tables of runs, pointers and voxel records, along each principal axis that the view needs.
-    tables = yield from encode_steps(picture, medium)
+    tables = yield from medium.encode_steps(picture.view.axes)
     # Splat on to the base planes, sheet by sheet, front to back, adding the footprints within a sheet, until pixels are
     # opaque; warp the base planes to the picture.
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
     # Rays: where the plan asks for it, the pixels that differ most from their neighbors are integrated one by one.  A
     # crop has been splatted with its neighbors then, and is cut out here.
-    rgba, depth, traced = yield from retrace_steps(picture, medium, rgba, depth)
+    with clock.stage("rays"):
+        seen = picture.wanted.region, picture.view.index_view
+        rgba, depth, traced = yield from retrace_steps(picture.source, *seen, medium, rgba, depth)
     # Glass of the scene tints what is seen through it.
     rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])
     # Report: what was made, how, and in which time.  The stage cache takes what was made, now that all of it is.
@@ -124,14 +126,6 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     picture.work.job.keep()
     yield Progress(1.0, "Done")
     return Rendering(rgba, depth, report)
-
-
-def encode_steps(picture: Picture, medium: Medium):
-    """Generator of Progress: encode the medium along the principal axes of a picture; returns axis -> tables."""
-    tables = {}
-    for axis in picture.view.axes:
-        tables[axis] = yield from announce(medium.encode_steps(axis), 0.1, 0.2, "Encoding")
-    return tables
 
 
 def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
@@ -143,7 +137,7 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
-        blended = fade.mix(blended, (yield from _splat_fade_steps(picture, medium, tables, fade, begin, share)))
+        blended = fade.add_to(blended, (yield from _splat_fade_steps(picture, medium, tables, fade, begin, share)))
     return blended
 
 
@@ -172,16 +166,8 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
         # ``largest``: what no color exceeds, for filters that overshoot.
         steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, largest)
         at = begin + share * done / count
-        found = yield from announce(time_steps(steps, clock, "warp"), at, at, "Warping")
         with clock.stage("warp"):  # ``finish`` colors pictures of values (MIP and the like)
+            found = yield from announce(steps, at, at, "Warping")
             mixed = effects.mix(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
     return rgba, effects.clamp_to_clip(depth)
-
-
-def retrace_steps(picture: Picture, medium: Medium, rgba, depth):
-    """Generator of Progress: integrate steep pixels by single rays; returns rgba, depth and the report's ``rays``."""
-    if not picture.traced:
-        return rgba, depth, NO_PIXELS
-    steps = steep_steps(picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth)
-    return (yield from announce(time_steps(steps, picture.work.clock, "rays"), 0.95, 0.99, "Following single rays"))

@@ -34,6 +34,10 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
     source, wanted, effects, clock = picture.source, picture.wanted, picture.ray_effects, picture.work.clock
     quality = source.quality
     with clock.stage("report"):
+        remarks = (
+            *source.remarks, *source.notes, *effects.remarks(made, medium.visible_voxels > 0),
+            *_remarks(source, picture.view, medium),
+        )  # fmt: skip
         report = {
             "image": report_image(wanted.crop, wanted.width, wanted.height),
             "volume": _volume_report(wanted.volume.shape_xyz, medium),
@@ -46,10 +50,7 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
                 "tolerance": None, "predicted": None, "measured": None, "truth": truth_of(quality), "probes": 0,
             },
             "threads": thread_count(quality.threads) if compiled() else 1,
-            "remarks": [
-                *source.remarks, *source.notes, *effects.remarks(made, medium.visible_voxels > 0),
-                *_remarks(source, picture.view, medium),
-            ],
+            "remarks": list(remarks),
         }  # fmt: skip
     report["stages_ms"] = clock.report()
     return report

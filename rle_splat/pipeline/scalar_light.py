@@ -18,7 +18,7 @@ from ..classify.shown_nearby import mean_extinction, nearby_steps
 from ..effects.shadows import Occluders
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import read_only
-from ..runtime.steps import announce, map_steps, time_steps
+from ..runtime.steps import announce, map_steps
 from ..scene import Scene
 from ..shade.light_nodes import read_nodes_steps
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
@@ -70,7 +70,8 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     volumes = scene.volume, *(part.volume for part in parts[1:])
     find = partial(_find_surfaces, volumes, parts, sigma, threads)
     steps = job.steps("surfaces", surfaces_key, find, _bytes_of_surfaces)
-    surfaces = yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Finding surfaces")
+    with clock.stage("shade"):
+        surfaces = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
     cuts = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in scene.clips)
     ranges = [shown_ranges(part.function.opacity) for part in parts]
     # The means of channels, and the sides of labels, depend on how much each shows.
@@ -92,8 +93,8 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
         weights = (mean_extinction(part.transfer, nearby) for part, (_, nearby) in zip(parts, surfaces))
         return (yield from _mean_steps(found, weights))
 
-    steps = time_steps(job.steps("normals", normals_key, place), clock, "shade")
-    placed = yield from announce(steps, 0.1, 0.1, "Finding surfaces")
+    with clock.stage("shade"):
+        placed = yield from announce(job.steps("normals", normals_key, place), 0.1, 0.1, "Finding surfaces")
     if not shaded:
         return placed.codes, normals_key
     if side == TRACED:
@@ -103,7 +104,8 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
     steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, scalars.voxels, key, arriving, job, threads))
-    return (yield from announce(time_steps(steps, clock, "shade"), 0.1, 0.1, "Casting shadows")), key
+    with clock.stage("shade"):
+        return (yield from announce(steps, 0.1, 0.1, "Casting shadows")), key
 
 
 def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job, threads: int):

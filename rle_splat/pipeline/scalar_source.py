@@ -40,7 +40,7 @@ from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
 from ..encode.scalars import scalar_tables
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Progress, announce, time_steps
+from ..runtime.steps import Progress, announce
 from ..scene import preintegrated_of
 from ..shade.shading import refuse_too_bright
 from ..splat.scalar_splat import LabelLook
@@ -67,6 +67,7 @@ ONE_VOXEL_THICK = (
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0
 HIDING, BOUNDING = "Hiding labels", "Finding the boundaries of labels"
+FINDING = "Finding the voxels that matter"
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,16 +144,18 @@ class ScalarSource(Source):
             voxels_key = (voxels_key, self._mixture.key)
             reveal_steps = partial(self._mixture.reveal_steps, threads=self.threads)
             steps = job.steps("revealed", voxels_key, reveal_steps, _bytes_of)
-            volume = yield from announce(time_steps(steps, clock, "mixing"), 0.0, 0.0, HIDING)
+            with clock.stage("mixing"):
+                volume = yield from announce(steps, 0.0, 0.0, HIDING)
         steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
-        steps = time_steps(steps, clock, "classify")
-        blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
+        with clock.stage("classify"):
+            blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
         further = yield from self._channel_blocks(work)
         falling = scene_lighting(scene, scene.index_to_world)
         cells = None
         if self._labels is not None:
-            steps = time_steps(job.steps("labels", self._labels.key, self._labels.cell_steps), clock, "mixing")
-            cells = yield from announce(steps, 0.02, 0.02, BOUNDING)
+            with clock.stage("mixing"):
+                steps = job.steps("labels", self._labels.key, self._labels.cell_steps)
+                cells = yield from announce(steps, 0.02, 0.02, BOUNDING)
         relevant, needed = yield from self._relevant_steps(
             work, volume, blocks, further, cells, voxels_key, falling is not None
         )  # fmt: skip
@@ -175,8 +178,8 @@ class ScalarSource(Source):
         for number, channel in enumerate(self.scene.channels):
             key = channel.volume.key if work.job.cache.keeps else number
             steps = work.job.steps("blocks", key, partial(block_steps, channel.volume, threads=self.threads))
-            steps = time_steps(steps, work.clock, "mixing")
-            found.append((yield from announce(steps, 0.02, 0.02, "Looking through the channels")))
+            with work.clock.stage("mixing"):
+                found.append((yield from announce(steps, 0.02, 0.02, "Looking through the channels")))
         return found
 
     def _channels(self, work: Work, relevant: RelevantVoxels, blocks, length: float) -> tuple[ScalarChannel, ...]:
@@ -279,18 +282,17 @@ class ScalarSource(Source):
         if job.has("relevant", key):
             relevant = job.get("relevant", key, None)
             return relevant, estimate_for(relevant.found)
-        steps = time_steps(relevant_steps(volume, reach, blocks, threads=self.threads), clock, "classify")
-        bits = yield from announce(steps, 0.02, 0.08, "Finding the voxels that matter")
-        for channel, own, shown in zip(channels, further_blocks, further, strict=True):
-            steps = time_steps(
-                relevant_steps(channel.volume, shown, own, threads=self.threads), clock, "mixing"
-            )  # fmt: skip
-            bits |= yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
-        if cells is not None:
-            steps = time_steps(relevant_steps(volume, by_labels, blocks, threads=self.threads), clock, "mixing")
-            shown = yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
-            steps = time_steps(self._labels.mask_steps(cells, shown), clock, "mixing")
-            bits |= yield from announce(steps, 0.08, 0.08, "Finding the voxels that matter")
+        with clock.stage("classify"):
+            steps = relevant_steps(volume, reach, blocks, threads=self.threads)
+            bits = yield from announce(steps, 0.02, 0.08, FINDING)
+        with clock.stage("mixing"):
+            for channel, own, shown in zip(channels, further_blocks, further, strict=True):
+                steps = relevant_steps(channel.volume, shown, own, threads=self.threads)
+                bits |= yield from announce(steps, 0.08, 0.08, FINDING)
+            if cells is not None:
+                steps = relevant_steps(volume, by_labels, blocks, threads=self.threads)
+                shown = yield from announce(steps, 0.08, 0.08, FINDING)
+                bits |= yield from announce(self._labels.mask_steps(cells, shown), 0.08, 0.08, FINDING)
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
@@ -319,7 +321,8 @@ class ScalarSource(Source):
     def _hide_steps(self, work: Work, voxels: VisibleVoxels, key, depth):
         """Generator of Progress: what the labels leave of extinction, (m,) float32; ``depth()``: see Mixture."""
         steps = work.job.steps("factor", key, lambda: self._mixture.factor_steps(voxels, depth(), threads=self.threads))
-        return (yield from announce(time_steps(steps, work.clock, "mixing"), 0.1, 0.1, HIDING))
+        with work.clock.stage("mixing"):
+            return (yield from announce(steps, 0.1, 0.1, HIDING))
 
     def _factor(self, work: Work, voxels: VisibleVoxels, key) -> np.ndarray:
         """(m,) float32: what the transfer function multiplies extinction by, by the size of each voxel's gradient."""

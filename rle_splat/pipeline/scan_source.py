@@ -26,7 +26,7 @@ from ..effects.shadows import Occluders
 from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
 from ..encode.records import decoding_of
 from ..runtime.memory import bytes_text
-from ..runtime.steps import Clock, Progress, announce, drain, map_steps, time_steps
+from ..runtime.steps import Clock, Progress, announce, drain, map_steps
 from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
 from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
@@ -133,7 +133,8 @@ class LitVolume:
             return (yield from steps)
 
         steps = job.steps("records", key_of(axis), records, lambda encoded: encoded.voxel_data.nbytes)
-        return (yield from time_steps(steps, clock, "encode"))
+        with clock.stage("encode"):
+            return (yield from steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,18 +228,19 @@ class ScanSource(Source):
             voxels = job.get("visible", visible_key, None)
             return voxels, estimate_for((np.diff(voxels.row_start), voxels.row_pieces))
         blocks_of = partial(block_steps, scene.volume, threads=self.threads)
-        steps = time_steps(job.steps("blocks", voxels_key, blocks_of), clock, "classify")
-        blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
-        steps = time_steps(self.mark_steps(shown, blocks), clock, self.stage)
-        bits = yield from announce(steps, 0.02, 0.06, "Counting")
+        with clock.stage("classify"):
+            steps = job.steps("blocks", voxels_key, blocks_of)
+            blocks = yield from announce(steps, 0.0, 0.02, "Looking through the voxels")
+        with clock.stage(self.stage):
+            bits = yield from announce(self.mark_steps(shown, blocks), 0.02, 0.06, "Counting")
         counted = count_kept(bits, threads=self.threads)
         needed = estimate_for(counted)
         work.claim(needed)
         message = f"Classifying {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
         yield Progress(0.06, message)
         gather = partial(gather_steps, scene.volume, bits, counted, blocks, threads=self.threads)
-        steps = time_steps(job.steps("visible", visible_key, gather), clock, self.stage)
-        return (yield from announce(steps, 0.06, 0.1, message)), needed
+        with clock.stage(self.stage):
+            return (yield from announce(job.steps("visible", visible_key, gather), 0.06, 0.1, message)), needed
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.exposure import list_exposures
-from ..runtime.steps import Clock, Progress, step_within
+from ..runtime.steps import Clock, Progress
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..scene.changed import change
 from ..splat.intermediate_image import IntermediateImage
@@ -22,7 +22,7 @@ from .choose_source import choose_source
 from .medium import Medium
 from .picture import Picture, begin_picture
 from .preset_plan import choose_plan
-from .render import encode_steps, splat_and_warp_steps
+from .render import splat_and_warp_steps
 from .report import make_report
 from .single_rays import NO_PIXELS
 from .stage_cache import StageCache
@@ -70,9 +70,9 @@ def section_steps(scene: Scene, quality: Quality, number: int, count: int):
         Where the picture cannot be drawn in sections.
     """
     picture = _begin(scene, quality)
-    steps = step_within(_section_steps(picture, number, count), picture.work.clock.running)
-    (pixels, most_color), kernels = yield from watch_steps(steps, scene)
-    return SectionImages(pixels, most_color, frozenset(kernels), picture.work.clock.report())
+    steps, clock = _section_steps(picture, number, count), picture.work.clock
+    (pixels, most_color), kernels = yield from watch_steps(steps, scene, clock)
+    return SectionImages(pixels, most_color, frozenset(kernels), clock.report())
 
 
 def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
@@ -86,8 +86,7 @@ def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
         Of all sections.
     """
     picture = _begin(scene, quality)
-    steps = step_within(_composite_steps(picture, sections), picture.work.clock.running)
-    rendering, kernels = yield from watch_steps(steps, scene)
+    rendering, kernels = yield from watch_steps(_composite_steps(picture, sections), scene, picture.work.clock)
     report = dict(rendering.report)
     del report["memory_bytes"]  # here are no tables
     times = _sum(report["stages_ms"], sections.stages_ms)
@@ -124,7 +123,7 @@ def _section_steps(picture: Picture, number: int, count: int):
     planes = {plane: plane.section(number, count) for plane in picture.view.planes}
     picture = _read_only(picture, [plane for plane in planes.values() if plane is not None])
     medium = yield from picture.source.medium_steps(picture.work)
-    tables = yield from encode_steps(picture, medium)
+    tables = yield from medium.encode_steps(picture.view.axes)
     effects, clock, pixels = picture.ray_effects, picture.work.clock, []
     effects.leave_out_idle(picture.view.planes)
     for fade in picture.view.fades:

@@ -18,7 +18,7 @@ from ..effects.shadows import (
     traced_light_steps,
     voxel_light_steps,
 )
-from ..runtime.steps import Clock, time_steps
+from ..runtime.steps import Clock
 from ..scene import Light, Quality, Scene
 from ..shade.light_rays import brick_steps
 from ..shade.light_sweep import FULL
@@ -83,13 +83,15 @@ def traced_steps(scene: Scene, occluders: Occluders, offsets, offsets_key, job: 
         light = scene.lights[number]
         key = (occluders.key, TRACED, offsets_key, _light_key(light), scattered)
         steps = job.steps("shadows", key, partial(trace, light))
-        codes = yield from time_steps(steps, clock, "shadows")
+        with clock.stage("shadows"):
+            codes = yield from steps
         found.append([Arriving(of, 1.0, (*key, number)) for number, of in enumerate(codes)])
     found = [one for kind in zip(*found) for one in kind]
     if scene.ambient_occlusion > 0.0:
         key = (occluders.key, TRACED, offsets_key)
         steps = job.steps("ambient occlusion", key, partial(trace, None))
-        codes = yield from time_steps(steps, clock, "ambient occlusion")
+        with clock.stage("ambient occlusion"):
+            codes = yield from steps
         found.append(Arriving(codes[0], scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
     return found
 
@@ -129,7 +131,8 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
         light = scene.lights[number]
         key = (occluders.key, side, _light_key(light), scattered)
         steps = job.steps("shadows", key, lambda light=light: lamp_steps(light))
-        codes = yield from time_steps(steps, clock, "shadows")
+        with clock.stage("shadows"):
+            codes = yield from steps
         if scattered:
             codes, beside = codes
             further.append(Arriving(beside, 1.0, (*key, "further")))
@@ -138,7 +141,8 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
     if scene.ambient_occlusion > 0.0:
         key = (occluders.key, side)
         steps = job.steps("ambient occlusion", key, ambient_steps)
-        codes = yield from time_steps(steps, clock, "ambient occlusion")
+        with clock.stage("ambient occlusion"):
+            codes = yield from steps
         found.append(Arriving(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
     return found
 

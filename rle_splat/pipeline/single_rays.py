@@ -13,6 +13,7 @@ import numpy as np
 from ..effects.mixing import is_sampled
 from ..raycast.rays import rays_through
 from ..runtime.figures import percent_text
+from ..runtime.steps import Progress
 from ..runtime.work_sizes import RAYS_AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
@@ -114,8 +115,8 @@ def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns,
     return rgba, depth
 
 
-def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth):
-    """Generator of fractions done: integrate the steep pixels of a picture by single rays.
+def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth):
+    """Generator of Progress: integrate the steep pixels of a picture by single rays, where its plan asks for it.
 
     Parameters
     ----------
@@ -132,6 +133,8 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
     dict
         The report's ``rays``: pixels, their share, and slabs per voxel.
     """
+    if not traces_steep_pixels(source):
+        return rgba, depth, NO_PIXELS
     scene, quality = source.scene, source.quality
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
@@ -140,7 +143,7 @@ def steep_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, d
     rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
     where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
     for first in range(0, len(where), RAYS_AT_ONCE):
-        yield first / len(where)
+        yield Progress(0.95 + 0.04 * first / len(where), "Following single rays")
         rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
         pixels = columns + inner[1].start, rows + inner[0].start
         rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)

@@ -30,7 +30,7 @@ class Fade:
         windows = [plane.window(scene.crop, warp_reach(quality)) for plane in self.planes]
         return replace(self, planes=[window for window in windows if window is not None])
 
-    def mix(self, picture, found):
+    def add_to(self, picture, found):
         """The picture, (rgba, depth) or None before the first part, with this part added; the first's depths count."""
         if self.share == 1.0:
             return found

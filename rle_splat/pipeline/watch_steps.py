@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
-from ..runtime.steps import Clock, Progress, forward, map_steps, step_within
+from ..runtime.steps import Clock, Progress, map_steps, step_within
 from ..scene import RleSplatError, Scene
 from ..splat.splat import LOADING
-from ..volume.mapped_files import whole_steps
+from ..volume.mapped_files import list_mapped_files, refuse_cut_files
 
 LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
 COMPILING = "; compiling kernels, the first time only"
 
 
-def watch_steps(steps, scene: Scene):
+def watch_steps(steps, scene: Scene, clock: Clock):
     """Generator of Progress that never falls: what ``steps`` returns, and the sorted names of the kernels that ran.
+
+    ``clock``: what passes between the steps is not counted.
 
     Raises
     ------
@@ -21,27 +23,29 @@ def watch_steps(steps, scene: Scene):
         When memory runs out half-way, caused by the MemoryError; when a mapped file of the scene is cut short.
     """
     kernels: set[str] = set()
-    steps = whole_steps(steps, scene)
+    files, reached = list_mapped_files(scene), 0.0
     first_ever = compiled() and nothing_compiled_yet()
-    steps = step_within(steps, lambda: NotingKernels(kernels))
-    if first_ever:
-        steps = map_steps(steps, _say_compiling)
-    try:
-        made = yield from forward(steps)  # of several axes or base planes each begins anew
-    except MemoryError as problem:
-        reason = f" ({problem})" if str(problem) else ""
-        raise RleSplatError(
-            f"Memory ran out half-way through the picture{reason}; free some, or make the picture, the sheet density "
-            "or the volume smaller."
-        ) from problem
-    return made, sorted(kernels)
+    while True:
+        try:
+            refuse_cut_files(files)
+            with clock.running(), NotingKernels(kernels):
+                step = next(steps)
+        except StopIteration as finished:
+            return finished.value, sorted(kernels)
+        except MemoryError as problem:
+            reason = f" ({problem})" if str(problem) else ""
+            raise RleSplatError(
+                f"Memory ran out half-way through the picture{reason}; free some, or make the picture, the sheet "
+                "density or the volume smaller."
+            ) from problem
+        reached = max(step.fraction, reached)  # of several axes or base planes each begins anew
+        yield Progress(reached, _say_compiling(step) if first_ever else step.message)
 
 
-def _say_compiling(step: Progress) -> Progress:
-    """A step of the first picture ever, which compiles kernels; the last step and kernels' own say enough."""
-    if step.fraction >= 1.0 or step.message == LOADING_KERNELS:
-        return step
-    return step._replace(message=step.message + COMPILING)
+def _say_compiling(step: Progress) -> str:
+    """The message of the first picture ever, which compiles kernels; the last step and kernels' own say enough."""
+    says_enough = step.fraction >= 1.0 or step.message == LOADING_KERNELS
+    return step.message if says_enough else step.message + COMPILING
 
 
 def watch_splat_steps(steps, clock: Clock, begin: float, share: float):

@@ -84,7 +84,7 @@ class Clock:
         return before
 
     def stage(self, name: str) -> _Stage:
-        """A block whose time is counted for a stage, but for the stages within it."""
+        """A block whose time is counted for a stage, but for the stages within it; it may hold a ``yield``."""
         return _Stage(self, name)
 
     def running(self) -> _Running:
@@ -163,8 +163,3 @@ def rescale(steps, start: float, end: float, message: str = ""):
     ``message``: in place of each step's own, if given.
     """
     return map_steps(steps, lambda step: Progress(start + (end - start) * step.fraction, message or step.message))
-
-
-def time_steps(steps, clock: Clock, stage: str):
-    """Generator: the same steps, the time that they take counted for a stage of the clock; return their result."""
-    return step_within(steps, lambda: clock.stage(stage))

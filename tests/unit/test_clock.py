@@ -9,7 +9,7 @@ import pytest
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forward, time_steps
+from rle_splat.runtime.steps import SETUP, STAGES, Clock, Progress, drain, forward, step_within
 from rle_splat.scene import CLASSIFICATIONS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -71,16 +71,17 @@ def test_what_passes_between_steps_belongs_to_no_stage():
     clock = Clock(watch)
 
     def steps():
-        watch.now += 3.0
-        yield 0.5
-        watch.now += 4.0
+        with clock.stage("warp"):
+            watch.now += 3.0
+            yield 0.5
+            watch.now += 4.0
 
     def idle(step):
         watch.now += 100.0
 
     with clock.running():
         pass
-    drain(time_steps(steps(), clock, "warp"), idle)
+    drain(step_within(steps(), clock.running), idle)
     assert round(clock.report()["warp"]) == 7002
 
 

@@ -43,7 +43,7 @@ def encoded(scene, axes=(0, 1, 2), **machine):
     """The ScalarVolume of each axis, and the number of voxels."""
     quality = Quality(classification="post", **machine)
     medium = drain(ScalarSource(scene, quality).medium_steps(Work(StageCache(0).job(), Clock(), len(axes))))
-    return {axis: drain(medium.encode_steps(axis)) for axis in axes}
+    return drain(medium.encode_steps(axes))
 
 
 def decoded(table, records):

@@ -11,7 +11,7 @@ from ...pipeline.single_rays import trace_steps
 from ...pipeline.source import Work
 from ...pipeline.stage_cache import StageCache
 from ...raycast.scalar_rays import COMPOSITED
-from ...runtime.steps import Clock, map_steps, time_steps
+from ...runtime.steps import Clock, map_steps, step_within
 from ...scene import Quality, Scene
 from ...view.eye import index_view
 from .error_estimate import ErrorEstimate
@@ -53,7 +53,8 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     """
     view, job, clock = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job(), Clock()
     medium = yield from map_steps(ScalarSource(scene, quality).medium_steps(Work(job, Clock())), lambda step: 0.0)
-    rgba, work = yield from time_steps(trace_steps(scene, view, medium, columns, rows, slabs), clock, "rays")
+    steps = trace_steps(scene, view, medium, columns, rows, slabs)
+    rgba, work = yield from step_within(steps, lambda: clock.stage("rays"))
     job.keep()
     return rgba, work, clock.stages["rays"]
 
