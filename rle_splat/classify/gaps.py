@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.jit import kernel, run_either
 from ..runtime.parallel import share_out
 from . import reference
 from .reference import SHORT, WORD
@@ -29,12 +29,7 @@ def close_gaps(bits: np.ndarray, shape_xyz, *, threads: int = 0) -> None:
     threads : int
         0 for one per core.
     """
-    ny = shape_xyz[1]
-    if compiled():
-        with parallel_call(threads):
-            _close_planes(bits, ny)
-    else:
-        reference.close_gaps(bits, ny)
+    run_either(threads, _close_planes, reference.close_gaps, bits, shape_xyz[1])
 
 
 # --- kernels ----------------------------------------------------------------------------------------------------

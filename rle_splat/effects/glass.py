@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call, prange
+from ..runtime.jit import kernel, prange, run_either
 from ..scene import NO_DEPTH, Quality, Scene
 from ..scene.changed import change
 from ..view.eye import IndexView, index_view
@@ -123,13 +123,10 @@ class Glass(RayEffect):
         """See ``RayEffect.tint``."""
         ends = np.where(depth < NO_DEPTH, depth, self._middle).astype(np.float32)
         tinted = np.array(rgba, order="C")
-        samples = SAMPLE_COLUMNS, SAMPLE_ROWS
-        arguments = (*self._edges, self._shares, self._nearest, ends, *samples, corner, tinted)
-        if compiled():
-            with parallel_call(self._threads):
-                pass_through(*arguments)
-        else:
-            reference.pass_through(*arguments)
+        run_either(
+            self._threads, pass_through, reference.pass_through, *self._edges, self._shares, self._nearest, ends,
+            SAMPLE_COLUMNS, SAMPLE_ROWS, corner, tinted,
+        )  # fmt: skip
         return tinted
 
 

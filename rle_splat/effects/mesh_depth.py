@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call, prange
+from ..runtime.jit import kernel, prange, run_either
 from ..runtime.work_sizes import MESH_SAMPLES as SAMPLES
 from ..scene import Camera, RleSplatError
 from ..view.projection import depth_row, world_to_pixel
@@ -208,8 +208,4 @@ def sheet_depth(pixels, depths, clips, width: int, height: int, *, threads=0) ->
 
 def _rasterize(edges, depths, bounds, clips, left: int, top: int, out, threads) -> None:
     arguments = (edges, depths, bounds, *clips, SAMPLE_COLUMNS, SAMPLE_ROWS, left, top, out)
-    if compiled():
-        with parallel_call(threads):
-            rasterize(*arguments)
-    else:
-        reference.rasterize(*arguments)
+    run_either(threads, rasterize, reference.rasterize, *arguments)

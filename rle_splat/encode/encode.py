@@ -13,7 +13,7 @@ from ..classify.placing import RecordPositions
 from ..classify.reference import find_targets
 from ..classify.reference import pack as mark_bits
 from ..classify.visible import VisibleVoxels
-from ..runtime.jit import compiled, parallel_call, read_only, thread_count
+from ..runtime.jit import compiled, parallel_call, read_only, run_either, thread_count
 from ..runtime.steps import drain
 from ..runtime.work_sizes import RECORDS_AT_ONCE
 from ..scene import MODELS, RECORDS, RleSplatError
@@ -80,11 +80,8 @@ def encode(
         """Records from ``colors``; see ``record_steps``."""
         first, last = positions.span
         made = empty_records(16, last - first)
-        if compiled():
-            with parallel_call(threads):
-                passes.color_records(density[first:last], colors[first:last], made)
-        else:
-            reference.color_records(density[first:last], colors[first:last], made)
+        own = density[first:last], colors[first:last]
+        run_either(threads, passes.color_records, reference.color_records, *own, made)
         _place(positions, made, records, threads)
         return most_color
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import kernel, read_only, run_either
 from ..runtime.parallel import share_out
 from . import reference
 
@@ -43,11 +43,7 @@ def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0
     for first in range(0, len(means), at_once):
         yield first / len(means)
         part = means[first : first + at_once]
-        if compiled():
-            with parallel_call(threads):
-                _pool(first, *arguments, part)
-        else:
-            reference.pool(first, *arguments, part)
+        run_either(threads, _pool, reference.pool, first, *arguments, part)
     return means
 
 

@@ -27,7 +27,7 @@ from ..runtime.work_sizes import (
 from ..scene import RECORDS, Quality, RleSplatError, TooLargeError
 from ..volume.axes import AXES
 from ..volume.counts import counts_values
-from ..warp.filters import is_prefiltered
+from ..warp.filters import FILTERS
 
 SPARE = 0.9  # of what is free may be asked for: the system and Python want some too
 PARTS = ("visible", "normals", "runs", "records", "work", "picture")
@@ -251,7 +251,7 @@ def picture_bytes(
     pixels = width * height
     sheets = [plane.width * plane.height for plane in planes]
     # Of the largest sheet: its filter's coefficients; where its rays begin and end, and what finding that takes.
-    filtered = (COEFFICIENTS * is_prefiltered(quality.warp_filter) + 40 * shortened) * max(sheets, default=0)
+    filtered = (COEFFICIENTS * FILTERS[quality.warp_filter].is_prefiltered + 40 * shortened) * max(sheets, default=0)
     drawn = PICTURE_PIXEL * pixels
     at_a_time = {
         # Depths on all samples of a pixel, its layers, and what finding those takes.

@@ -137,7 +137,8 @@ def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = 0.2 + 0.75 * n / len(fades), 0.75 / len(fades)
-        blended = fade.add_to(blended, (yield from _splat_fade_steps(picture, medium, tables, fade, begin, share)))
+        found = yield from _splat_fade_steps(picture, medium, tables, fade, begin, share)
+        blended = fade.add_to(blended, found)
     return blended
 
 

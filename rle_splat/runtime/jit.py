@@ -27,8 +27,8 @@ from .called_kernels import NotingKernels
 __all__ = [
     "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "NotingKernels", "available_threads",
     "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "need_kernels", "note_loaded",
-    "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "shipped_level", "shipped_problem",
-    "thread_count", "use_reference", "while_compiling",
+    "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "run_either", "shipped_level",
+    "shipped_problem", "thread_count", "use_reference", "while_compiling",
 ]  # fmt: skip
 
 NUMBA_PROBLEM = ""  # why numba cannot be used at all, for people
@@ -185,6 +185,15 @@ _COMPILED: ContextVar[bool] = ContextVar("compiled", default=numba is not None)
 def compiled() -> bool:
     """Whether kernels do the work (True), or the reference implementations in numpy, as where numba is missing."""
     return _COMPILED.get()
+
+
+def run_either(threads: int, kernel_function, reference, *arguments) -> None:
+    """Call a parallel kernel on ``threads`` threads, or its reference implementation where no kernels run."""
+    if not compiled():
+        reference(*arguments)
+        return
+    with parallel_call(threads):
+        kernel_function(*arguments)
 
 
 @contextmanager

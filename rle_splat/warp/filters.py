@@ -7,7 +7,7 @@ it interpolate (``spline_prefilter``), fourth order.
 
 from __future__ import annotations
 
-from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,22 +18,31 @@ POLYNOMIALS = {
 }
 
 
-def is_prefiltered(name: str) -> bool:
-    """Whether the filter applies to spline coefficients of color and alpha instead of samples."""
-    return name == "cubic"
+class WarpFilter(NamedTuple):
+    """A filter of the warp.
+
+    Attributes
+    ----------
+    is_prefiltered : bool
+        Whether it applies to spline coefficients of color and alpha instead of samples.
+    taps : int
+        Number of taps along each axis.
+    table : (96,) ndarray of float32
+        Read-only; the table argument of ``taps.tap4x4``.
+    """
+
+    is_prefiltered: bool
+    taps: int
+    table: np.ndarray
+
+    @classmethod
+    def of(cls, name: str) -> WarpFilter:
+        polynomials, is_prefiltered = POLYNOMIALS[name], name == "cubic"
+        to_alpha = np.array([[1, 1, 1, 1], [0, 0, 0, 0]]) if is_prefiltered else [[1, 1, 1, -1], [0, 0, 0, 1]]
+        weights = np.repeat(polynomials, 4, axis=1)
+        table = np.concatenate((weights, np.tile(to_alpha, 4))).astype(np.float32).reshape(-1)
+        table.flags.writeable = False
+        return cls(is_prefiltered, int(np.count_nonzero(polynomials.any(axis=0))), table)
 
 
-@cache
-def taps_of(name: str) -> int:
-    """Number of taps along each axis."""
-    return int(np.count_nonzero(POLYNOMIALS[name].any(axis=0)))
-
-
-@cache
-def table_of(name: str) -> np.ndarray:
-    """(96,) float32, read-only: the table argument of ``taps.tap4x4``."""
-    to_alpha = np.array([[1, 1, 1, 1], [0, 0, 0, 0]]) if is_prefiltered(name) else [[1, 1, 1, -1], [0, 0, 0, 1]]
-    weights = np.repeat(POLYNOMIALS[name], 4, axis=1)
-    table = np.concatenate((weights, np.tile(to_alpha, 4))).astype(np.float32).reshape(-1)
-    table.flags.writeable = False
-    return table
+FILTERS = {name: WarpFilter.of(name) for name in POLYNOMIALS}

@@ -105,8 +105,9 @@ def find_coefficients(pixels, rows, columns, coefficients):
     np.multiply(GAIN, lines, out=coefficients)
 
 
-def find_spread(rgba, spread):
+def find_spread(picture, spread):
     """Largest difference of any channel around each pixel, as ``steep._spread``."""
+    rgba = picture.reshape(*spread.shape, -1)
     spread[...] = (_find_extreme(rgba, np.maximum) - _find_extreme(rgba, np.minimum)).max(axis=-1)
 
 

@@ -245,7 +245,7 @@ def resample(
     taps : {2, 4}
         Taps of the filter along each axis.
     table : (96,) ndarray of float32
-        As of ``filters.table_of``; not used for two taps.
+        As of ``filters.WarpFilter``; not used for two taps.
     most_color : float32
         Color is clamped to ``most_color`` times alpha.
     depth_map : (2, 3) ndarray of float64

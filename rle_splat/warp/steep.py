@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.jit import kernel, run_either
 from ..runtime.parallel import share_out
 from . import reference
 
@@ -50,11 +50,7 @@ def steep_pixels(
     (H, W) ndarray of bool
     """
     spread = np.empty(rgba.shape[:2], np.float32)
-    if compiled():
-        with parallel_call(threads):
-            _spread(rgba.reshape(len(rgba), -1), spread)
-    else:
-        reference.find_spread(rgba, spread)
+    run_either(threads, _spread, reference.find_spread, rgba.reshape(len(rgba), -1), spread)
     steep = spread >= np.float32(threshold)
     _leave_the_steepest(steep, spread, most, first_pixel)
     return steep

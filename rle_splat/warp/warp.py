@@ -10,7 +10,7 @@ from ..scene import Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
 from . import reference
-from .filters import is_prefiltered, table_of, taps_of
+from .filters import FILTERS
 from .reference import MARGIN, clear
 from .resample import resample, shown_in
 from .spline_prefilter import spline_coefficients
@@ -21,7 +21,7 @@ TAPS = 2  # sheet pixels on either side of a ray that the widest filter reads
 
 def warp_reach(quality: Quality) -> int:
     """Sheet pixels on either side of a ray on which its pixel depends."""
-    return TAPS + (MARGIN if is_prefiltered(quality.warp_filter) else 0)
+    return TAPS + (MARGIN if FILTERS[quality.warp_filter].is_prefiltered else 0)
 
 
 def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality: Quality, most_color: float):
@@ -55,8 +55,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
     left, top, right, bottom = region
     rgba = np.empty((bottom - top, right - left, 4), np.float32)
     depth = np.empty((bottom - top, right - left), np.float32)
-    name = quality.warp_filter
-    with_kernels, prefiltered = compiled(), is_prefiltered(name)
+    with_kernels, (prefiltered, *taps) = compiled(), FILTERS[quality.warp_filter]
     # Pixels farther than this from everything that an image holds are transparent and are skipped.
     reach = TAPS + 1 + MARGIN * prefiltered
     parts = [(image, image.find_filled_part(reach)) for image in images]
@@ -85,8 +84,8 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
             some = slice(first, first + rows_at_once)
             at = left, top + first
             arguments = (
-                pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, taps_of(name),
-                table_of(name), np.float32(most_color), _depth_map(plane), at, number == 0, rgba[some], depth[some],
+                pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, *taps,
+                np.float32(most_color), _depth_map(plane), at, number == 0, rgba[some], depth[some],
             )
             if with_kernels:
                 window = shown_in(from_sheets[number], size, part_origin, depth[some].shape, at)

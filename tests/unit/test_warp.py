@@ -7,7 +7,7 @@ import pytest
 
 from rle_splat.scene import WARP_FILTERS
 from rle_splat.warp import reference
-from rle_splat.warp.filters import POLYNOMIALS, is_prefiltered, table_of, taps_of
+from rle_splat.warp.filters import FILTERS
 from rle_splat.warp.reference import MARGIN
 from rle_splat.warp.resample import resample, shown_in
 from rle_splat.warp.spline_prefilter import spline_coefficients
@@ -89,12 +89,12 @@ def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin
     rgba = np.full((*size, 4), np.nan, np.float32)
     depth = np.full(size, np.nan, np.float32)
     pixels = np.ascontiguousarray(image, dtype=np.float32)
-    if not is_prefiltered(name):
+    if not FILTERS[name].is_prefiltered:
         pixels = pixels * np.float32((1, 1, 1, -1)) + np.float32((0, 0, 0, 1))
     half = np.full(pixels.shape[:2], np.inf, np.float32) if half is None else half
     depth_map = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]])
     function(
-        pixels, half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, taps_of(name), table_of(name), np.float32(most),
+        pixels, half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, *FILTERS[name][1:], np.float32(most),
         depth_map, picture_origin, True, rgba, depth,
     )
     return rgba, depth
@@ -103,7 +103,7 @@ def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin
 def filtered(function, image, to_sheet, name, size, **options):
     """An image of color and alpha through a filter, prefiltered where that belongs to it."""
     prefilter = PREFILTERS[RESAMPLERS.index(function)]
-    weighed = coefficients_of(prefilter, image.astype(np.float32)) if is_prefiltered(name) else image
+    weighed = coefficients_of(prefilter, image.astype(np.float32)) if FILTERS[name].is_prefiltered else image
     return run(function, weighed, to_sheet, name, size, **options)[0]
 
 
@@ -215,7 +215,7 @@ def test_every_pixel_that_looks_into_a_sheet_is_found(to_sheet):
     for function in RESAMPLERS:
         rgba, depth = np.full((90, 110, 4), 7.0, np.float32), np.full((90, 110), 7.0, np.float32)
         function(
-            pixels, half, (0, 0), to_sheet, np.zeros((3, 3)), 2, 1, 2, table_of("bilinear"), np.float32(1.0),
+            pixels, half, (0, 0), to_sheet, np.zeros((3, 3)), 2, 1, 2, FILTERS["bilinear"].table, np.float32(1.0),
             np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]]), (0, 0), False, rgba, depth,
         )
         found.append((rgba, depth))
@@ -255,10 +255,10 @@ def test_any_number_of_threads_gives_the_same_bits(name):
     pictures = []
     for threads in (1, 2, 0):
         prefilter, function = (partial(f, threads=threads) for f in (spline_coefficients, resample_window))
-        weighed = coefficients_of(prefilter, image) if is_prefiltered(name) else image
+        weighed = coefficients_of(prefilter, image) if FILTERS[name].is_prefiltered else image
         pictures.append(run(function, weighed, SHIFT, name, (100, 90))[0].tobytes())
     assert pictures[0] == pictures[1] == pictures[2]
 
 
 def test_every_filter_of_the_table_is_there():
-    assert tuple(POLYNOMIALS) == WARP_FILTERS
+    assert tuple(FILTERS) == WARP_FILTERS
