@@ -37,7 +37,7 @@ from ..encode.records import decoding_of, words_of
 from ..encode.scalars import OWN_TYPES, center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
-from ..runtime.memory import available_bytes, bytes_text
+from ..runtime.memory import available_bytes
 from ..runtime.steps import Clock, Progress, announce, drain, rescale
 from ..scene import Quality, RleSplatError, Scene, TooLargeError
 from ..shade.shading import DENSITY
@@ -49,12 +49,12 @@ from ..volume.reduced import reduce_steps
 from ..volume.volume import key_steps
 from .encode_scene import describe_lighting
 from .lighting import scene_lighting
+from .memory_estimate import PlannedTables, VoxelCount, estimate_tables, refuse_too_much
 from .scalar_light import light_of, smoothness_of
 from .scalar_source import find_value_ends
 from .scan_source import LitVolume, make_scan_source
 from .shadows import shadow_count
 
-VOXEL_WORK = 96  # bytes that a visible voxel of a chunk takes at most while it is encoded
 COARSE_VOXELS = 1 << 24  # a volume of more is stored in larger voxels, too: with so many a viewport turns smoothly
 DENSER = 1.5  # times as dense as a chunk the next one may be
 LEAST_DENSITY = 1.0 / 32.0  # so that a chunk of hidden planes does not become the whole volume
@@ -143,7 +143,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     nx, ny, nz = volume.shape_xyz
     density = 1.0  # visible voxels among all; of the first chunk nothing is known
     while (first := writer.planes) < nz:
-        last = min(first + _planes_at_once(nx * ny, density), nz)
+        last = min(first + chunks.planes_at_once(density), nz)
         yield Progress(0.04 + 0.94 * first / nz, f"Encoding planes {first + 1} to {last} of {nz}")
         try:
             with clock.stage("encode"):
@@ -196,21 +196,6 @@ def _check(scene: Scene, quality: Quality) -> None:
         )
 
 
-def _planes_at_once(plane_voxels: int, density: float = 1.0) -> int:
-    """Planes of a chunk of which a part, ``density``, is visible."""
-    return max(int(SHARE * available_bytes() / (density * plane_voxels * VOXEL_WORK)), 1)
-
-
-def _claim(counts: np.ndarray) -> None:
-    """TooLargeError if a chunk with so many visible voxels in its rows needs more memory than is free."""
-    needed, free = int(counts.sum()) * VOXEL_WORK, available_bytes()
-    if needed > free:
-        raise TooLargeError(
-            f"A plane of the volume needs {bytes_text(needed)} of memory and {bytes_text(free)} are free; give a "
-            "larger memory limit, or crop the volume."
-        )
-
-
 def _job(scene: Scene, quality: Quality, axes) -> dict:
     """All that the tables depend on."""
     described = {
@@ -248,6 +233,19 @@ class _Chunks:
         self.threads = quality.threads
         self.falling = scene_lighting(scene, scene.index_to_world)
         self.dtypes: dict[str, list] = {}
+        record = quality.record if quality.classification == "pre" else 0
+        self.planned = PlannedTables(record, 1 + (0 in axes), self.falling is not None)
+
+    def planes_at_once(self, density: float = 1.0) -> int:
+        """Planes of a chunk of which a part, ``density``, is visible, by the memory that is free."""
+        nx, ny, _ = self.volume.shape_xyz
+        shown = max(int(density * nx * ny), 1)
+        found = VoxelCount((nx, ny, 1), self.volume.voxels.dtype, shown, shown, ny, 0)
+        return max(int(SHARE * available_bytes() / estimate_tables(found, self.planned).needed), 1)
+
+    def claim(self, part, counted) -> None:
+        """TooLargeError if planes with voxels ``counted`` in their rows need more memory than is free."""
+        refuse_too_much(estimate_tables(VoxelCount.in_rows(part, counted), self.planned))
 
     def prepare_steps(self):
         """Generator of fractions done: what all chunks depend on."""
@@ -300,7 +298,7 @@ class _ClassifiedChunks(_Chunks):
             return
         _, _, nz = self.volume.shape_xyz
         most_density = most_color = 0.0
-        planes = _planes_at_once(self.volume.voxels[0].size)
+        planes = self.planes_at_once()
         for first in range(0, nz, planes):  # the scales of short records are those of the whole volume
             yield first / nz
             local, lit = self._light_chunk(first, min(first + planes, nz))
@@ -322,7 +320,7 @@ class _ClassifiedChunks(_Chunks):
         blocks = drain(block_steps(shown.volume, threads=self.threads))
         bits = drain(mark_steps(shown, blocks, threads=self.threads))
         counted = count_kept(bits, threads=self.threads)
-        _claim(counted[0])
+        self.claim(shown.volume, counted)
         local = gather_kept(shown.volume, bits, counted, blocks, threads=self.threads)
         voxels = self.in_volume(local, first)
         found = self.source.classify(self.source.shown, voxels, self.length)
@@ -387,9 +385,9 @@ class _ScalarChunks(_Chunks):
         blocks = drain(block_steps(around, threads=self.threads))
         bits = drain(relevant_steps(around, self.reach, blocks, threads=self.threads))
         bits = bits[(first - begin) * ny : (last - begin) * ny]
-        counted = count_kept(bits, threads=self.threads)
-        _claim(counted[0])
-        return gather_kept(self.part(first, last), bits, counted, blocks, threads=self.threads)
+        counted, own = count_kept(bits, threads=self.threads), self.part(first, last)
+        self.claim(own, counted)
+        return gather_kept(own, bits, counted, blocks, threads=self.threads)
 
     def encode_chunk(self, first: int, last: int) -> _ChunkTables:
         """The tables of planes [first, last)."""

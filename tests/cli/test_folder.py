@@ -17,7 +17,7 @@ PLAN = {"pre": (), "post": ("--depth-rule", "preintegrated", "--rays", "0")}
 
 @pytest.fixture(autouse=True)
 def few_planes(monkeypatch):
-    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 5)
+    monkeypatch.setattr(encode_folder._Chunks, "planes_at_once", lambda *_: 5)
 
 
 @pytest.fixture

@@ -42,7 +42,7 @@ def view_of(volume, axis):
 @pytest.fixture
 def whole(tmp_path, monkeypatch, request):
     """A folder of three chunks."""
-    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: PLANES)
+    monkeypatch.setattr(encode_folder._Chunks, "planes_at_once", lambda *_: PLANES)
     classification, lights = TABLES[request.param]
     voxels = np.random.default_rng(2).integers(0, 101, SHAPE, dtype=np.uint8)
     scene = replace(view_of(Volume(voxels, np.eye(4)), 1), lights=lights, headlight=True)

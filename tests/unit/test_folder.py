@@ -16,7 +16,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode import folder as folder_form
 from rle_splat.encode.folder import FolderWriter, unfinished_path
 from rle_splat.encode.store import load
-from rle_splat.pipeline import encode_folder
+from rle_splat.pipeline import encode_folder, memory_estimate
 from rle_splat.pipeline.encode_folder import encode_folder_steps
 from rle_splat.pipeline.render import render
 from rle_splat.runtime import whole_files
@@ -56,7 +56,7 @@ def scene_of(volume, axis=1, **changes):
 @pytest.fixture
 def few_planes(monkeypatch):
     """Chunks of three planes."""
-    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
+    monkeypatch.setattr(encode_folder._Chunks, "planes_at_once", lambda *_: 3)
 
 
 def encoded(path, scene, quality, **options):
@@ -144,13 +144,14 @@ def test_unshaded_and_one_axis(tmp_path, few_planes):
 def test_chunks_follow_the_memory_that_is_left(tmp_path, monkeypatch):
     """As many planes as fit, one where the next one is denser than was thought, and a sentence where none fits."""
     scene, quality = scene_of(volume_of()), QUALITIES["pre"]
-    plane = NX * NY * encode_folder.VOXEL_WORK
+    plane = 96 * NX * NY  # bytes, of which a visible voxel takes about 80
     monkeypatch.setattr(encode_folder, "SHARE", 1.0)
     monkeypatch.setattr(encode_folder, "available_bytes", lambda: plane)
     assert NZ // 2 < encoded(tmp_path / "a.rle", scene, quality)["folder"]["slabs"] <= NZ
     np.testing.assert_array_equal(from_folder(tmp_path / "a.rle", scene, quality).rgba, render(scene, quality).rgba)
-    monkeypatch.setattr(encode_folder, "available_bytes", lambda: plane // 100)
-    with pytest.raises(RleSplatError, match=r"A plane of the volume needs .* give a larger memory limit"):
+    for module in (encode_folder, memory_estimate):
+        monkeypatch.setattr(module, "available_bytes", lambda: plane // 100)
+    with pytest.raises(RleSplatError, match=r"The \d+ voxels that the transfer function shows need about .* are free"):
         encoded(tmp_path / "b.rle", scene, quality)
     assert [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 

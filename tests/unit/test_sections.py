@@ -28,7 +28,7 @@ def folders(tmp_path_factory):
     """Classification -> a folder of tables in sections of three planes."""
     folder = tmp_path_factory.mktemp("sections")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
+        patch.setattr(encode_folder._Chunks, "planes_at_once", lambda *_: 3)
         for name, quality in QUALITIES.items():
             rle_splat.encode_folder(scene_of(volume_of()), folder / f"{name}.rle", quality)
     return {name: folder / f"{name}.rle" for name in QUALITIES}

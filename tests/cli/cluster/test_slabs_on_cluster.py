@@ -17,7 +17,7 @@ VIEWS = {
 @pytest.fixture
 def folder(call, raw, raw_options, tmp_path, monkeypatch):
     """A folder of tables in slabs of three planes."""
-    monkeypatch.setattr(encode_folder, "_planes_at_once", lambda *_: 3)
+    monkeypatch.setattr(encode_folder._Chunks, "planes_at_once", lambda *_: 3)
     assert call("encode", raw, *raw_options, "-o", tmp_path / "a.rle", "--folder").code == 0
     return tmp_path / "a.rle"
 
