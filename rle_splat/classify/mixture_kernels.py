@@ -10,11 +10,12 @@ import math
 
 import numpy as np
 
-from ..runtime.jit import compiled, kernel, parallel_call
+from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from . import reference
 
 PIECE = 1 << 14  # voxels per piece of work
+NO_LABELS = read_only(np.empty(0, np.uint8))  # so that one kernel serves voxels with and without
 
 
 def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0) -> None:
@@ -68,7 +69,8 @@ def add_channel(
     """
     if compiled():
         with parallel_call(threads):
-            _add(-(-len(indices) // PIECE), (indices, stored, labels, numbers, *tables, size, distance, properties))
+            own = NO_LABELS if labels is None else labels
+            _add(-(-len(indices) // PIECE), (indices, stored, own, numbers, *tables, size, distance, properties))
     else:
         reference.add_channel(indices, stored, labels, numbers, tables, size, distance, properties)
 
@@ -102,7 +104,7 @@ def _add_pieces(
     """``_add`` for pieces [begin, end); arithmetic as in ``reference.mix``."""
     for i in range(begin * PIECE, min(end * PIECE, indices.size)):
         entry = np.int64(stored[indices[i]])
-        if labels is not None:
+        if labels.size > 0:
             entry += size * np.int64(numbers[labels[indices[i]]])
         extinction = extinctions[entry]
         if extinction > 0.0:

@@ -11,7 +11,7 @@ import numpy as np
 from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume
 from ..classify.limits import BRIGHTEST
 from ..classify.placing import RecordPositions, find_targets
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
 from ..volume.gradient import unit_normals
@@ -36,6 +36,8 @@ from .lights import KIND, NEAREST, RGB, SUN
 # Model -> column of the optical properties that weights the color.
 DENSITY = {"extinction": EXTINCTION, "opacity": OPACITY, None: None}
 _ZERO = np.float32(0.0)
+# Rows of properties by their type: kernels take an array of each, so that one serves all, and the others are empty.
+_NO_ROWS = {kind: read_only(np.empty(0, kind)) for kind in ("uint8", "uint16")}
 
 
 def normals(classified, volume, index_to_world, *, threads: int = 0) -> np.ndarray:
@@ -158,17 +160,18 @@ def light_records(
     if density is None:
         properties, density = properties.copy(), EXTINCTION
         properties[:, density] = 1.0
-    row_of = classified.row_of if classified.row_of is None else read_only(classified.row_of)
-    seen = (row_of, read_only(properties), density)
+    row_of, seen = classified.row_of, (read_only(properties), density)
     if not compiled():
-        reference.write_records(positions, *seen, normals, falling, records, most)
+        reference.write_records(positions, row_of, *seen, normals, falling, records, most)
     else:
+        given = {} if row_of is None else {row_of.dtype.name: read_only(row_of)}
+        rows = tuple(given.get(kind, nothing) for kind, nothing in _NO_ROWS.items())
         light = (None, None, None, None)
         if falling is not None:
             near = falling.near
             light = (components(normals), falling.material, None if near else falling.rays(), near)
         with parallel_call(threads):
-            _write_records(positions.arguments, *seen, *light, records, most)
+            _write_records(positions.arguments, rows, *seen, *light, records, most)
     return refuse_too_bright(float(most.max()))
 
 
@@ -189,12 +192,42 @@ def refuse_too_bright(brightest: float) -> float:
 def _write_records(positions, row_of, properties, density_column, normals, material, rays, near, records, most):
     """Kernel of ``light_records``.
 
-    ``positions``: RecordPositions.arguments. ``row_of``: (m,) rows of ``properties`` (n, 5); None if voxel i has row i.
+    ``positions``: RecordPositions.arguments. ``row_of``: (m,) rows of ``properties`` (n, 5) as uint8 and as uint16, of
+    which at least one is empty; both are if voxel i has row i.
     ``normals`` (3, m) and ``material``: None without light. Either ``rays`` (``Lighting.rays``) or ``near``
     (``Lighting.near``) is None, so that unused code is not compiled.
     """
     arguments = (positions, row_of, properties, density_column, normals, material, rays, near, records, most)
     share_out(_write_planes, positions[5].shape[0], arguments)
+
+
+@inner_loop
+def _write_chunk(row_of, at, properties, density_column, normals, s, targets, records):
+    """Write the records of the voxels from ``at`` on, one for each of ``targets``; returns the largest channel.
+
+    ``row_of``: as one array, or None.  ``s``: light, of ``clear_light``.
+    """
+    brightest = _ZERO
+    for i in range(targets.size):
+        entry = at + i if row_of is None else np.int64(row_of[at + i])
+        red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
+        if normals is not None:
+            if normals[0, at + i] != _ZERO or normals[1, at + i] != _ZERO or normals[2, at + i] != _ZERO:
+                red = red * s[DR + i] + s[SR + i]
+                green = green * s[DG + i] + s[SG + i]
+                blue = blue * s[DB + i] + s[SB + i]
+            else:
+                red *= s[SHARE + i]
+                green *= s[SHARE + i]
+                blue *= s[SHARE + i]
+        density = properties[entry, density_column]
+        to = targets[i]
+        records[to, 0] = density * red
+        records[to, 1] = density * green
+        records[to, 2] = density * blue
+        records[to, 3] = density
+        brightest = max(brightest, max(red, max(green, blue)))
+    return brightest
 
 
 @kernel(inner=True)
@@ -208,7 +241,7 @@ def _write_planes(
     """
     n_y, first_plane, row_start, column, across, data_starts = positions
     cursors = np.empty(data_starts.shape[1], np.int64)
-    targets = np.empty(LANES, np.uint64)
+    targets, (narrow, wide) = np.empty(LANES, np.uint64), row_of
     s = np.empty(0 if normals is None else SCRATCH, np.float32)
     for plane in range(begin, end):
         for key in range(cursors.size):
@@ -227,24 +260,12 @@ def _write_planes(
                 add_rays(rays, normals[:, at:stop], material, stop - at, s)
             if near is not None:
                 add_near(near, normals[:, at:stop], material, n_y, begun, row_start, column, at, stop - at, s)
-            for i in range(stop - at):
-                entry = at + i if row_of is None else np.int64(row_of[at + i])
-                red, green, blue = properties[entry, RED], properties[entry, RED + 1], properties[entry, RED + 2]
-                if normals is not None:
-                    if normals[0, at + i] != _ZERO or normals[1, at + i] != _ZERO or normals[2, at + i] != _ZERO:
-                        red = red * s[DR + i] + s[SR + i]
-                        green = green * s[DG + i] + s[SG + i]
-                        blue = blue * s[DB + i] + s[SB + i]
-                    else:
-                        red *= s[SHARE + i]
-                        green *= s[SHARE + i]
-                        blue *= s[SHARE + i]
-                density = properties[entry, density_column]
-                to = targets[i]
-                records[to, 0] = density * red
-                records[to, 1] = density * green
-                records[to, 2] = density * blue
-                records[to, 3] = density
-                brightest = max(brightest, max(red, max(green, blue)))
+            given = at, properties, density_column, normals, s, targets[: stop - at], records
+            if narrow.size > 0:
+                brightest = max(brightest, _write_chunk(narrow, *given))
+            elif wide.size > 0:
+                brightest = max(brightest, _write_chunk(wide, *given))
+            else:
+                brightest = max(brightest, _write_chunk(None, *given))
             at = stop
         most[plane] = brightest

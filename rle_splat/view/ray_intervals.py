@@ -12,6 +12,8 @@ from .base_plane import BasePlane
 from .eye import IndexView
 from .reference import MOST, SAME_SURFACE
 
+NO_LAYER = np.empty((0, 0), np.float32)  # for kernels, so that one serves pictures with and without meshes
+
 
 def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
     """Smallest and largest planar depth of the volume's box, with the footprints of its outermost voxels.
@@ -61,8 +63,7 @@ def ray_intervals(
     """
     columns, rows = _along_and_across(plane)
     intervals = np.empty((2, plane.height, plane.width), np.float32)
-    if layer is not None:
-        layer = read_only(np.ascontiguousarray(layer, np.float32))
+    layer = read_only(np.ascontiguousarray(NO_LAYER if layer is None else layer, np.float32))
     picture = plane.view.width - 1.0, plane.view.height - 1.0
     arguments = (columns, rows, float(nearest), float(furthest), layer, *first_pixel, *picture, intervals)
     if compiled():
@@ -105,14 +106,14 @@ def _interval_rows(
 ):
     """Ray intervals of rows [begin, end), to ``intervals`` (2, H, W).
 
-    ``columns``, ``rows``: of ``_along_and_across``. ``layer``: (h, w) float32 or None, whose first pixel is at column
-    ``left`` and row ``top`` of a picture with the last column ``last_column`` and the last row ``last_row``.
+    ``columns``, ``rows``: of ``_along_and_across``. ``layer``: (h, w) float32, empty for none, whose first pixel is at
+    column ``left`` and row ``top`` of a picture with the last column ``last_column`` and the last row ``last_row``.
     """
     for v in range(begin, end):
         for u in range(intervals.shape[2]):
             at_zero, per_voxel = columns[3, u] + rows[3, v], columns[4, u] + rows[4, v]
             stop = furthest
-            if layer is not None:
+            if layer.size > 0:
                 c = columns[2, u] + rows[2, v]
                 column = _within((columns[0, u] + rows[0, v]) / c, last_column)
                 row = _within((columns[1, u] + rows[1, v]) / c, last_row)

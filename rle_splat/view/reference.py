@@ -16,7 +16,7 @@ def find_intervals(columns, rows, nearest, furthest, layer, left, top, last_colu
     """Begin and end of the ray of each sheet pixel; arguments as of ``ray_intervals._interval_rows``."""
     at_zero, per_voxel = (columns[n] + rows[n][:, None] for n in (3, 4))
     end = np.full(at_zero.shape, furthest)
-    if layer is not None:
+    if layer.size > 0:
         end = np.minimum(end, _sample(layer, (left, top), *picture_positions(last_column, last_row, columns, rows)))
     with np.errstate(divide="ignore", invalid="ignore"):
         intervals[:] = np.clip(((nearest - at_zero) / per_voxel, (end - at_zero) / per_voxel), -MOST, MOST)
