@@ -20,8 +20,6 @@ from rle_splat.accuracy.planner.measure_plans import CROP_SIDE, TOLERANCES, fron
 from rle_splat.accuracy.planner.plans import possible, same_plan, sensible_plans
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.cli.accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, plot_sweep, save
-from rle_splat.cli.flip import mean_flip
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.figures import figure_text
 from rle_splat.runtime.steps import drain
@@ -29,7 +27,9 @@ from rle_splat.scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
+from .accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, plot_sweep, save
 from .data_sets import PAPER
+from .flip import mean_flip
 from .frames import Neighbors, circumstances, describe
 from .scenes import DATA, REAL, smoke
 

@@ -1,8 +1,7 @@
-"""``rle-splat accuracy``: error against time of several plans on one volume and view, as table, report and plot."""
+"""``rle-splat accuracy``: error against time of several plans on one volume and view, as table and report."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from time import perf_counter
 
 from ..accuracy.metrics import ERRORS
@@ -10,9 +9,7 @@ from ..accuracy.probes import PROBES
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
-from .accuracy_plot import PLOT_NEEDS, SUFFIXES, can_plot, plot_sweep
 from .appearance import choose_transfer_function, read_transfer_function
-from .flip import mean_flip
 from .images import writer_for
 from .options import (
     add_clip_option,
@@ -38,9 +35,6 @@ ERROR_NAMES = tuple(ERRORS)
 def add_arguments(parser) -> None:
     add_volume_argument(parser)
     parser.add_argument(
-        "--plot", metavar="FILE.png", help=f"draw time against error ({', '.join(SUFFIXES)}); needs matplotlib"
-    )
-    parser.add_argument(
         "-o", "--output", action="append", default=[], metavar="OUT", help="write the chosen plan's picture to OUT"
     )
     parser.add_argument(
@@ -58,15 +52,12 @@ def add_arguments(parser) -> None:
 
 def run(args) -> None:
     start = perf_counter()
-    plots = args.plot is not None and can_plot()
     writers = [writer_for(path) for path in args.output]
-    outputs = [*args.output, *([args.json] if args.json else []), *([args.plot] if plots else [])]
+    outputs = [*args.output, *([args.json] if args.json else [])]
     check_outputs(outputs, inputs=scene_inputs(args))
     check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
-    if args.plot is not None and Path(args.plot).suffix.lower() not in SUFFIXES:
-        raise RleSplatError(f"A plot cannot be written as {args.plot}; end its name in {', '.join(SUFFIXES)}.")
     if args.front not in ERROR_NAMES:
         raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
     quality = quality_from(args)
@@ -84,7 +75,7 @@ def run(args) -> None:
         scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
         steps = sweep_steps(
             scene, sensible_plans(quality), quality, probes=args.probes, repeats=args.repeats, error=args.front,
-            tolerances=TOLERANCES, flip=mean_flip,
+            tolerances=TOLERANCES,
         )  # fmt: skip
         with line.compiling():
             sweep = line.follow(steps, start=0.05)
@@ -98,14 +89,9 @@ def run(args) -> None:
             for writer, path, part in zip(writers, args.output, parts):
                 with writing(path):
                     writer(part, sweep.chosen.rgba, sweep.chosen.depth)
-            if plots:
-                title = f"{Path(args.volume).name}, {function.name}"
-                plot_sweep(sweep, parts[-1], Path(args.plot).suffix.lower(), title)
             if args.json:
                 write_report(parts[len(args.output)], report)
     for remark in report["remarks"]:
         print(remark)
     print(f"Transfer function {function.name}: {reason}")
     print("\n".join(table_lines(report)))
-    if args.plot is not None and not plots:
-        raise RleSplatError(f"{args.plot} was not written: {PLOT_NEEDS}")

@@ -28,7 +28,7 @@ COMMANDS = {
     "figure": "make a figure for print, with scale bar, color bar and sidecar (.svg, .png, .exr, .pdf)",
     "encode": "classify, shade and run-length encode a volume into a .rle file",
     "convert": "write a volume in another format",
-    "accuracy": "measure error and time of several quality settings on a volume and view: table, JSON, plot",
+    "accuracy": "measure error and time of several quality settings on a volume and view: table, JSON",
     "prepare": "compile ahead what a default picture needs, so that the first one is quick",
     "compare": "compare the methods that the paper names: time, memory, error",
 }

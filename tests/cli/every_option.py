@@ -69,7 +69,7 @@ OWN_VALUES = {
         "--classification": ["pre"],
     },
     # It tries the same plans whatever they are, and takes seconds.
-    "accuracy": {"--plot": [], "--front": [], "--probes": [], "--repeats": []},
+    "accuracy": {"--front": [], "--probes": [], "--repeats": []},
 }  # fmt: skip
 # What every command line of the command has.
 COMMON = {

@@ -12,7 +12,6 @@ import rle_splat
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.cli import accuracy as command
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
 
@@ -84,32 +83,14 @@ def test_knobs_of_ones_own_are_measured_beside(measured):
     assert len(report["plans"]) > 6
 
 
-def test_without_matplotlib_all_but_the_plot(call, words, tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "can_plot", lambda: False)
-    result = call(*words, "--probes", "50", "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
-    assert result.code == 2 and "matplotlib" in result.err and result.err.count("\n") == 1
-    assert "standard" in result.out and json.loads((tmp_path / "a.json").read_text())["plans"]
-    assert not (tmp_path / "a.png").exists()
-
-
-@pytest.mark.extras
-def test_the_plot(call, words, tmp_path):
-    pytest.importorskip("matplotlib")
-    image = pytest.importorskip("PIL.Image")
-    assert call(*words, "--probes", "50", "--plot", tmp_path / "a.png").code == 0
-    pixels = np.asarray(image.open(tmp_path / "a.png").convert("RGB"))
-    assert min(pixels.shape[:2]) > 800 and len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
-
-
 @pytest.mark.parametrize(
     ("extra", "said"),
     [
         (("--probes", "0"), "above zero"),
         (("--repeats", "-1"), "above zero"),
         (("--front", "nice"), "rmse"),
-        (("--plot", "missing/a.png", "--json", "missing/a.json"), "missing"),
+        (("--json", "missing/a.json"), "missing"),
         (("--quality", "standard", "--paper"), "contradict"),
-        (("--plot", "a.xyz"), ".svg"),
     ],
 )
 def test_bad_input(refused, words, extra, said):

@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("pydicom")
 
 from rle_splat.cli.main import main
-from rle_splat.read.dicom.reader import series_steps
+from rle_splat.read.dicom.discovery import find_pictures
+from rle_splat.read.dicom.reader import groups_in
 from rle_splat.read.dicom.titles import group_title, series_info
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.steps import drain
@@ -102,7 +103,7 @@ def test_volume_and_chooser(scan: Path):
     assert volume.name == "CT HEAD"
     facts = {name: value for name, value in vars(volume).items() if name != "voxels"}
     assert not said(repr(facts).encode(), words)
-    group = drain(series_steps(scan))[0]
+    group = groups_in(drain(find_pictures(scan)))[0]
     info = series_info(group, 1)
     assert not said(group_title(group).encode(), words)
     assert phantoms.PERSON in info.description  # shown in the chooser, and nowhere else

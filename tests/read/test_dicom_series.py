@@ -13,7 +13,8 @@ from pydicom.uid import generate_uid
 
 from rle_splat.read.channels import read_channel_steps
 from rle_splat.read.dicom import discovery
-from rle_splat.read.dicom.reader import series_steps
+from rle_splat.read.dicom.discovery import find_pictures
+from rle_splat.read.dicom.reader import groups_in
 from rle_splat.read.dicom.titles import series_info, thumbnail
 from rle_splat.read.formats import format_of, read_volume
 from rle_splat.runtime.steps import drain
@@ -294,7 +295,7 @@ def test_slices_of_the_series_that_are_left_out_are_told(tmp_path: Path, last: b
             dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 3, "RGB"
 
     paths = phantoms.write_classic(tmp_path, AXIAL, change=change)
-    number = 1 + int(np.argmax([group.slices for group in drain(series_steps(tmp_path))]))
+    number = 1 + int(np.argmax([group.slices for group in groups_in(drain(find_pictures(tmp_path)))]))
     key = read_volume(tmp_path).series
     for options in ({}, {"series": number}, {"series_key": key, "series": number}, {"series_key": key}):
         volume = read_volume(tmp_path, **options)
@@ -325,7 +326,7 @@ def test_a_directory_file(tmp_path: Path):
 
 def test_the_chooser(tmp_path: Path):
     two_series(tmp_path)
-    groups = drain(series_steps(tmp_path))
+    groups = groups_in(drain(find_pictures(tmp_path)))
     first, second = (series_info(group, number) for number, group in enumerate(groups, 1))
     assert (first.modality, first.body_part, first.slices, first.size) == ("CT", "HEAD", SLICES, (36, 33))
     np.testing.assert_allclose(first.spacing, (0.6, 0.6, 1.5), atol=1e-6)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmarks import flip
 from rle_splat.accuracy.metrics import LEVEL, difference, display_encoded, ssim, ssim_map
 from rle_splat.accuracy.probes import choose_probes, error_summary, probe_errors, share_above, statement
-from rle_splat.cli import flip
 
 
 def picture(seed=0, size=(32, 40)):

@@ -8,12 +8,15 @@ from ...runtime.figures import figure_text, percent_text
 from ...scene import Rendering, truth_of
 from .candidates import KEPT_KNOBS, name_of
 from .choose import Choice
-from .need import need_of
 from .session import PlannerSession
 from .single_rays import with_rays
 
 CHOSEN = "The fastest plan that is expected to keep the largest error that was asked for."
 KEPT = "The plan of the frame before is kept, because it is expected to keep the largest error that was asked for."
+BLURS = (
+    "The classification pre interpolates classified voxels, which blurs and widens what the transfer function shows "
+    "between the values of neighboring voxels; post shows it as it is."
+)
 STRICTEST = 0.05  # levels: below this, sheets of 32-bit floats and the eye show no difference
 
 
@@ -120,7 +123,7 @@ def _error_report(
     session: PlannerSession, tolerance: float, rounds: list[Round], best: Round, spent: float, margin: float
 ) -> dict:
     """The report's ``error``."""
-    choice, scene = best.choice, session.shown
+    choice = best.choice
     least = choice.errors.total if best.measured is None else margin * best.measured
     kept = choice.keeps if best.measured is None else least <= tolerance
     error = {
@@ -141,7 +144,6 @@ def _error_report(
         "budget": choice.errors.report(),
         "rounds": [one.report() for one in rounds],
         "features": session.features.report(),
-        "need": need_of(scene.volume, scene.transfer_function).report(),
     }  # fmt: skip
     if best.probed:
         error |= {name: best.probed[name] for name in ("random", "steep", "share", "confidence")}
@@ -165,8 +167,8 @@ def sentence(error: dict) -> str:
 def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float) -> list[str]:
     """Sentences on the classification, and on what was not kept or not measured."""
     remarks, tolerance, triangles = [], error["tolerance"], session.shown.triangles
-    if session.quality.classification == "pre" and error["need"]["classification"] != "pre":
-        remarks.append(error["need"]["sentence"])
+    if session.quality.classification == "pre":
+        remarks.append(BLURS)
     if not error["kept"]:
         times = f"{margin:g} times what was " if margin > 1.0 else ""
         how = f"{times}measured" if error["measured"] is not None else "predicted"

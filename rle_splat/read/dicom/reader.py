@@ -18,7 +18,7 @@ from .discovery import FoundPictures, find_pictures
 from .grouping import ENOUGH_SLICES, Group, choose_group, groups_of, has_geometry
 from .pictures import check_size
 from .pixels import decode_planes, voxel_hash
-from .refusals import contours_alone, damage_error, segmentation_alone
+from .refusals import contours_alone, damage_error
 from .segmentation import read_segmentation_steps
 from .stacking import Stack
 from .structures import read_structures_steps
@@ -54,32 +54,6 @@ def reads_dicom_folder(path) -> bool:
         except OSError:
             continue
     return False
-
-
-def series_steps(path):
-    """Generator of Progress: find the series at a path, for a chooser.
-
-    Parameters
-    ----------
-    path : str or Path
-        A folder, a DICOMDIR, or any one file, which stands for its series in its folder.
-
-    Returns
-    -------
-    list of grouping.Group
-        The number of a series, from 1, is its place in this list. ``titles`` describes them.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no usable picture.
-    """
-    found = yield from find_pictures(path)
-    if found.segmentation is not None:
-        raise segmentation_alone(path)
-    if found.structures:
-        raise contours_alone(path)
-    return groups_in(found)
 
 
 def groups_in(found: FoundPictures) -> list[Group]:

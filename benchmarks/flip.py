@@ -1,11 +1,11 @@
 """FLIP, the visible difference when two pictures alternate (Andersson et al. 2020), by NVIDIA's package
-flip-evaluator.  The package is optional and never part of the extension."""
+flip-evaluator, which is optional."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..accuracy.metrics import display_encoded
+from rle_splat.accuracy.metrics import display_encoded
 
 try:
     import flip_evaluator

@@ -1,4 +1,4 @@
-"""The plot of error against time, with matplotlib, which is optional and never part of the extension."""
+"""The plot of error against time, with matplotlib, which is optional."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..accuracy.metrics import ERRORS, LEVEL, display_encoded
-from ..runtime.figures import figure_text
+from rle_splat.accuracy.metrics import ERRORS, LEVEL, display_encoded
+from rle_splat.runtime.figures import figure_text
 
-PLOT_NEEDS = "a plot needs matplotlib; install it with pip install matplotlib and run the command again."
-SUFFIXES = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 110
 COLORS = {"T1": "#c2570c", "T2": "#1b62a5"}  # distinct with color blindness too, and dark enough on white
 FAINT = "#8a8a8a"
