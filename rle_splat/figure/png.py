@@ -36,22 +36,15 @@ def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
 
     Notes
     -----
-    Chunks as in the PNG specification (W3C, third edition). Rows are compressed as they are (filter type 0 or 2,
-    "None" for the first row and "Up" below it).
+    Chunks as in the PNG specification (W3C, third edition).
     """
     pixels = to_bytes(rgba, background)
     height, width, channels = pixels.shape
-    rows = np.empty((height, 1 + width * channels), np.uint8)
-    rows[:, 0] = 2
-    rows[0, 0] = 0
-    flat = pixels.reshape(height, -1)
-    rows[0, 1:] = flat[0]
-    rows[1:, 1:] = flat[1:] - flat[:-1]  # modulo 256
     per_meter = round(dpi / MM_PER_INCH * MM_PER_METER)
     return b"".join((
         png_begin(width, height, channels),
         png_chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
-        png_chunk(b"IDAT", zlib.compress(rows.tobytes(), LEVEL)),
+        png_chunk(b"IDAT", zlib.compress(filter_rows(pixels), LEVEL)),
         png_chunk(b"IEND", b""),
     ))
 
@@ -60,6 +53,21 @@ def png_begin(width: int, height: int, channels: int) -> bytes:
     """The begin of a PNG file of 3 channels, or of 4 with straight alpha, 8 bits each, sRGB."""
     header = struct.pack(">IIBBBBB", width, height, 8, COLOR_TYPES[channels], 0, 0, 0)
     return SIGNATURE + png_chunk(b"IHDR", header) + png_chunk(b"sRGB", PERCEPTUAL)
+
+
+def filter_rows(pixels: np.ndarray, above: np.ndarray | None = None) -> np.ndarray:
+    """Rows (H, W, channels) as they are compressed, (H, 1 + W channels) uint8.
+
+    Each is preceded by its filter type: "Up", the difference from the row above, or "None" for the first row of a
+    picture, which has no row ``above``, (W, channels).
+    """
+    flat = pixels.reshape(len(pixels), -1)
+    rows = np.empty((len(flat), 1 + flat.shape[1]), np.uint8)
+    rows[:, 0] = 2
+    rows[0, 0] = 0 if above is None else 2
+    rows[0, 1:] = flat[0] if above is None else flat[0] - above.reshape(-1)  # modulo 256
+    rows[1:, 1:] = flat[1:] - flat[:-1]
+    return rows
 
 
 def png_chunk(name: bytes, content: bytes) -> bytes:

@@ -24,8 +24,6 @@ class Picture:
         With the volume itself, and the crop that was asked for.
     source : Source
         With the voxels that are splatted and the pixels that are made, which may be more than the wanted ones.
-    traced : bool
-        Whether steep pixels are integrated by single rays.
     view : View
     ray_effects : RayEffects
     work : Work
@@ -33,7 +31,6 @@ class Picture:
 
     wanted: Scene
     source: Source
-    traced: bool
     view: View
     ray_effects: RayEffects
     work: Work
@@ -49,12 +46,12 @@ def begin_picture(source: Source, cache: StageCache, refuse_empty_view: bool, cl
         of the volume.
     """
     wanted = source.scene
-    source, traced = add_neighbors(source), traces_steep_pixels(source)
+    source = add_neighbors(source)
     view = choose_view(source, refuse_empty_view)
     rays = RayEffects(source.scene, view.index_view, source.quality, source.effects, clock)
     left, top, right, bottom = source.scene.region
-    needed = source.picture_bytes(view.planes, shortened=rays.shorten_rays, traced=traced)
+    needed = source.picture_bytes(view.planes, shortened=rays.shorten_rays, traced=traces_steep_pixels(source))
     if not cache.has_plenty(needed):
         cache.make_room(needed)
         refuse_too_large(needed, right - left, bottom - top)
-    return Picture(wanted, source, traced, view, rays, Work(cache.job(), clock, len(view.axes), needed))
+    return Picture(wanted, source, view, rays, Work(cache.job(), clock, len(view.axes), needed))

@@ -116,9 +116,8 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     rgba, depth = yield from splat_and_warp_steps(picture, medium, tables)
     # Rays: where the plan asks for it, the pixels that differ most from their neighbors are integrated one by one.  A
     # crop has been splatted with its neighbors then, and is cut out here.
-    with clock.stage("rays"):
-        seen = picture.wanted.region, picture.view.index_view
-        rgba, depth, traced = yield from retrace_steps(picture.source, *seen, medium, rgba, depth)
+    seen = picture.wanted.region, picture.view.index_view
+    rgba, depth, traced = yield from retrace_steps(picture.source, *seen, medium, rgba, depth, clock)
     # Glass of the scene tints what is seen through it.
     rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])
     # Report: what was made, how, and in which time.  The stage cache takes what was made, now that all of it is.

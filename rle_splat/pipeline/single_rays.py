@@ -13,7 +13,7 @@ import numpy as np
 from ..effects.mixing import is_sampled
 from ..raycast.rays import rays_through
 from ..runtime.figures import percent_text
-from ..runtime.steps import Progress
+from ..runtime.steps import Clock, Progress
 from ..runtime.work_sizes import RAYS_AT_ONCE
 from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
 from ..view.base_plane import base_plane
@@ -115,7 +115,7 @@ def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns,
     return rgba, depth
 
 
-def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth):
+def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth, clock: Clock):
     """Generator of Progress: integrate the steep pixels of a picture by single rays, where its plan asks for it.
 
     Parameters
@@ -138,15 +138,16 @@ def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba,
     scene, quality = source.scene, source.quality
     left, top = scene.region[:2]
     inner = slice(wanted[1] - top, wanted[3] - top), slice(wanted[0] - left, wanted[2] - left)
-    most = most_in_tile(scene.width, scene.height, quality.rays)
-    steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.threads)[inner]
-    rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
-    where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
-    for first in range(0, len(where), RAYS_AT_ONCE):
-        yield Progress(0.95 + 0.04 * first / len(where), "Following single rays")
-        rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
-        pixels = columns + inner[1].start, rows + inner[0].start
-        rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
+    with clock.stage("rays"):
+        most = most_in_tile(scene.width, scene.height, quality.rays)
+        steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.threads)[inner]
+        rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
+        where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
+        for first in range(0, len(where), RAYS_AT_ONCE):
+            yield Progress(0.95 + 0.04 * first / len(where), "Following single rays")
+            rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
+            pixels = columns + inner[1].start, rows + inner[0].start
+            rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

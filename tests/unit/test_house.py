@@ -55,7 +55,7 @@ BLENDERS_OWN = {"bpy", "bmesh", "bpy_extras", "bl_ui", "bl_operators", "mathutil
 THIRD_PARTY = {
     "rle_splat.runtime": {"numba", "llvmlite", "numpy"},
     "rle_splat.read": {"numpy", "openvdb", "pyopenvdb", "OpenImageIO", "nibabel", "nrrd", "tifffile"},
-    "rle_splat.cli": {"numpy", "PIL", "OpenEXR", "matplotlib"},
+    "rle_splat.cli": {"numpy", "OpenEXR", "matplotlib"},
     "rle_splat.cli.cluster": {"distributed"},
     "rle_splat.segment.masks": {"numpy", "cc3d", "edt"},
     "rle_splat.read.dicom.discovery": {"numpy", "pydicom"},
