@@ -229,7 +229,7 @@ def measured_rates(volume: Path, tables: Path, side: int, size: int) -> Rates:
     stages, visible = made.report["stages_ms"], made.report["volume"]["visible_fraction"]
     sample = (deep - shallow) / (pixels * (side - side // 2))
     with tempfile.NamedTemporaryFile(suffix=".npy") as file:
-        write = seconds_of(lambda: writer_for(".npy")(file.name, made.rgba, made.depth)) / pixels
+        write = seconds_of(lambda: writer_for(file.name)(file.name, made.rgba, made.depth)) / pixels
     client, worker = loading_seconds()
     return Rates(
         read=2.0 * side**3 / read, prepare=sum(stages[stage] for stage in PREPARING) / 1e3 / side**3,

@@ -11,7 +11,8 @@ from ..figure.page import MM_PER_POINT, Fill, Page, Stroke, Text, Tile
 from ..figure.raster import HALO
 from ..scene import RleSplatError
 from ..scene.display import encode_srgb, to_bytes
-from .images import write_exr, writer_for
+from .images import write_whole, writer_for
+from .rows import ExrRows
 
 PDF_FONT, PDF_FONT_SCALE = "DejaVu Sans", 0.88  # comes with matplotlib; it is wider than the lettering of the layout
 ALIGNMENTS = {"start": "left", "middle": "center", "end": "right"}
@@ -47,7 +48,7 @@ def write_figure(path, suffix: str, page: Page, canvas) -> None:
 
 
 def _write_exr(path, page: Page, canvas) -> None:
-    write_exr(path, canvas(), None)
+    write_whole(ExrRows, path, canvas(), None)
 
 
 def _write_pdf(path, page: Page, canvas) -> None:

@@ -1,6 +1,6 @@
-"""Writing whole pictures: one writer for each file suffix.
+"""Writing whole pictures, by the classes of ``rows``; reading EXR files.
 
-EXR has a writer of its own here, since OpenEXR 3.5 and later alone write one in parts.  Every writer takes
+Every writer takes
 
 - ``path``: the file;
 - ``rgba``: (height, width, 4) float32, premultiplied scene-linear, row 0 on top;
@@ -18,24 +18,6 @@ import numpy as np
 
 from ..scene import RleSplatError
 from .rows import ROW_WRITERS
-
-
-def write_exr(path, rgba, depth, background=None) -> None:
-    """Write float32 R, G, B, A, premultiplied scene-linear, and a layer ``Depth.Z`` if there is a depth.
-
-    The background is ignored.
-    """
-    import OpenEXR
-
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {"RGBA": np.ascontiguousarray(rgba, dtype=np.float32)}
-    if depth is not None:
-        channels["Depth.Z"] = np.ascontiguousarray(depth, dtype=np.float32)
-    with OpenEXR.File(header, channels) as picture:
-        try:
-            picture.write(str(path))
-        except RuntimeError as problem:  # what the package makes of an error of the system
-            raise OSError(str(problem)) from None
 
 
 def read_exr(path) -> np.ndarray:
@@ -58,19 +40,17 @@ def read_exr(path) -> np.ndarray:
     return colors
 
 
-def _write_whole(rows_of, path, rgba, depth, background=None) -> None:
-    """Write a picture by a class of ``rows``."""
-    with rows_of(path, rgba.shape[1], len(rgba), background) as rows:
-        rows.write(rgba, depth)
-
-
 def writer_for(path):
     """The writer for a file's suffix; RleSplatError if there is none, or its package is not installed."""
     suffix = Path(path).suffix.lower()
     if suffix not in ROW_WRITERS:
         raise RleSplatError(f"{path} has no suffix of a format that can be written; use {', '.join(ROW_WRITERS)}.")
-    if suffix != ".exr":
-        return partial(_write_whole, ROW_WRITERS[suffix])
-    if find_spec("OpenEXR") is None:
+    if suffix == ".exr" and find_spec("OpenEXR") is None:
         raise RleSplatError(f"Writing {suffix} needs the package OpenEXR; install it or choose another suffix.")
-    return write_exr
+    return partial(write_whole, ROW_WRITERS[suffix])
+
+
+def write_whole(rows_of, path, rgba, depth, background=None) -> None:
+    """Write a picture by a class of ``rows``."""
+    with rows_of(path, rgba.shape[1], len(rgba), background, depth is not None) as rows:
+        rows.write(rgba, depth)

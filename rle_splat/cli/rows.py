@@ -1,7 +1,7 @@
 """Picture files that are written a few rows at a time, so that a picture need not fit into memory.
 
 Every class here is a context manager with ``write(rgba, depth)``, called with the rows of the picture from the top on;
-the arguments are those of ``images``, which writes whole pictures by the same classes, but for EXR.
+the arguments are those of ``images``, which writes whole pictures by the same classes.
 """
 
 from __future__ import annotations
@@ -79,9 +79,7 @@ class ExrRows(_Rows):
         import OpenEXR
 
         if not hasattr(OpenEXR, "OutputFile"):
-            raise RleSplatError(
-                "This version of OpenEXR cannot write a picture in parts; install OpenEXR 3.5, or write a .tif."
-            )
+            raise RleSplatError("This version of OpenEXR writes no pictures row by row; install OpenEXR 3.5.")
         header = OpenEXR.Header(self._width, self._height)
         names = (*"RGBA", "Depth.Z") if self._has_depth else "RGBA"
         header["channels"] = dict.fromkeys(names, header["channels"]["R"])

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from rle_splat.classify.presets import PRESETS
-from rle_splat.cli.images import write_exr
+from rle_splat.cli.images import writer_for
 from rle_splat.cli.main import _build_parser, main
 from rle_splat.pipeline.prepare import STORED_TYPES
 from rle_splat.scene import MODES
@@ -114,7 +114,7 @@ def write_files(folder: Path, stored: str) -> None:
         '<MRML><VolumeProperty name="other" shade="1" scalarOpacity="4 60 0 200 0.5" gradientOpacity="4 0 1 255 1" '
         'colorTransfer="4 0 1 0 0"/></MRML>'
     )
-    write_exr(folder / "sky.exr", np.ones((4, 8, 4), np.float32), None)
+    writer_for("sky.exr")(folder / "sky.exr", np.ones((4, 8, 4), np.float32), None)
 
 
 def options_of(command: str) -> Iterator[str]:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rle_splat.cli.images import write_exr
+from rle_splat.cli.images import writer_for
 from rle_splat.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
@@ -59,7 +59,7 @@ def test_each_option_changes_the_light_and_nothing_else(render):
 def test_an_environment_lights_by_direction_in_place_of_the_headlight(render, tmp_path):
     picture = np.zeros((16, 32, 4), np.float32)
     picture[:8, :, :3], picture[..., 3] = 2.0, 1.0  # light from above
-    write_exr(tmp_path / "sky.exr", picture, picture[..., 0])
+    writer_for("sky.exr")(tmp_path / "sky.exr", picture, picture[..., 0])
     rgba, effects = render("--environment", str(tmp_path / "sky.exr"), lights=False)
     assert effects["world light"]["on"] and "order 2" in effects["world light"]["reason"]
     assert not effects["headlight"]["on"]
