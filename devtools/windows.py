@@ -145,6 +145,7 @@ def set_up() -> None:
             raise Failure(f"Windows' Python under Wine needs the program {program}")
     SYSTEM.set_up()
     if not DRIVE.is_dir():
+        DRIVE.parent.mkdir(exist_ok=True)  # its programs begin there
         run_quietly(_command("wineboot", "--init"), "Wine could not make its drive C.", env=_environ())
     if not (PYTHON / "python.exe").is_file():
         for archive in ARCHIVES:
