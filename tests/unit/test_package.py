@@ -64,7 +64,6 @@ def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them
 def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
     """As those of 3.14, which the Python of a small system has compiled: this machine may have none."""
     monkeypatch.setattr(kernels, "FOLDER", tmp_path)
-    monkeypatch.setattr(kernels, "PLATFORMS", (wheels.this_platform(),))
     asked = []
     monkeypatch.setattr(kernels, "_is_ready", asked.append)
     path = tmp_path / kernels.kernel_file("3.14")
