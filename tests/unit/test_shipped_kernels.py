@@ -162,6 +162,17 @@ def test_kernels_of_another_version_are_remarked(installation, tmp_path):
     assert called(package, tmp_path / "cache").startswith(f"{COMPILED} {LEVEL} {OF_OTHERS}")
 
 
+def test_a_mac_looks_for_kernels_of_the_first_one_with_such_a_processor(tmp_path):
+    feigned = """
+import numba, sys
+sys.platform = "darwin"
+from rle_splat.runtime import shipped_kernels
+print(shipped_kernels.file_name(), shipped_kernels.is_level_reached())
+"""
+    said = run(feigned, ROOT, tmp_path).split()
+    assert said == [kernel_file(running_python(), "macos-arm64"), "True"]
+
+
 def test_the_version_of_the_running_system_does_not_count():
     """macOS' is in LLVM's name of the system; that of the system that made the files is another."""
     names = {entry_name(is_level_reached, (), f"arm64-apple-{system}") for system in ("darwin24.6.0", "darwin21.1.0")}
