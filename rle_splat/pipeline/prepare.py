@@ -128,8 +128,8 @@ def prepare_steps():
     - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows without and
       with meshes, with labels, with channels; with each footprint, model and record, and so as in the paper.
 
-    Not covered, and compiled when a picture first needs them: other stored types; ``.rle`` files; several of the
-    effects above at once, where together they have kernels of their own.
+    Also covered are pictures of ``.rle`` files, and of any two of the effects above.  Not covered, and compiled when a
+    picture first needs them: other stored types; some combinations of three and more effects.
 
     Yields
     ------
@@ -195,7 +195,7 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
 
     By the headlight, and as the words of ``picture.scene`` say: a mode; "unlit", without shading; "surfaces", with
     gradient opacity; "clips", cut by a box, a plane and the camera; "labels"; "channels", with itself as another one;
-    "lights", a lamp that casts shadows and the world's light; "meshes", a triangle that cuts the ball, and one of glass.
+    "lights", a lamp that casts shadows and the world's light; "meshes", a triangle that cuts the ball, one of glass.
     """
     words = picture.scene.split()
     camera, matrix = turntable(
