@@ -1,5 +1,6 @@
-"""Where the package brings its kernels, nothing compiles: pictures of each quality preset with each effect and with every
-two of them, and command lines with each option.  Stored types that docs list as still compiled do compile."""
+"""Where the package brings its kernels, nothing compiles: pictures of each quality preset with each effect, and with
+every two; command lines with each option.  Stored types that docs list as still compiled do compile.
+"""
 
 import json
 import os
