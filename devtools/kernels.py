@@ -20,8 +20,8 @@ from .wheels import packages, this_platform
 PACKAGE = ROOT / "rle_splat"
 FOLDER = PACKAGE / "kernels"
 COMPILED = BUILD / "kernels-shipped"
-LEVEL = "x86-64-v3"  # as in rle_splat/runtime/shipped_kernels.py
-PLATFORMS = ("linux-x64", "windows-x64")  # of machines that reach it
+# A platform -> its level of processors, as in rle_splat/runtime/shipped_kernels.py.
+LEVELS = {"linux-x64": "x86-64-v3", "windows-x64": "x86-64-v3", "macos-arm64": "apple-m1"}
 
 
 def core_of(version: str) -> Environment:
@@ -58,15 +58,16 @@ def _make(version: str, path: Path) -> None:
 def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str]) -> None:
     """Compile the kernels by any Python, and pack them into a file.
 
-    ``python``: the command that runs it where ``rle_splat`` and ``devtools`` can be imported; it knows the file as
-    ``seen_as``.
+    ``path``: its name ends with the level of processors.  ``python``: the command that runs it where ``rle_splat`` and
+    ``devtools`` can be imported; it knows the file as ``seen_as``.
     """
+    level = next(level for level in LEVELS.values() if path.stem.endswith(level))
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
     said = run_quietly(
         [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode()],
         f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
-        env={**environ, "NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": ""},
+        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
     )  # fmt: skip
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
@@ -82,14 +83,14 @@ def _is_ready(version: str) -> bool:
     return True
 
 
-def kernel_file(version: str) -> str:
-    """The name of the file for a Python, as rle_splat/runtime/shipped_kernels.py has it."""
-    return f"python{version}-numba{packages()['numba']}-{LEVEL}.zip"
+def kernel_file(version: str, platform: str = "") -> str:
+    """The name of the file for a Python and a platform, or this one, as rle_splat/runtime/shipped_kernels.py has it."""
+    return f"python{version}-numba{packages()['numba']}-{LEVELS[platform or this_platform()]}.zip"
 
 
 def _files(pythons) -> dict[Path, str]:
     """The files for these Pythons and this platform, whether they are made or not, with the Python of each."""
-    return {FOLDER / kernel_file(version): version for version in pythons if this_platform() in PLATFORMS}
+    return {FOLDER / kernel_file(version): version for version in pythons}
 
 
 def made_kernels(pythons=PYTHONS) -> list[Path]:
@@ -107,6 +108,6 @@ def make_kernels(pythons=PYTHONS) -> list[Path]:
     with ThreadPoolExecutor(os.cpu_count()) as workers:
         list(workers.map(lambda path: _make(due[path], path), due))
     for path in FOLDER.glob("*.zip"):
-        if not path.name.endswith(f"-numba{packages()['numba']}-{LEVEL}.zip"):
+        if not path.name.endswith(kernel_file("").removeprefix("python")):
             path.unlink()
     return list(wanted)

@@ -40,8 +40,8 @@ def pack(path: Path, comment: bytes) -> int:
             cache, codegen = KernelCache(kernel), kernel.targetctx.codegen()
             for types in kernel.overloads:
                 key = cache._index_key(types, codegen)
-                name = entry_name(types, codegen.magic_tuple()[0], key[-1])
-                entry = zipfile.ZipInfo(name, EPOCH)
+                entry = zipfile.ZipInfo(entry_name(kernel.py_func, types, codegen.magic_tuple()[0]), EPOCH)
+                entry.comment = key[-1].encode()
                 archive.writestr(entry, dumps(cache._cache_file.load(key)), zipfile.ZIP_DEFLATED, 9)
         count = len(set(archive.namelist()))
         if count != len(archive.namelist()):

@@ -145,6 +145,7 @@ def set_up() -> None:
             raise Failure(f"Windows' Python under Wine needs the program {program}")
     SYSTEM.set_up()
     if not DRIVE.is_dir():
+        DRIVE.parent.mkdir(exist_ok=True)  # its programs begin there
         run_quietly(_command("wineboot", "--init"), "Wine could not make its drive C.", env=_environ())
     if not (PYTHON / "python.exe").is_file():
         for archive in ARCHIVES:
@@ -166,7 +167,7 @@ def bring_kernels() -> None:
 
 def _kernels(inside: Path) -> Path:
     """The file of kernels for Windows, compiled in there where it is missing or of other sources; ``inside``: where."""
-    path = KERNELS / kernel_file(BPY_PYTHON[BLENDER])
+    path = KERNELS / kernel_file(BPY_PYTHON[BLENDER], "windows-x64")
     if not is_made(path):
         say("Compiling the kernels for Windows")
         made = inside / path.name
@@ -209,7 +210,8 @@ def _bpy(words) -> list[Stage]:
     python = BPY_PYTHON[BLENDER]
     path = BUILD / "zip-windows" / zip_name("windows-x64", python)
     try:
-        pack("windows-x64", python, wheels_for(["windows-x64"], [python]), path, [KERNELS / kernel_file(python)])
+        kernels = [KERNELS / kernel_file(python, "windows-x64")]
+        pack("windows-x64", python, wheels_for(["windows-x64"], [python]), path, kernels)
     except Failure as problem:
         return [broken(name, str(problem))]
     say(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1e6:.1f} MB")

@@ -188,7 +188,7 @@ class KernelCache(Cache):
     def _load_shipped(self, sig, target_context):
         """A version that came with the installation, or None."""
         triple, _, _ = target_context.codegen().magic_tuple()
-        data = SHIPPED.load(entry_name(sig, triple, self._digest))
+        data = SHIPPED.load(entry_name(self._py_func, sig, triple), self._digest)
         return None if data is None else self._impl.rebuild(target_context, data)
 
     def save_overload(self, sig, data):

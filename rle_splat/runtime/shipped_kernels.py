@@ -2,8 +2,9 @@
 
 ``dev.py kernels`` compiles what ``rle-splat prepare`` covers, and packs it into one zip file for each version of
 Python.  There is one level, so that all machines that reach it run the same machine code.  An entry's name is a digest
-of all that decides over its machine code, so a kernel that does not fit its source is not found; the zip's checksums
-refuse a damaged one.  Nothing is written here.
+of the kernel's name, the types of its arguments and the system; its comment is the digest of all else that decides over
+its machine code, so a kernel that does not fit its source is not used.  The zip's checksums refuse a damaged one.
+Nothing is written here.
 
 The processes that make these files and those that use them know the package by different names.
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 import hashlib
 import io
 import pickle
+import re
 import sys
 import zipfile
 import zlib
@@ -29,9 +31,13 @@ from .kernel_digest import PACKAGE
 FOLDER = Path(__file__).parents[1] / "kernels"
 MAKER = "rle_splat"  # the package's name in the process that made the files
 
-LEVEL = "x86-64-v3"  # LLVM's name
-# Of the level: Intel's processors have these from 2013 on, and AMD's from 2015 on.
-FEATURES = ("avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave")
+# LLVM's name of the level, and the features of a processor that reaches it.  Intel's processors have those of x86-64-v3
+# from 2013 on, and AMD's from 2015 on.  Apple's in a Mac are an M1 or later.
+LEVEL, FEATURES = "x86-64-v3", (
+    "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "sahf", "sse4.2", "xsave",
+)  # fmt: skip
+if sys.platform == "darwin":
+    LEVEL, FEATURES = "apple-m1", ()
 COMPILED_INSTEAD = "Kernels are compiled when a picture first needs them."
 
 
@@ -46,19 +52,21 @@ def is_level_reached() -> bool:
     return all(features.get(name, False) for name in FEATURES)
 
 
-def entry_name(types, triple: str, digest: str) -> str:
+def entry_name(function, types, triple: str) -> str:
     """The name of a kernel's version in the file.
 
     Parameters
     ----------
+    function : function
+        Python's, that the kernel is compiled from.
     types : tuple of numba.types.Type
         Of the arguments; numba gives each a name of its own, whatever the package's name.
     triple : str
-        LLVM's name of the system.
-    digest : str
-        See ``kernel_digest``.
+        LLVM's name of the system; that of macOS ends with the version of the running kernel, which does not count.
     """
-    return hashlib.blake2b(f"{types!r} {triple} {digest}".encode(), digest_size=16).hexdigest()
+    kernel = f"{function.__module__.removeprefix(PACKAGE)}.{function.__qualname__}"
+    system = re.sub(r"(darwin|macosx?)[\d.]+$", r"\1", triple)
+    return hashlib.blake2b(f"{kernel} {types!r} {system}".encode(), digest_size=16).hexdigest()
 
 
 class ShippedKernels:
@@ -105,18 +113,27 @@ class ShippedKernels:
             f"Kernels of this installation are damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
         )
 
-    def load(self, name: str):
+    def load(self, name: str, digest: str):
         """Return what numba rebuilds a kernel's version from, or None.
 
         Parameters
         ----------
         name : str
             See ``entry_name``.
+        digest : str
+            See ``kernel_digest``.
         """
-        if self._archive is None or name not in self._archive.NameToInfo:
+        entry = None if self._archive is None else self._archive.NameToInfo.get(name)
+        if entry is None:
+            return None
+        if entry.comment != digest.encode():
+            self.problem = (
+                "Kernels of this installation are of other sources or of other settings of numba. "
+                f"{COMPILED_INSTEAD}"
+            )
             return None
         try:
-            content = self._archive.read(name)
+            content = self._archive.read(entry)
         except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError):  # the last: it seems to be encrypted
             self._report_damage()
             return None

@@ -77,6 +77,9 @@ COMMON = {
     "encode": "volume.raw -o volume.rle", "convert": "volume.raw volume.nrrd", "accuracy": "volume.raw",
 }  # fmt: skip
 SMALL = {"render": "--size 32", "figure": "--width-cm 3 --dpi 40", "accuracy": "--size 32 --probes 20 --repeats 1"}
+# Of what the lines of "encode" have written: a file, and a folder of each classification.
+ENCODED = ["volume.rle", *(f"{one}.rle" for one in knobs.CLASSIFICATIONS)]
+VIEWS = ["", "--azimuth 90", "--elevation 90", "--perspective", "--clip clips.json", "--quality fine"]
 # In every command line; they choose what is read of other formats; they render elsewhere.
 NOT_DRIVEN = (
     "--shape", "--dtype", "--output", "-o", "--help", "--grid", "--series", "--frame", "--like", "--dask", "--workers",
@@ -138,6 +141,7 @@ def command_lines() -> Iterator[tuple[str, str]]:
             values = own[option] if option in own else () if option in seen else VALUES[option]
             seen.add(option)
             yield from ((command, f"{words} {option} {value}") for value in values)
+    yield from (("render", f"{name} -o picture.npy {view}") for name in ENCODED for view in VIEWS)
 
 
 def run_all(begin) -> list[str]:
@@ -154,7 +158,8 @@ def run_all(begin) -> list[str]:
                 os.chdir(folder)
                 write_files(folder, stored)
                 for command, words in command_lines():
-                    line = f"{command} {words} --shape {SIDE} {SIDE} {SIDE} --dtype {stored} {SMALL.get(command, '')}"
+                    raw = f"--shape {SIDE} {SIDE} {SIDE} --dtype {stored}" if "volume.raw" in words else ""
+                    line = f"{command} {words} {raw} {SMALL.get(command, '')}"
                     with begin(line), redirect_stdout(StringIO()) as printed, redirect_stderr(printed):
                         code = main(line.split())
                     if code:

@@ -322,7 +322,7 @@ def test_a_sidecar_names_the_level_that_was_read():
 
 def test_what_a_sidecar_does_not_hold_is_named(plain, raw):
     sidecar = read_sidecar(plain / SIDECAR)
-    assert sidecar.content["missing"] == [] and sidecar.sources.volume.file == str(raw)
+    assert sidecar.content["missing"] == [] and sidecar.sources.volume.file == raw.as_posix()
     lit = {"lights": (Light(),), "world": (1.0, 1.0, 1.0), "environment": LIT}
     held = Scene(None, None, Camera(), **lit, reasons_off={"shadows": "left out"})
     assert missing_of(held) == []

@@ -6,6 +6,7 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -64,7 +65,6 @@ def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them
 def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
     """As those of 3.14, which the Python of a small system has compiled: this machine may have none."""
     monkeypatch.setattr(kernels, "FOLDER", tmp_path)
-    monkeypatch.setattr(kernels, "PLATFORMS", (wheels.this_platform(),))
     asked = []
     monkeypatch.setattr(kernels, "_is_ready", asked.append)
     path = tmp_path / kernels.kernel_file("3.14")
@@ -73,6 +73,25 @@ def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
             archive.comment = comment
         assert kernels.make_kernels(["3.14"]) == made
     assert asked == ["3.14"]
+
+
+@pytest.mark.parametrize(("platform", "level"), kernels.LEVELS.items())
+def test_kernels_are_compiled_for_the_level_of_their_platform(tmp_path, monkeypatch, platform, level):
+    monkeypatch.setattr(kernels, "this_platform", lambda: platform)
+    monkeypatch.setattr(kernels, "FOLDER", tmp_path)
+    monkeypatch.setattr(kernels, "ROOT", tmp_path)
+    monkeypatch.setattr(kernels, "_is_ready", lambda version: True)
+    monkeypatch.setattr(kernels, "core_of", lambda version: SimpleNamespace(python=version))
+
+    def compiles(command, sentence, **options):
+        assert options["env"]["NUMBA_CPU_NAME"] == level
+        Path(command[3]).write_bytes(b"kernels")
+        return "1"
+
+    monkeypatch.setattr(kernels, "run_quietly", compiles)
+    (tmp_path / "of-another-numba.zip").touch()
+    made = kernels.make_kernels(["3.11", "3.13"])
+    assert sorted(tmp_path.iterdir()) == made and all(path.stem.endswith(f"-{level}") for path in made)
 
 
 def test_each_blender_of_the_tests_takes_one_zip_of_its_python():

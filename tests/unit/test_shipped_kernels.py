@@ -10,15 +10,22 @@ from pathlib import Path
 
 import pytest
 
-from devtools.kernels import LEVEL as MADE
-from devtools.kernels import is_made
+from devtools.kernels import is_made, kernel_file
+from devtools.places import running_python
 from rle_splat.runtime.cache_folder import CACHE_VARIABLE, NUMBA_VARIABLE
 from rle_splat.runtime.jit import compiled
 
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.runtime.shipped_kernels import FOLDER, LEVEL, ShippedKernels, file_name, is_level_reached
+from rle_splat.runtime.shipped_kernels import (
+    FOLDER,
+    LEVEL,
+    ShippedKernels,
+    entry_name,
+    file_name,
+    is_level_reached,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(
@@ -50,6 +57,7 @@ features = llvmlite.binding.get_host_cpu_features()
 features["avx2"] = False
 llvmlite.binding.get_host_cpu_features = lambda: features
 """
+OF_OTHERS = "Kernels of this installation are of other sources"
 LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
 
 
@@ -134,13 +142,42 @@ def test_it_comes_before_the_users_own(installation, tmp_path):
     assert called(package, cache) == LOADED
 
 
-def test_a_kernel_of_other_sources_is_not_used(installation, tmp_path):
+def test_a_kernel_of_other_sources_is_remarked_and_not_used(installation, tmp_path):
     package = installation()
     path = package / "encode" / "line_bits.py"
     source = path.read_text(encoding="utf-8")
     assert source.count("runs[run] = x - end\n") == 1
     path.write_text(source.replace("runs[run] = x - end\n", "runs[run] = x - end + 40\n"), encoding="utf-8")
-    assert called(package, tmp_path / "cache") == f"42 42 5 compiled {LEVEL} "
+    assert called(package, tmp_path / "cache").startswith(f"42 42 5 compiled {LEVEL} {OF_OTHERS}")
+
+
+def test_kernels_of_another_version_are_remarked(installation, tmp_path):
+    """The digest of one of another LLVM; it covers the sources in the same way."""
+    package = installation()
+    file = package / "kernels" / file_name()
+    with zipfile.ZipFile(file, "a") as archive:
+        for entry in archive.infolist():
+            entry.comment = entry.comment[::-1]
+        archive.comment = b"written again"
+    assert called(package, tmp_path / "cache").startswith(f"{COMPILED} {LEVEL} {OF_OTHERS}")
+
+
+def test_a_mac_looks_for_kernels_of_the_first_one_with_such_a_processor(tmp_path):
+    feigned = """
+import numba, sys
+sys.platform = "darwin"
+from rle_splat.runtime import shipped_kernels
+print(shipped_kernels.file_name(), shipped_kernels.is_level_reached())
+"""
+    said = run(feigned, ROOT, tmp_path).split()
+    assert said == [kernel_file(running_python(), "macos-arm64"), "True"]
+
+
+def test_the_version_of_the_running_system_does_not_count():
+    """macOS' is in LLVM's name of the system; that of the system that made the files is another."""
+    names = {entry_name(is_level_reached, (), f"arm64-apple-{system}") for system in ("darwin24.6.0", "darwin21.1.0")}
+    assert len(names) == 1
+    assert names != {entry_name(is_level_reached, (), "x86_64-apple-darwin24.6.0")}
 
 
 def cut(content: bytes) -> bytes:
@@ -196,19 +233,19 @@ def test_no_kernel_estimates_a_reciprocal_or_a_root(tmp_path):
         pytest.skip("there are no kernels of these sources: dev.py kernels makes them")
     shipped, found, seen = ShippedKernels(), {}, 0
     with zipfile.ZipFile(path) as archive:
-        names = archive.namelist()
-    for name in names:
-        (_, _, (machine_code, *_)), description = shipped.load(name)[:2]
+        entries = archive.infolist()
+    for entry in entries:
+        (_, _, (machine_code, *_)), description = shipped.load(entry.filename, entry.comment.decode())[:2]
         (tmp_path / "kernel.o").write_bytes(machine_code)
         listing = subprocess.run(
             ["objdump", "-d", "--no-show-raw-insn", tmp_path / "kernel.o"], capture_output=True, text=True, check=True
         ).stdout
-        seen += len(re.findall(r"\bvsqrt\w+", listing))
-        estimates = re.findall(r"\bv?(?:rsqrt|rcp)\w*", listing)
+        seen += len(re.findall(r"\b[vf]sqrt\w*", listing))
+        estimates = re.findall(r"\b(?:v?(?:rsqrt|rcp)|frsqrt|frecp)\w*", listing)
         if estimates:
             found[description.qualname] = estimates
     assert found == {} and seen > 10, "they are read, and have roots"
 
 
-def test_the_level_is_the_one_that_the_tools_make():
-    assert MADE == LEVEL
+def test_the_file_is_the_one_that_the_tools_make():
+    assert kernel_file(running_python()) == file_name()

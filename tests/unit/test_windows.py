@@ -2,6 +2,8 @@
 
 import hashlib
 import zipfile
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -51,6 +53,24 @@ def test_another_archive_than_the_pinned_one_is_refused(archive, tmp_path):
     assert not (tmp_path / "python").exists()
 
 
+def test_the_first_program_of_wine_begins_in_a_folder_that_is_there(monkeypatch, tmp_path):
+    """Its folder is in the small system, which has just been made."""
+    began = []
+
+    def begins(command, sentence, **options):
+        folder = Path(command[-4] + command[-3])
+        began.append((command[-2:], folder.is_dir()))
+        raise Failure(sentence)
+
+    monkeypatch.setattr(windows, "SYSTEM", SimpleNamespace(folder=tmp_path, set_up=lambda: None))
+    monkeypatch.setattr(windows, "DRIVE", tmp_path / windows.PREFIX.lstrip("/") / "drive_c")
+    monkeypatch.setattr(windows.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(windows, "run_quietly", begins)
+    with pytest.raises(Failure, match="could not make its drive C"):
+        windows.set_up()
+    assert began == [(["wineboot", "--init"], True)]
+
+
 def test_paths_and_commands_of_windows():
     assert windows._of_windows(windows.CLONE / "out" / "a.jsonl") == "C:\\rle_splat\\out\\a.jsonl"
     command = windows._command("python.exe", "-c", "1", inside=windows.CLONE)
@@ -77,7 +97,7 @@ def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
         path = windows._kernels(tmp_path)
         assert path.parent == windows.KERNELS and kernels.is_made(path)
     words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
-    assert [(command[:-1], level) for command, level in commands] == [(words, kernels.LEVEL)]
+    assert [(command[:-1], level) for command, level in commands] == [(words, kernels.LEVELS["windows-x64"])]
 
 
 @pytest.mark.parametrize(

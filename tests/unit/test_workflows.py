@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from devtools import testing, wheels
+from devtools import kernels, testing, wheels
 
 yaml = pytest.importorskip("yaml")
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,5 +51,5 @@ def test_all_three_systems(file):
 def test_each_zip_is_made_on_its_system():
     (job,) = jobs(ROOT / ".github/workflows/release.yml")
     made = {row["platform"]: row["system"] for row in rows(job)}
-    assert made.keys() == wheels.TAG_PATTERNS.keys()
+    assert made.keys() == wheels.TAG_PATTERNS.keys() == kernels.LEVELS.keys(), "and has kernels"
     assert all(system.startswith(SYSTEMS[platform.partition("-")[0]]) for platform, system in made.items())
