@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..runtime.steps import drain
 from ..scene import RleSplatError
 from .classification import optical_depth
 from .points import LARGEST, pieces, positive_intervals
@@ -20,6 +21,7 @@ from .points import LARGEST, pieces, positive_intervals
 FEWEST, MOST = 1 << 10, 1 << 14  # entries; the part of a large table that is in use fits into the L2 cache
 FINEST = 1.0 / 512.0  # wanted difference of opacity between neighboring entries on the steepest ramp
 AT_ONCE = 1 << 16  # values of large types that are looked up at once
+FOUND_AT_ONCE = 1 << 21  # values that are looked up between two chances to cancel, 5 ms of small types
 BEYOND = 2.0  # a table extends this many times the span of a function's points beyond them
 ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
 LARGEST_SUM = 256.0  # of the values that are rounded at a function's points, relative to the largest point
@@ -134,8 +136,8 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     return LookupTable(made, sums, first - 0.5 / rate, rate, below, low, high, nearest, furthest, most_color)
 
 
-def extinction_of(table: LookupTable, stored, kind, infinite=()) -> np.ndarray:
-    """Extinction of stored values.
+def extinction_steps(table: LookupTable, stored, kind, infinite=()):
+    """Find the extinction of stored values.
 
     Parameters
     ----------
@@ -147,20 +149,35 @@ def extinction_of(table: LookupTable, stored, kind, infinite=()) -> np.ndarray:
     infinite : (low, high) or ()
         Values that replace minus and plus infinity, if any.
 
+    Yields
+    ------
+    float
+        Fraction done.
+
     Returns
     -------
     (m,) ndarray of float32
         1 / world length.
     """
-    kind = np.dtype(kind)
+    kind, found = np.dtype(kind), np.empty(len(stored), np.float32)
     if kind.kind in "iu" and kind.itemsize <= 2:
         patterns = np.arange(1 << (8 * kind.itemsize), dtype=f"u{kind.itemsize}")
-        return _look_up(table, patterns.view(kind).astype(np.float64))[stored.view(patterns.dtype)]
-    found = np.empty(len(stored), np.float32)
+        of_patterns, stored = _look_up(table, patterns.view(kind).astype(np.float64)), stored.view(patterns.dtype)
+        for first in range(0, len(stored), FOUND_AT_ONCE):
+            yield first / len(stored)
+            found[first : first + FOUND_AT_ONCE] = of_patterns[stored[first : first + FOUND_AT_ONCE]]
+        return found
     for first in range(0, len(stored), AT_ONCE):
+        if first % FOUND_AT_ONCE == 0:
+            yield first / len(stored)
         values = stored[first : first + AT_ONCE].astype(np.float64)
         found[first : first + AT_ONCE] = _look_up(table, np.clip(values, *infinite) if infinite else values)
     return found
+
+
+def extinction_of(table: LookupTable, stored, kind, infinite=()) -> np.ndarray:
+    """(m,) float32: as ``extinction_steps``, at once."""
+    return drain(extinction_steps(table, stored, kind, infinite))
 
 
 def _look_up(table: LookupTable, values) -> np.ndarray:

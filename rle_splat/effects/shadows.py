@@ -9,8 +9,8 @@ means of it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..encode.encode import fetch_chunks
 from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_tables
 from ..encode.tables import RunTables
-from ..runtime.steps import drain, map_steps
+from ..runtime.steps import map_steps
 from ..shade.light_nodes import lit_nodes_steps, read_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, fixed_samples, light_samples
@@ -28,12 +28,12 @@ from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
 from ..shade.sample_light import OCTAVES, ONE
 from ..shade.surface_points import faces_of
-from .clip_cover import cover
+from .clip_cover import cover_steps
 from .mesh_depth import sheet_depth
 
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
 BEHIND_MESHES = 0.5
-AT_ONCE = 1 << 19  # voxels whose powers are looked up between two chances to cancel
+LISTED_AT_ONCE = 1 << 21  # nodes that are listed between two chances to cancel, 10 ms
 # Slices next to a voxel that do not occlude it: they belong to the same surface, whose steps between voxels would show.
 NEAR_SKY = 2
 
@@ -46,7 +46,8 @@ class Occluders:
     ----------
     voxels : VisibleVoxels
     find_extinction : callable
-        ``find_extinction()``: (m,) float32 extinction of the voxels, 1 / world length, in their own order; called once.
+        ``find_extinction()``: generator of fractions done that returns the extinction of the voxels, (m,) float32,
+        1 / world length, in their own order.
     tables_of : callable
         ``tables_of(axis)``: RunTables of the voxels.
     matrix : (4, 4) ndarray of float64
@@ -64,7 +65,7 @@ class Occluders:
     """
 
     voxels: VisibleVoxels
-    find_extinction: Callable[[], np.ndarray]
+    find_extinction: Callable[[], Iterator]
     tables_of: Callable[[int], RunTables]
     matrix: np.ndarray
     triangles: np.ndarray | None
@@ -72,6 +73,7 @@ class Occluders:
     medium_key: tuple
     boxed: bool
     threads: int = 0
+    _blocking: dict = field(default_factory=dict, repr=False)  # results of ``extinction_steps`` and ``blocking_steps``
 
     @cached_property
     def key(self) -> tuple:
@@ -91,16 +93,35 @@ class Occluders:
         """World length of the side of a cube of the same size as a voxel."""
         return float(np.cbrt(abs(np.linalg.det(self.matrix[:3, :3]))))
 
-    @cached_property
-    def extinction(self) -> np.ndarray:
-        """(m,) float32 extinction that clip objects keep of each voxel, 1 / world length, in the voxels' own order."""
-        whole = self.find_extinction()
-        return whole * cover(self.clips, self.voxels, self.matrix) if self.clips else whole
+    def extinction_steps(self):
+        """Generator of fractions done: (m,) float32 extinction that clip objects keep of each voxel, 1 / world length,
+        in the voxels' own order."""
+        if "clipped" not in self._blocking:
+            found = yield from map_steps(self.find_extinction(), lambda fraction: 0.5 * fraction)
+            if self.clips:
+                steps = cover_steps(self.clips, self.voxels, self.matrix)
+                kept = yield from map_steps(steps, lambda fraction: 0.5 + 0.5 * fraction)
+                found = np.multiply(found, kept, out=kept)
+            self._blocking["clipped"] = found
+        return self._blocking["clipped"]
 
-    @cached_property
-    def extinction_across(self) -> np.ndarray:
-        """The same in the order of the scanlines of principal axis x."""
-        return drain(in_scanlines(self.tables_of(0), self.voxels, self.extinction, threads=self.threads))
+    def blocking_steps(self, axis: int):
+        """Generator of fractions done: RunTables of a principal axis, where their scanlines begin, (n_slices,
+        n_scanlines), and the extinction of their voxels."""
+        if axis not in self._blocking:
+            extinction = yield from map_steps(self.extinction_steps(), lambda fraction: 0.5 * fraction)
+            yield 0.5
+            tables = self.tables_of(axis)
+            _, ny, nz = self.voxels.shape_xyz
+            rows = self.voxels.row_start[:-1].reshape(nz, ny)
+            if axis == 0:
+                rows = tables.scanline_data_pointers
+                moved = in_scanlines(tables, self.voxels, extinction, threads=self.threads)
+                extinction = yield from map_steps(moved, lambda fraction: 0.5 + 0.5 * fraction)
+            elif axis == 1:
+                rows = np.ascontiguousarray(rows.T)
+            self._blocking[axis] = tables, rows, extinction
+        return self._blocking[axis]
 
 
 def pool_occluders_steps(occluders: Occluders, side: int):
@@ -122,25 +143,41 @@ def pool_occluders_steps(occluders: Occluders, side: int):
     Occluders
         Its voxels are the cubes, which lie where their middles are.  What clips cut away is cut away.
     """
-    means = yield from pool_steps(occluders.voxels, occluders.extinction, side, threads=occluders.threads)
-    kept, nx = means > 0.0, means.shape[2]
-    rows = kept.reshape(-1, nx)
-    counts = np.count_nonzero(rows, axis=1)
-    pieces = np.count_nonzero(rows[:, 1:] & ~rows[:, :-1], axis=1) + rows[:, 0]
-    words = np.packbits(np.pad(rows, ((0, 0), (0, -nx % 64))), axis=1, bitorder="little").view("<u8").astype(np.uint64)
-    extinction = means[kept]
-    voxels = VisibleVoxels(
-        means.shape[::-1], np.concatenate(([0], np.cumsum(counts))), pieces.astype(np.int32),
-        np.nonzero(rows)[1].astype(np.uint16 if nx <= 65536 else np.int32), extinction, 0, words,
-    )  # fmt: skip
+    extinction = yield from map_steps(occluders.extinction_steps(), lambda fraction: 0.3 * fraction)
+    steps = pool_steps(occluders.voxels, extinction, side, threads=occluders.threads)
+    means = yield from map_steps(steps, lambda fraction: 0.3 + 0.4 * fraction)
+    nx, found = means.shape[2], []
+    at_once = max(LISTED_AT_ONCE // means[0].size, 1)
+    for first in range(0, len(means), at_once):
+        yield 0.7 + 0.3 * first / len(means)
+        found.append(_list_nodes(means[first : first + at_once].reshape(-1, nx)))
+    counts, pieces, columns, extinction, words = (np.concatenate(of_all) for of_all in zip(*found))
+    row_start = np.concatenate(([0], np.cumsum(counts)))
+    voxels = VisibleVoxels(means.shape[::-1], row_start, pieces, columns, extinction, 0, words)
     matrix = occluders.matrix.copy()
     matrix[:3, 3] += 0.5 * (side - 1) * matrix[:3, :3].sum(axis=1)
     matrix[:3, :3] *= side
     tables_of = cache(partial(scalar_tables, voxels, threads=occluders.threads))
     return replace(
-        occluders, voxels=voxels, find_extinction=lambda: extinction, tables_of=tables_of, matrix=matrix, clips=(),
-        medium_key=(occluders.key, side),
+        occluders, voxels=voxels, find_extinction=lambda: _return(extinction), tables_of=tables_of, matrix=matrix,
+        clips=(), medium_key=(occluders.key, side), _blocking={},
     )  # fmt: skip
+
+
+def _list_nodes(rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of rows (n, nx) of nodes with their extinction: how many are above 0 and in how many pieces (n,), their columns
+    and extinction (m,), and a bit for each node (n, words)."""
+    kept, nx = rows > 0.0, rows.shape[1]
+    pieces = np.count_nonzero(kept[:, 1:] & ~kept[:, :-1], axis=1) + kept[:, 0]
+    columns = np.nonzero(kept)[1].astype(np.uint16 if nx <= 65536 else np.int32)
+    words = np.packbits(np.pad(kept, ((0, 0), (0, -nx % 64))), axis=1, bitorder="little").view("<u8")
+    return np.count_nonzero(kept, axis=1), pieces.astype(np.int32), columns, rows[kept], words.astype(np.uint64)
+
+
+def _return(result):
+    """Generator of nothing that returns ``result``."""
+    return result
+    yield
 
 
 def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = False):
@@ -206,7 +243,7 @@ def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     total = np.zeros(len(occluders.voxels) if len(passes) > 1 else 0, np.float32)
     for n, (sweeps, weight) in enumerate(zip(passes, weights)):
         yield n / len(passes)
-        codes = _sweep(sweeps, occluders)
+        codes = yield from map_steps(_sweep_steps(sweeps, occluders), lambda done, n=n: (n + done) / len(passes))
         if len(passes) == 1:
             return codes
         total += np.float32(weight) * codes
@@ -224,9 +261,10 @@ def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     nodes = yield from map_steps(lit_nodes_steps(occluders.voxels.shape_xyz), lambda _: 0.0)
     sweeps = [(sweep, share) for of_sample, share in zip(passes, _shares(weights)) for sweep in of_sample]
     for done, (sweep, share) in enumerate(sweeps):
+        blocking = yield from map_steps(occluders.blocking_steps(sweep.axis), lambda _, done=done: done / len(sweeps))
         meshes = _meshes_before(sweep, occluders)
         steps = shade_nodes_steps(
-            sweep, *_occluding(sweep.axis, occluders), meshes, occluders.matrix, nodes, share, threads=occluders.threads
+            sweep, *blocking, meshes, occluders.matrix, nodes, share, threads=occluders.threads
         )
         yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
     return nodes
@@ -346,18 +384,8 @@ def _shares(weights) -> list[int]:
     return np.diff(np.rint(FULL * np.cumsum((0.0, *weights)) / np.sum(weights))).astype(int).tolist()
 
 
-def _occluding(axis: int, occluders: Occluders):
-    """RunTables of a principal axis, where their scanlines begin, (n_slices, n_scanlines), and their extinction."""
-    tables = occluders.tables_of(axis)
-    if axis == 0:
-        return tables, tables.scanline_data_pointers, occluders.extinction_across
-    _, ny, nz = occluders.voxels.shape_xyz
-    rows = occluders.voxels.row_start[:-1].reshape(nz, ny)
-    return tables, rows if axis == 2 else np.ascontiguousarray(rows.T), occluders.extinction
-
-
-def _sweep(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
-    """(m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
+def _sweep_steps(sweeps: list[Sweep], occluders: Occluders):
+    """Generator of fractions done: (m,) uint16 after all sweeps of a light without size, in the voxels' own order."""
     voxels, threads = occluders.voxels, occluders.threads
     codes = np.full(len(voxels), FULL, np.uint16)  # of voxels that no sweep is for: at the light itself
     # Along x voxels are in another order; all that come back from there replace what was there before.
@@ -365,12 +393,13 @@ def _sweep(sweeps: list[Sweep], occluders: Occluders) -> np.ndarray:
     if across:
         found = codes.copy()
         for sweep in across:
-            blocking = _occluding(0, occluders)
+            blocking = yield from map_steps(occluders.blocking_steps(0), lambda _: 0.0)
             sweep_light(sweep, *blocking, _meshes_before(sweep, occluders), found, threads=threads)
-        drain(fetch_chunks(occluders.tables_of(0), voxels, codes[:, None], found[:, None], threads=threads))
+        fetched = fetch_chunks(occluders.tables_of(0), voxels, codes[:, None], found[:, None], threads=threads)
+        yield from map_steps(fetched, lambda _: 0.5)
     for sweep in sweeps:
         if sweep.axis != 0:
-            blocking = _occluding(sweep.axis, occluders)
+            blocking = yield from map_steps(occluders.blocking_steps(sweep.axis), lambda _: 0.5)
             sweep_light(sweep, *blocking, _meshes_before(sweep, occluders), codes, threads=threads)
     return codes
 

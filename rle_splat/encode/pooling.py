@@ -12,7 +12,7 @@ from ..runtime.jit import kernel, read_only, run_either
 from ..runtime.parallel import share_out
 from . import reference
 
-VOXELS_AT_ONCE = 1 << 22  # kept voxels that are averaged between two chances to cancel, 10 ms
+VOXELS_AT_ONCE = 1 << 20  # kept voxels that are averaged between two chances to cancel, 10 ms
 
 
 def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0):

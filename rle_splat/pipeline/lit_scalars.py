@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..classify.lookup_table import LookupTable, extinction_of
+from ..classify.lookup_table import LookupTable, extinction_steps
 from ..classify.relevant import Reach
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_values import ValueMap, find_shown_values
@@ -15,6 +15,7 @@ from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, s
 from ..raycast.rays import ChannelVoxels, RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
+from ..runtime.steps import drain, map_steps
 from ..shade.lighting import Lighting
 from ..shade.sample_light import SampleLight
 from ..splat.scalar_splat import LabelLook
@@ -102,11 +103,17 @@ class LitScalars:
 
     def extinction(self) -> np.ndarray:
         """(m,) float32 of the voxels by transfer functions alone, 1 / world length."""
+        return drain(self.extinction_steps())
+
+    def extinction_steps(self):
+        """Generator of fractions done: as ``extinction``."""
         kind = self.volume.voxels.dtype
         if self.labels is not None:
             return self.labels.extinction(self.voxels, kind, self.infinite)
-        found = extinction_of(self.transfer, self.voxels.stored, kind, self.infinite)
-        return sum((channel.extinction() for channel in self.channels), found)
+        found = yield from extinction_steps(self.transfer, self.voxels.stored, kind, self.infinite)
+        for channel in self.channels:
+            found += yield from map_steps(channel.extinction_steps(), lambda _: 1.0)
+        return found
 
     @property
     def parts(self) -> tuple[ScalarChannel, ...]:

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..classify.placing import RecordPositions
-from ..effects.clip_cover import cover
+from ..effects.clip_cover import cover_steps
 from ..encode.records import empty_records
-from ..runtime.steps import Clock, Progress, rescale
+from ..runtime.steps import Clock, Progress, announce, rescale
 from ..scene import MODES, Camera, Quality, RleSplatError, Scene
 from ..volume.reduced import factors_of
 from .choose_source import choose_source
@@ -152,7 +152,9 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
     lit = (yield from rescale(source.medium_steps(work), 0.0, 0.6)).voxels
     voxels, write = lit.classified.voxels, lit.write_records("extinction")
     matrix = source.scene.index_to_world
-    kept = cover(source.scene.clips, voxels, matrix) if source.scene.clips else None
+    kept = None
+    if source.scene.clips:
+        kept = yield from announce(cover_steps(source.scene.clips, voxels, matrix), 0.6, 0.6, "Filling the grid")
     thickest = np.float32(THICKEST / np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
     nz = -(-voxels.shape_xyz[2] // factors[2])
     for plane in range(nz):

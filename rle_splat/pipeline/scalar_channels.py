@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..classify.classification import opacity_distance
-from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
+from ..classify.lookup_table import LookupTable, extinction_steps, lookup_table
 from ..classify.points import LARGEST
 from ..classify.relevant import Reach
 from ..classify.visible import VisibleVoxels
@@ -57,9 +57,9 @@ class ScalarChannel:
         """What ``scalars`` depend on beside the kept voxels."""
         return self.infinite, self.center
 
-    def extinction(self) -> np.ndarray:
-        """(m,) float32 of the voxels, 1 / world length."""
-        return extinction_of(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
+    def extinction_steps(self):
+        """Generator of fractions done: (m,) float32 of the voxels, 1 / world length."""
+        return extinction_steps(self.transfer, self.voxels.stored, self.volume.voxels.dtype, self.infinite)
 
     def scalars(self) -> np.ndarray:
         """(m,) stored values less ``center``: see ``encode.scalars.scalars_of``."""

@@ -213,15 +213,16 @@ class ScalarSource(Source):
 
         blocking_key = key, *unlit.functions_key, length
 
-        def make_extinction():
-            return unlit.extinction() if factor is None else unlit.extinction() * factor
+        def make_extinction_steps():
+            found = yield from unlit.extinction_steps()
+            return found if factor is None else found * factor
 
-        def find_extinction():
-            return job.get("extinction", blocking_key, make_extinction)
+        def extinction_steps():
+            return job.steps("extinction", blocking_key, make_extinction_steps)
 
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
-            unlit.voxels, find_extinction, tables_of, *around, blocking_key, boxed=True, threads=self.threads
+            unlit.voxels, extinction_steps, tables_of, *around, blocking_key, boxed=True, threads=self.threads
         )
         codes, codes_key = None, ()
         if unlit.falling is not None:

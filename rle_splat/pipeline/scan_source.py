@@ -204,10 +204,13 @@ class ScanSource(Source):
         def tables_of(axis):
             return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, threads=self.threads))
 
+        def extinction_steps():
+            yield 0.0
+            return unlit.classified.extinction
+
         around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, lambda: unlit.classified.extinction, tables_of, *around, unlit.key, boxed=False,
-            threads=self.threads,
+            voxels, extinction_steps, tables_of, *around, unlit.key, boxed=False, threads=self.threads,
         )  # fmt: skip
         falling, shadows_key = yield from shadow_lighting_steps(scene, unlit.falling, work, occluders)
         key = (unlit.key, *lighting_key(scene, matrix, unlit.falling), shadows_key)

@@ -18,7 +18,7 @@ from ..effects.shadows import (
     traced_light_steps,
     voxel_light_steps,
 )
-from ..runtime.steps import Clock
+from ..runtime.steps import Clock, map_steps
 from ..scene import Light, Quality, Scene
 from ..shade.light_rays import brick_steps
 from ..shade.light_sweep import FULL
@@ -74,7 +74,8 @@ def traced_steps(scene: Scene, occluders: Occluders, offsets, offsets_key, job: 
 
     def trace(light):
         def make():
-            return brick_steps(occluders.voxels, occluders.find_extinction(), threads=occluders.threads)
+            extinction = yield from map_steps(occluders.find_extinction(), lambda _: 0.0)
+            return (yield from brick_steps(occluders.voxels, extinction, threads=occluders.threads))
 
         bricks = yield from job.steps("bricks", occluders.medium_key, make)
         return (yield from traced_light_steps(light, occluders, bricks, offsets, scattered and light is not None))

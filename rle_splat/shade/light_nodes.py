@@ -33,8 +33,8 @@ from .reference import BOXED, FULL
 from .surface_points import STEPS
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
-FILLED_AT_ONCE = 1 << 23  # nodes that are filled between two chances to cancel, 5 ms
-READ_AT_ONCE = 1 << 19  # voxels that a worker reads the light of between two chances to cancel, 10 ms
+FILLED_AT_ONCE = 1 << 21  # nodes that are filled between two chances to cancel, 9 ms in memory that was never used
+READ_AT_ONCE = 1 << 18  # voxels that a worker reads the light of between two chances to cancel, 10 ms
 _ZERO, _ONE, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 

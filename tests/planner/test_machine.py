@@ -15,14 +15,17 @@ from rle_splat.accuracy.planner.ray_cost import measured_us
 from rle_splat.accuracy.planner.session import session_steps
 from rle_splat.accuracy.planner.tolerance import tolerance_steps
 from rle_splat.accuracy.planner.tolerance_report import CHOSEN, KEPT
-from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline import plan_model
+from rle_splat.pipeline.choose_source import choose_source
+from rle_splat.pipeline.preset_plan import choose_plan
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Quality, Scene
+from rle_splat.scene import QUALITY_PRESETS, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.lamps import LAMPS, placed
 
 PROFILE = MachineProfile(splat=1.5, warp=0.7, cell_us=0.05, slab_us=0.02, memory=1 << 35)
 COLORS = ((0.0, 0.9, 0.2, 0.1), (1.0, 1.0, 0.9, 0.4))
@@ -134,6 +137,35 @@ def test_no_time_of_a_run_decides_over_a_plan(monkeypatch, classification):
             told.add(choice.milliseconds)
         assert len(found) == 1, tolerance
     assert len(told) == 40, "what users are told is of this run"
+
+
+@pytest.mark.parametrize("lamps", ("headlight", "two suns and a point"))
+def test_ten_runs_choose_the_same_plans_under_lamps(monkeypatch, lamps):
+    """Each run measures its own pilots and traces its own light; presets choose theirs anew, too."""
+    monkeypatch.setattr("rle_splat.accuracy.planner.session.profile_steps", always(PROFILE))
+    scene, found = lit_scene_of(lamps), set()
+    for _ in range(10):
+        session = drain(session_steps(scene, Quality(classification="post"), StageCache(), 0.2))
+        choices = [session.choose(tolerance) for tolerance in (16.0, 4.0, 1.0)]
+        presets = [
+            choose_plan(choose_source(scene, Quality.preset(name)), StageCache()).quality for name in QUALITY_PRESETS
+        ]
+        found.add((*((choice.plan, choice.rays, choice.slabs) for choice in choices), *presets))
+    (chosen,) = found
+    assert len(set(chosen)) == 3 + len(QUALITY_PRESETS), "each of them asks for a plan of its own"
+
+
+def lit_scene_of(lamps: str) -> Scene:
+    """``scene_of`` under a headlight, or under lamps that cast shadows."""
+    scene = scene_of(3.0, size=24)
+    function = replace(scene.transfer_function, shade=Shade())
+    # The volume is one unit large, its middle the origin.
+    suns = LAMPS["sun"], replace(LAMPS["sun"], matrix_world=np.eye(4), energy=1.0)
+    near = replace(LAMPS["point"], matrix_world=placed(1.5, 1.0, -1.0).matrix_world, energy=60.0)
+    lights = () if lamps == "headlight" else (*suns, near)
+    return replace(
+        scene, transfer_function=function, headlight=not lights, lights=lights, volume_shadows=bool(lights)
+    )
 
 
 def always(profile):

@@ -18,6 +18,8 @@ from rle_splat.volume.volume import Volume
 
 N, MIDDLE = 24, 11.5
 QUALITY = Quality.preset("fine", threads=1)
+TRACED = replace(QUALITY, exact_light=True)
+BOTH = pytest.mark.parametrize("quality", (QUALITY, TRACED), ids=("grid", "traced"))
 SUN = Light("SUN", energy=3.0)
 
 
@@ -47,10 +49,10 @@ def lamp(x: float, y: float, z: float, energy: float = 900.0, **more) -> Light:
     return Light(**{"type": "POINT", "energy": energy, "matrix_world": matrix, **more})
 
 
-def errors(scene: Scene) -> np.ndarray:
+def errors(scene: Scene, quality: Quality = QUALITY) -> np.ndarray:
     """(N,) levels: the largest error of a channel, of every other pixel in which something is seen, over the brightest
     of the truth, if that is above 1."""
-    rgba = render(scene, QUALITY).rgba
+    rgba = render(scene, quality).rgba
     assert np.isfinite(rgba).all() and (rgba >= 0.0).all()
     rows, columns = np.nonzero(rgba[..., 3] > 0.1)
     rows, columns = rows[::2], columns[::2]
@@ -76,9 +78,10 @@ PLACES = {
 }
 
 
+@BOTH
 @pytest.mark.parametrize("place", PLACES)
-def test_a_lamp_within_the_volume_is_that_of_the_truth(place):
-    found = errors(scene_of(ball(), **PLACES[place]))
+def test_a_lamp_within_the_volume_is_that_of_the_truth(place, quality):
+    found = errors(scene_of(ball(), **PLACES[place]), quality)
     assert np.median(found) < 1.0 and np.quantile(found, 0.9) < 6.0
 
 
@@ -89,40 +92,45 @@ def test_a_lamp_in_the_middle_has_samples():
     assert len(found) == 8 and np.linalg.norm(found, axis=1).max() < 0.2
 
 
-def test_a_lamp_on_a_face_is_finite():
+@BOTH
+def test_a_lamp_on_a_face_is_finite(quality):
     """Next to a lamp light has no bound, so no error is asked for."""
-    rgba = render(scene_of(ball(), lights=(lamp(23.0, MIDDLE, MIDDLE),)), QUALITY).rgba
+    rgba = render(scene_of(ball(), lights=(lamp(23.0, MIDDLE, MIDDLE),)), quality).rgba
     assert np.isfinite(rgba).all() and rgba.max() > 1.0
 
 
 WORLDS = {"a sun": {}, "the sky": dict(lights=(), world=(0.3, 0.3, 0.3), ambient_occlusion=0.7)}
 
 
+@BOTH
 @pytest.mark.parametrize("world", WORLDS)
-def test_a_constant_cube_is_lit_as_the_truth_is(world):
+def test_a_constant_cube_is_lit_as_the_truth_is(world, quality):
     """Its silhouette is a step from opaque to nothing: that is left out."""
-    found = errors(scene_of(np.full((16, 16, 16), 200.0), **{"lights": (SUN,), **WORLDS[world]}))
+    found = errors(scene_of(np.full((16, 16, 16), 200.0), **{"lights": (SUN,), **WORLDS[world]}), quality)
     assert np.quantile(found, 0.8) < 3.0
 
 
+@BOTH
 @pytest.mark.parametrize("axis", (0, 1, 2))
-def test_a_volume_one_voxel_thick_has_a_remark(axis):
+def test_a_volume_one_voxel_thick_has_a_remark(axis, quality):
     shape = [12, 12, 12]
     shape[axis] = 1
-    made = render(scene_of(np.full(shape, 200.0), lights=(SUN,), world=(0.3, 0.3, 0.3), ambient_occlusion=0.5), QUALITY)
+    made = render(scene_of(np.full(shape, 200.0), lights=(SUN,), world=(0.3, 0.3, 0.3), ambient_occlusion=0.5), quality)
     assert (made.rgba == 0.0).all() and "one voxel thick" in " ".join(made.report["remarks"])
 
 
-def test_a_smoothness_larger_than_the_volume_is_that_of_the_truth():
-    found = errors(scene_of(ball(), function(smoothness=100.0), lights=(SUN,)))
+@BOTH
+def test_a_smoothness_larger_than_the_volume_is_that_of_the_truth(quality):
+    found = errors(scene_of(ball(), function(smoothness=100.0), lights=(SUN,)), quality)
     assert np.median(found) < 2.0 and np.quantile(found, 0.9) < 8.0
 
 
 def test_nan_beside_a_surface_is_lit_as_the_truth_is():
-    """Without shadows.  With them light that grazes NaN passes a voxel deep, since nodes beyond are lit."""
+    """With shadows only where light is traced: on a grid light that grazes NaN passes a voxel deep."""
     field = np.where(np.indices((N, N, N))[2] > 13, np.nan, ball())
-    found = errors(scene_of(field, lights=(replace(SUN, casts_shadow=False),)))
-    assert np.median(found) < 1.0 and np.quantile(found, 0.9) < 8.0
+    for casts, quality in ((False, QUALITY), (True, TRACED)):
+        found = errors(scene_of(field, lights=(replace(SUN, casts_shadow=casts),)), quality)
+        assert np.median(found) < 1.0 and np.quantile(found, 0.9) < 8.0
     assert np.isfinite(render(scene_of(field, lights=(SUN,)), QUALITY).rgba).all()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from rle_splat.effects.shadows import (
 from rle_splat.encode.encode import run_tables
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Light
+from rle_splat.scene import Clip, Light
 from rle_splat.shade.light_nodes import read_nodes_steps
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS
 from rle_splat.shade.sample_light import ONE
@@ -40,8 +41,13 @@ def occluders_of(field, matrix=None, threads=1, triangles=None, clips=()):
     pieces = (np.diff(rows.astype(np.int8), axis=1, prepend=0) == 1).sum(axis=1).astype(np.int32)
     column, values = np.nonzero(kept)[2].astype(np.uint16), field[kept].astype(np.float32)
     voxels = VisibleVoxels((nx, ny, nz), starts, pieces, column, values, 0)
+
+    def extinction_steps():
+        yield 0.0
+        return values
+
     return Occluders(
-        voxels, lambda: values, lambda axis: run_tables(voxels, axis, threads=threads), matrix, triangles, clips, (),
+        voxels, extinction_steps, lambda axis: run_tables(voxels, axis, threads=threads), matrix, triangles, clips, (),
         boxed=True, threads=threads,
     )  # fmt: skip
 
@@ -201,6 +207,49 @@ def test_the_grid_of_drafts_is_near_the_rays_of_all_voxels(light):
     # The waves are five nodes long: one by one rays err by what means of eight voxels leave out, but not in the mean.
     assert np.abs(off).max() < 0.1 and abs(off.mean()) < 0.005
     assert np.abs(straight).max() < 0.13 and abs(straight.mean()) < 0.006
+
+
+def test_a_coarse_grid_is_the_same_whatever_is_made_at_once(monkeypatch):
+    """Averaged, listed and placed in scanlines plane by plane, as large volumes are: every node as if at once."""
+    field = smooth((19, 18, 23), most=0.5)
+    field[field < 0.2] = 0.0
+    clip = Clip("plane", matrix_world=pose((9.0, 8.0, 10.0), (0.3, 0.2, -1)))
+
+    def pooled():
+        found = drain(pool_occluders_steps(occluders_of(field, SKEWED, clips=(clip,)), 2))
+        return found, drain(found.blocking_steps(0))
+
+    whole, across = pooled()
+    steps = []
+    for module, name in (
+        ("effects.shadows", "LISTED_AT_ONCE"), ("encode.pooling", "VOXELS_AT_ONCE"), ("effects.clip_cover", "AT_ONCE"),
+        ("encode.encode", "RECORDS_AT_ONCE"), ("encode.scalars", "TOUCHED_AT_ONCE"),
+    ):  # fmt: skip
+        monkeypatch.setattr(sys.modules[f"rle_splat.{module}"], name, 100)
+    drain(pool_occluders_steps(occluders_of(field, SKEWED, clips=(clip,)), 2), steps.append)
+    assert len(steps) >= 20 and steps == sorted(steps)
+    pieces, across_pieces = pooled()
+    for name in ("row_start", "row_pieces", "column", "stored", "bits"):
+        ours, theirs = getattr(pieces.voxels, name), getattr(whole.voxels, name)
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_array_equal(ours, theirs)
+    for ours, theirs in zip(across_pieces[1:], across[1:]):
+        np.testing.assert_array_equal(ours, theirs)
+    dense = np.zeros(whole.voxels.shape_xyz[::-1])
+    row = np.repeat(np.arange(dense.shape[0] * dense.shape[1]), np.diff(whole.voxels.row_start))
+    dense.reshape(-1, dense.shape[2])[row, whole.voxels.column] = drain(whole.extinction_steps())
+    np.testing.assert_allclose(dense, _means(field, clip), rtol=1e-5, atol=1e-7)
+
+
+def _means(field, clip):
+    """Means over cubes of two voxels of what a plane keeps of a field."""
+    index = np.moveaxis(np.indices(field.shape)[::-1], 0, -1)
+    own = (np.linalg.inv(clip.matrix_world) @ SKEWED)[2]
+    kept = np.clip(0.5 - (index @ own[:3] + own[3]) / np.linalg.norm(own[:3]), 0.0, 1.0)
+    kept = kept if clip.keep == "inside" else 1.0 - kept
+    padded = np.pad(field * kept, [(0, n % 2) for n in field.shape])
+    nz, ny, nx = (n // 2 for n in padded.shape)
+    return padded.reshape(nz, 2, ny, 2, nx, 2).mean(axis=(1, 3, 5))
 
 
 @pytest.mark.parametrize("along", SUNS)

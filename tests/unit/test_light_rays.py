@@ -41,7 +41,7 @@ WIDE_SUN = replace(sun((0.5, 0.3, -1)), angle=0.4)
 
 def traced(light, occluders, offsets, scattered=False):
     """(1 or 2, m) share that arrives, and U."""
-    bricks = drain(brick_steps(occluders.voxels, occluders.find_extinction(), threads=occluders.threads))
+    bricks = drain(brick_steps(occluders.voxels, drain(occluders.find_extinction()), threads=occluders.threads))
     return drain(traced_light_steps(light, occluders, bricks, offsets, scattered)) / float(ONE)
 
 

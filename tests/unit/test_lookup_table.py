@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.transfer import TAU_CAP, extinction_and_color
-from rle_splat.classify.lookup_table import MOST, lookup_table
+from rle_splat.classify.lookup_table import MOST, extinction_of, extinction_steps, lookup_table
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import Volume
 
@@ -183,6 +184,18 @@ def test_ranges_of_one_value_and_of_none():
         hidden = lookup_table(volume(dtype), function((500, 0.0), (600, 0.5)), (0.0, 100.0), DISTANCE)
         assert not hidden.entries.any() and hidden.most_color == 0.0
         assert not look_up(hidden, np.linspace(-1e3, 1e3)).any()
+
+
+@pytest.mark.parametrize("dtype", (np.uint8, np.int8, np.int16, np.float32, np.float64))
+def test_extinction_is_the_same_whatever_is_looked_up_at_once(dtype, monkeypatch):
+    grid, stored = volume(dtype), np.arange(100).astype(dtype)
+    table = lookup_table(grid, function(*CURVES["ramps"]), (0.0, 200.0), DISTANCE)
+    whole, steps = extinction_of(table, stored, dtype), []
+    monkeypatch.setattr("rle_splat.classify.lookup_table.AT_ONCE", 5)
+    monkeypatch.setattr("rle_splat.classify.lookup_table.FOUND_AT_ONCE", 10)
+    np.testing.assert_array_equal(drain(extinction_steps(table, stored, dtype), steps.append), whole)
+    np.testing.assert_allclose(steps, np.arange(0.0, 1.0, 0.1))
+    np.testing.assert_allclose(whole, look_up(table, stored)[:, 3])
 
 
 def test_an_opaque_medium_is_capped_and_distances_count():
