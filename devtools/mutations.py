@@ -20,7 +20,7 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 
 COPIED = (
     "rle_splat", "bridge", "operators", "panels", "__init__.py", "LICENSE", "blender_manifest.toml", "tests",
-    "devtools", "requirements", "pyproject.toml",
+    "benchmarks", "devtools", "requirements", "pyproject.toml",
 )  # fmt: skip
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
@@ -31,7 +31,7 @@ VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
 LENS, RAYS, METRICS, LABEL_EDGES = (
     f"tests/truths/test_{name}.py" for name in ("lens", "single_rays", "metrics", "label_edges")
 )
-PYRAMID, FOOTPRINT = (f"tests/comparison/test_{name}.py" for name in ("laur_hanrahan", "westover"))
+PYRAMID = "tests/comparison/test_laur_hanrahan.py"
 NIFTI, METAIMAGE, MGH, NRRD, SUV = (
     f"tests/read/test_{name}.py" for name in ("nifti", "metaimage", "mgh", "nrrd", "suv")
 )
@@ -348,12 +348,11 @@ MUTANTS = (
     _ray("a brick that counts where all is kept", "np.bitwise_or.reduceat", "np.bitwise_and.reduceat", file="rays.py"),
     _ray("rays through what is before the camera", "leave = np.where(straight, leave, np.minimum(leave, both[1]))",
          "leave = np.where(straight, leave, both[1])", file="rays.py"),
-    _plain("a peak to noise of amplitudes", "errors", "accuracy/metrics.py", "-10.0 * np.log10", "-20.0 * np.log10",
-           "tests/truths/test_oracle.py", "-k", "metrics"),
+    _plain("a peak to noise of amplitudes", "errors", "accuracy/metrics.py", "-10.0 * np.log10", "-20.0 * np.log10", METRICS),
     _plain("an SSIM of second moments", "errors", "accuracy/metrics.py",
            "_smooth(i * i) - off_i**2, _smooth(r * r) - off_r**2", "_smooth(i * i), _smooth(r * r)", METRICS),
     _plain("the 99th percentile for the 99.9th", "errors", "accuracy/metrics.py", "np.quantile(size, 0.999)",
-           "np.quantile(size, 0.99)", METRICS, "tests/truths/test_oracle.py", "-k", "metrics or levels"),
+           "np.quantile(size, 0.99)", METRICS),
     _plain("a depth of half transmittance without what is before it", "truths", "accuracy/integrate.py",
            "_HALF - before[crossing]", "_HALF + 0.0 * before[crossing]", "tests/truths/test_depth_and_stops.py"),
     _figure("letters of the opposite sides", "directions.py", '"left": -right, "right": right',
@@ -364,8 +363,8 @@ MUTANTS = (
             "float(scales.mean())"),
     _plain("a deviation on one side", "comparison", "comparison/pyramid.py",
            "np.maximum(means - least, most - means)", "(most - means)", PYRAMID),
-    _plain("a footprint of any scale as long", "comparison", "comparison/footprint.py",
-           "length = scale * np.linalg.norm", "length = np.linalg.norm", FOOTPRINT),
+    _plain("means of half of the voxels", "comparison", "comparison/pyramid.py",
+           "0.125 * pooled(means, np.add)", "0.25 * pooled(means, np.add)", PYRAMID),
     _plain("sRGB as a power", "colors", "scene/color.py",
            "np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1.0 / 2.4) - 0.055)",
            "colors ** (1.0 / 2.2)", "tests/cli/test_images.py"),
@@ -379,7 +378,7 @@ MUTANTS = (
            "pass", "tests/cli/test_output.py"),
     _plain("kilobytes for bytes", "memory", "runtime/memory.py",
            '"MemAvailable:"):\n            return 1024 * int',
-           '"MemAvailable:"):\n            return int', "tests/unit/test_memory.py"),
+           '"MemAvailable:"):\n            return int', "tests/unit/test_memory.py", by="kernels"),
     _bridge(
         "an ellipse as large as its box", "scene/lights.py",
         '* (math.pi / 4.0 if data.shape in ("DISK", "ELLIPSE") else 1.0)', "",
