@@ -50,7 +50,7 @@ class Environment:
 
 
 NEWEST_FIRST = PYTHONS[::-1]  # most tests run on one Python, so that the kernels of one serve them all
-CORE = Environment("core", ROOT / ".venv", NEWEST_FIRST, ("core.txt", "test.txt", "tbb.txt", "scale.txt"))
+CORE = Environment("core", ROOT / ".venv", NEWEST_FIRST, ("core.txt", "test.txt"))
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", NEWEST_FIRST, ("bench.txt",))
 CLUSTER = Environment("clusters", ENVIRONMENTS / "cluster", NEWEST_FIRST, ("cluster.txt",))
 JUDGES = Environment("other readers of DICOM", ENVIRONMENTS / "judges", PYTHONS, ("judges.txt",))

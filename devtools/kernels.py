@@ -31,41 +31,44 @@ def core_of(version: str) -> Environment:
     return Environment(f"Python {version}", ENVIRONMENTS / f"core-{version}", (version,), ("core.txt",))
 
 
-def source_digest() -> bytes:
-    """A hash of what the kernels are made from: the sources and the pinned packages."""
-    total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes())
+def source_digest(few: bool = False) -> bytes:
+    """A hash of what the kernels are made from: the sources and the pinned packages.
+
+    ``few``: that of the kernels of the first picture alone.
+    """
+    total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes() + b"few" * few)
     for path in sorted(PACKAGE.rglob("*.py")):
         total.update(path.relative_to(PACKAGE).as_posix().encode())
         total.update(path.read_bytes())
     return total.hexdigest().encode()
 
 
-def is_made(path: Path) -> bool:
-    """Whether a file holds the kernels of these sources: its comment says so."""
+def is_made(path: Path, few: bool = False) -> bool:
+    """Whether a file holds the kernels of these sources, or at least the first picture's: its comment says so."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.comment == source_digest()
+            return archive.comment in [source_digest(), *([source_digest(few)] if few else [])]
     except (OSError, zipfile.BadZipFile):
         return False
 
 
-def _make(version: str, path: Path) -> None:
+def _make(version: str, path: Path, few: bool) -> None:
     """Compile the kernels for a Python, and pack them into a file."""
     environ = clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
-    make_file(path, path, [core_of(version).python], environ)
+    make_file(path, path, [core_of(version).python], environ, few)
 
 
-def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str]) -> None:
+def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], few: bool = False) -> None:
     """Compile the kernels by any Python, and pack them into a file.
 
     ``path``: its name ends with the level of processors.  ``python``: the command that runs it where ``rle_splat`` and
-    ``devtools`` can be imported; it knows the file as ``seen_as``.
+    ``devtools`` can be imported; it knows the file as ``seen_as``.  ``few``: those of the first picture alone.
     """
     level = next(level for level in LEVELS.values() if path.stem.endswith(level))
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
     said = run_quietly(
-        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode()],
+        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest(few).decode(), *["few"] * few],
         f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
         env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
     )  # fmt: skip
@@ -98,15 +101,18 @@ def made_kernels(pythons=PYTHONS) -> list[Path]:
     return [path for path in _files(pythons) if is_made(path)]
 
 
-def make_kernels(pythons=PYTHONS) -> list[Path]:
+def make_kernels(pythons=PYTHONS, few=()) -> list[Path]:
     """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
 
-    A Python that this machine does not have, and cannot get, has none.
+    A Python that this machine does not have, and cannot get, has none.  ``few``: those of the Pythons for which the
+    kernels of the first picture are enough.
     """
-    wanted = {path: version for path, version in _files(pythons).items() if is_made(path) or _is_ready(version)}
-    due = {path: version for path, version in wanted.items() if not is_made(path)}
+    files = _files(pythons)
+    made = {path for path, version in files.items() if is_made(path, version in few)}
+    wanted = {path: version for path, version in files.items() if path in made or _is_ready(version)}
+    due = {path: version for path, version in wanted.items() if path not in made}
     with ThreadPoolExecutor(os.cpu_count()) as workers:
-        list(workers.map(lambda path: _make(due[path], path), due))
+        list(workers.map(lambda path: _make(due[path], path, due[path] in few), due))
     for path in FOLDER.glob("*.zip"):
         if not path.name.endswith(kernel_file("").removeprefix("python")):
             path.unlink()

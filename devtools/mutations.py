@@ -20,7 +20,7 @@ from .places import KERNELS, ROOT, Failure, clean_environ, say
 
 COPIED = (
     "rle_splat", "bridge", "operators", "panels", "__init__.py", "LICENSE", "blender_manifest.toml", "tests",
-    "devtools", "requirements", "pyproject.toml",
+    "benchmarks", "devtools", "requirements", "pyproject.toml",
 )  # fmt: skip
 SECONDS = 240  # for the tests of one mutant; one that hangs is as good as dead
 MOST_SECONDS = 900  # for tests without a mutation, all of whose kernels are to be compiled
@@ -28,7 +28,10 @@ VALUES, STORED, ENCODING, ACCUMULATION, GEOMETRY, REFERENCES, CACHE_SEARCH = (
     f"tests/stability/test_{group}.py"
     for group in ("values", "values_stored", "encoding", "accumulation", "geometry", "references", "stage_cache_search")
 )
-LENS = "tests/truths/test_lens.py"
+LENS, RAYS, METRICS, LABEL_EDGES = (
+    f"tests/truths/test_{name}.py" for name in ("lens", "single_rays", "metrics", "label_edges")
+)
+PYRAMID = "tests/comparison/test_laur_hanrahan.py"
 NIFTI, METAIMAGE, MGH, NRRD, SUV = (
     f"tests/read/test_{name}.py" for name in ("nifti", "metaimage", "mgh", "nrrd", "suv")
 )
@@ -59,15 +62,29 @@ def _left_out(what: str, file: str, key: str, without: str) -> Mutant:
     return Mutant(f"{what} left out of a key", "P5", ((file, key, without),), (CACHE_SEARCH,), compiles=False)
 
 
+def _plain(what: str, case: str, file: str, form: str, naive: str, *tests: str, by: str = "numpy") -> Mutant:
+    """One form of one file that no kernel is made of."""
+    return Mutant(what, case, ((file, form, naive),), tests, compiles=False, by=by)
+
+
 def _read(what: str, file: str, form: str, naive: str, tests: str) -> Mutant:
     """A reader that takes a field of a file for another one."""
-    return Mutant(what, "reading", ((f"read/{file}", form, naive),), (tests,), compiles=False, by="numpy")
+    return _plain(what, "reading", f"read/{file}", form, naive, tests)
 
 
 def _light(what: str, form: str, naive: str) -> Mutant:
     """A formula of light, in its reference implementation."""
-    tests = "tests/unit/test_shading.py", "-k", "numpy"
-    return Mutant(what, "light", (("shade/reference.py", form, naive),), tests, compiles=False, by="numpy")
+    return _plain(what, "light", "shade/reference.py", form, naive, "tests/unit/test_shading.py", "-k", "numpy")
+
+
+def _ray(what: str, form: str, naive: str, *tests: str, file: str = "reference.py") -> Mutant:
+    """A step of single rays."""
+    return _plain(what, "single rays", f"raycast/{file}", form, naive, *(tests or (RAYS,)), by="kernels")
+
+
+def _figure(what: str, file: str, form: str, naive: str) -> Mutant:
+    """A rule of figures."""
+    return _plain(what, "figures", f"figure/{file}", form, naive, "tests/figure")
 
 
 def _bridge(what: str, file: str, form: str, naive: str, tests: str) -> Mutant:
@@ -311,6 +328,58 @@ MUTANTS = (
     _light(
         "a lamp without a size", "np.maximum((way**2).sum(axis=1), light[NEAREST])", "(way**2).sum(axis=1)",
     ),
+    _ray("a ray that leaps over every second plane", "np.floor(position) + 1.0", "np.floor(position) + 2.0"),
+    _ray(
+        "the middle of a slab for the mean over its values", "np.where((spread >= SPAN)[:, None], mean, own)", "own",
+    ),
+    _ray(
+        "the light at the end of a slab", "middle = s[seen] - 0.5 * thick[seen]", "middle = s[seen]",
+        "tests/unit/test_ray_light.py",
+    ),
+    _ray("half absorbed where its slab begins", "thick * np.log(state[:, 3] / HALF) / deep", "0.0 * deep"),
+    _ray(
+        "labels by halves of a slab", "(near == number) * share + (far == number) * (1.0 - share)",
+        "(near == number) * 0.5 + (far == number) * 0.5", LABEL_EDGES,
+    ),
+    _ray(
+        "a slab beside a voxel without a value", "whole = (corners > NO_VALUE).all(axis=1)",
+        "whole = (corners > NO_VALUE).any(axis=1)", "tests/truths/test_channels.py",
+    ),
+    _ray("a brick that counts where all is kept", "np.bitwise_or.reduceat", "np.bitwise_and.reduceat", file="rays.py"),
+    _ray("rays through what is before the camera", "leave = np.where(straight, leave, np.minimum(leave, both[1]))",
+         "leave = np.where(straight, leave, both[1])", file="rays.py"),
+    _plain("a peak to noise of amplitudes", "errors", "accuracy/metrics.py", "-10.0 * np.log10",
+           "-20.0 * np.log10", METRICS),
+    _plain("an SSIM of second moments", "errors", "accuracy/metrics.py",
+           "_smooth(i * i) - off_i**2, _smooth(r * r) - off_r**2", "_smooth(i * i), _smooth(r * r)", METRICS),
+    _plain("the 99th percentile for the 99.9th", "errors", "accuracy/metrics.py", "np.quantile(size, 0.999)",
+           "np.quantile(size, 0.99)", METRICS),
+    _plain("a depth of half transmittance without what is before it", "truths", "accuracy/integrate.py",
+           "_HALF - before[crossing]", "_HALF + 0.0 * before[crossing]", "tests/truths/test_depth_and_stops.py"),
+    _figure("letters of the opposite sides", "directions.py", '"left": -right, "right": right',
+            '"left": right, "right": -right'),
+    _figure("an opacity curve upside down", "color_bar.py", "np.arange(rows)[::-1, None]", "np.arange(rows)[:, None]"),
+    _figure("a perspective scale at one unit", "scale.py", "return across / depth_of(scene, depth)", "return across"),
+    _figure("a scale that forgets the scene's", "scale.py", "float(scales.mean()) * scene.scene_scale",
+            "float(scales.mean())"),
+    _plain("a deviation on one side", "comparison", "comparison/pyramid.py",
+           "np.maximum(means - least, most - means)", "(most - means)", PYRAMID),
+    _plain("means of half of the voxels", "comparison", "comparison/pyramid.py",
+           "0.125 * pooled(means, np.add)", "0.25 * pooled(means, np.add)", PYRAMID),
+    _plain("sRGB as a power", "colors", "scene/color.py",
+           "np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1.0 / 2.4) - 0.055)",
+           "colors ** (1.0 / 2.2)", "tests/cli/test_images.py"),
+    _plain("rows of a TIFF that are no differences", "files", "cli/rows.py", "differences[:, 1:] -= levels[:, :-1]",
+           "pass", "tests/cli/test_tile_option.py", "tests/cli/test_images.py"),
+    _plain("a stage whose time goes to the next", "times", "runtime/steps.py",
+           "self.stages[before] += 1e3", "self.stages[stage] += 1e3", "tests/unit/test_clock.py", "-k", "not numba"),
+    _plain("progress that runs backward", "times", "runtime/steps.py", "if step.fraction < reached:", "if False:",
+           "tests/unit/test_clock.py", "-k", "not numba"),
+    _plain("a part that is left beside its target", "files", "runtime/whole_files.py", "part.unlink(missing_ok=True)",
+           "pass", "tests/cli/test_output.py"),
+    _plain("kilobytes for bytes", "memory", "runtime/memory.py",
+           '"MemAvailable:"):\n            return 1024 * int',
+           '"MemAvailable:"):\n            return int', "tests/unit/test_memory.py", by="kernels"),
     _bridge(
         "an ellipse as large as its box", "scene/lights.py",
         '* (math.pi / 4.0 if data.shape in ("DISK", "ELLIPSE") else 1.0)', "",

@@ -1,8 +1,9 @@
 """Compile what default pictures need and pack it into a file, in an environment with numba:
 
-    python -m devtools.pack_kernels FILE COMMENT
+    python -m devtools.pack_kernels FILE COMMENT [few]
 
-NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
+NUMBA_CPU_NAME names the processor that the kernels are for.  With "few" they are those of the first picture alone.  The
+number of kernels is printed.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from numba.core.serialize import dumps
 
-from rle_splat.pipeline.prepare import prepare_steps
+from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps, prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
 from rle_splat.runtime.numba_internals import Kernel
 from rle_splat.runtime.shipped_kernels import entry_name
@@ -51,5 +52,6 @@ def pack(path: Path, comment: bytes) -> int:
 
 
 if __name__ == "__main__":
-    drain(prepare_steps())
+    few = sys.argv[3:] == ["few"]
+    drain(picture_steps(PICTURES[0], STORED_TYPES[0]) if few else prepare_steps())
     print(pack(Path(sys.argv[1]), sys.argv[2].encode()))

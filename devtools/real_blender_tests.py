@@ -72,11 +72,11 @@ def _lent_pytest() -> Path:
 @cache
 def _zip_for(blender: Blender) -> Path:
     """The extension's zip for a Blender whose Python no bpy module has: Debian's runs on the system's."""
-    find_kernels = make_kernels if blender.root is None else lambda _: [_kernels_of(blender)]
+    find_kernels = make_kernels if blender.root is None else lambda _: [make_kernels_inside(blender)]
     return build_here(blender.python, BUILD / f"zip-{blender.python}", find_kernels)
 
 
-def _kernels_of(blender: Blender) -> Path:
+def make_kernels_inside(blender: Blender) -> Path:
     """The file of kernels for the Python of a small system, compiled in there: this machine may have no such Python."""
     path = FOLDER / kernel_file(blender.python)
     if is_made(path):

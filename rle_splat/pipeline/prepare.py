@@ -157,7 +157,7 @@ def prepare_steps():
             name = f"{picture.name}, {stored}"
             began, before = perf_counter(), _on_disk()
             start, done = done, done + picture.seconds(stored)
-            steps = _picture_steps(picture, stored)
+            steps = picture_steps(picture, stored)
             yield from rescale(steps, start / whole, done / whole, f"Preparing kernels: {name}")
             new = sorted(file.name.partition("-")[0] for file in _on_disk() - before)
             prepared.append(PreparedPart(name, perf_counter() - began, tuple(new)))
@@ -174,7 +174,7 @@ def _on_disk() -> set[Path]:
     return set(jit.KERNELS.rglob("*.nbc"))
 
 
-def _picture_steps(picture: SyntheticPicture, stored: str):
+def picture_steps(picture: SyntheticPicture, stored: str):
     """Generator of Progress: one synthetic picture, on one thread."""
     # Another name keeps the preset's own knobs, whatever plan it would take for the ball.
     quality = Quality.preset(picture.quality, picture.classification, name="prepared", threads=1, **picture.knobs)

@@ -1,5 +1,5 @@
-"""A .blend saved by version 0.1.0, whose pictures were found by name, opens with everything in it found; what later
-versions removed is replaced."""
+"""Files saved by version 0.1.0, whose pictures were found by name, and by 0.2.0 open with everything in them found;
+what later versions removed is replaced."""
 
 import shutil
 from pathlib import Path
@@ -72,6 +72,28 @@ def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
     image = bpy.context.scene.camera.data.background_images[0].image
     np.testing.assert_array_equal(scenes.image_pixels(image), before)
     assert bpy.ops.rle_splat.remove_backdrop.poll()
+
+
+def test_a_file_of_version_0_2_0_opens_with_its_settings_and_renders(addon, bridge, tmp_path):
+    """What it saved: 'refined' with records of 6 bytes, a mode and a lighting of the scene, a cut, a composite."""
+    for path in SAVED.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved_by_0_2_0.blend"))
+    scene, first = bpy.context.scene, bpy.data.objects["first"]
+    settings, own = scene.rle_splat, first.rle_splat
+    expected = np.add.outer(np.add.outer(np.arange(5), np.arange(6)), np.arange(7)) * 12
+    np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(first).voxels, expected)
+    assert (own.window_center, own.window_width, own.opacity_scale) == (90.0, 120.0, 0.5)
+    assert (own.use_gradient_opacity, own.gradient_high, own.clip_keep) == (True, 60.0, "OUTSIDE")
+    assert (own.mode, own.lighting) == ("mip", "HEADLIGHT"), "of the scene, then"
+    assert (settings.use_shadows, settings.ambient_occlusion) == (False, 0.25)
+    assert settings.clip_objects == bpy.data.collections["Cuts"] and settings.composite_object == first
+    assert (settings.classification, settings.record) == ("post", "16")
+    for removed in ("backend", "'refined'"):
+        assert removed in settings.message
+    settings.message = ""
+    scenes.use_cycles((16, 16))
+    assert scenes.rendered(tmp_path / "out.exr")[..., 3].max() > 0.01 and settings.message == ""
 
 
 @pytest.mark.parametrize("way", ("open", "append", "link"))

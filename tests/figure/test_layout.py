@@ -43,6 +43,7 @@ def test_a_color_bar_has_the_colors_and_opacities_of_the_function():
     assert (strip[..., 3] == 1.0).all()
     assert np.abs(strip[..., :3] - STEPS.color_at(values)).max() < 1e-6
     assert curve[..., 3].sum(axis=0) / len(curve) == pytest.approx(STEPS.alpha_at(values), abs=1e-6)
+    assert (np.diff(curve[..., 3], axis=0) >= 0.0).all(), "it stands on the strip"
     inside = curve[..., 3] == 1.0
     assert np.array_equal(curve[inside], np.broadcast_to(strip[0], curve.shape)[inside])
 

@@ -39,6 +39,7 @@ BY_CLASSIFICATION = pytest.mark.parametrize("classification", CLASSIFICATIONS)
 NEAREST = "light is kept in steps, and a value is classified by the nearest entry of a table"
 ULP = 2.0**-24  # what float32 rounds a number below one by, at most
 SINGLE, DOUBLE = WIDTHS
+LIT_BEFORE = "lit before sums"
 
 
 def intermediate(scene, quality, part=None):
@@ -391,7 +392,7 @@ def light_at(place, kind="POINT", **more):
 
 @pytest.mark.parametrize("kind", ("POINT", "SPOT", "AREA", "SUN"))
 @BY_CLASSIFICATION
-def test_A14_lights_none_two_at_a_voxel_and_inside(record, width, kind, classification):
+def test_A14_lights_none_two_at_a_voxel_and_inside(record, kind, classification):
     """Finite, never dark of a sudden, and the sum of what each gives; a light at a voxel is like one beside it."""
     field = FIELDS["smooth"](16)
     shaded = transfer(((0.0, 0.0), (1.0, 0.5)), shade=STAGE_SHADE)
@@ -404,21 +405,22 @@ def test_A14_lights_none_two_at_a_voxel_and_inside(record, width, kind, classifi
     at, inside = light_at((8.0, 7.0, 9.0), kind, energy=50.0), light_at((7.6, 7.3, 8.2), kind, energy=50.0)
     pictures = {"none": none, "at": lit(at), "inside": lit(inside), "two": lit(at, inside), "same": lit(at, at)}
     not_finite = sum((~np.isfinite(picture)).sum() for picture in pictures.values())
-    record("A14", "numbers that are not finite", not_finite, 0, width)
+    how = {"width": SINGLE, "why": LIT_BEFORE}
+    record("A14", "numbers that are not finite", not_finite, 0, **how)
     assert none[..., :3].max() > 0.1 and all((p[..., 3] == none[..., 3]).all() for p in pictures.values())
     # P / (4 pi^2 d^2) with d at least half a voxel, or a sun's E / pi; diffuse and specular parts of one each at most.
     strongest = 50.0 / math.pi if kind == "SUN" else 50.0 / (4.0 * math.pi**2 * 0.25) * (4.0 if kind == "AREA" else 1.0)
     brightest = (pictures["at"][..., :3] - pictures["at"][..., 3:]).max() / (2.0 * strongest)
-    record("A14", "light at a voxel, in units of what half a voxel's distance allows", brightest, 1.0, width)
+    record("A14", "light at a voxel, in units of what half a voxel's distance allows", brightest, 1.0, **how)
     darker = max((pictures[name] - pictures["two"]).max() for name in ("at", "inside"))
     if classification == "pre":
-        record("A14", "fall of a color when a light is added", darker, 1e-6, width)
+        record("A14", "fall of a color when a light is added", darker, 1e-6, **how)
     else:
-        record("A14", "the same, post-classified", darker, 1 / 255, width, looser=NEAREST)
+        record("A14", "the same, post-classified", darker, 1 / 255, **how, looser=NEAREST)
 
 
 @BY_CLASSIFICATION
-def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, width, classification):
+def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, classification):
     """A picture begun, its transfer function changed half-way and drawn again from the same store, then both ended."""
     volume = STAGE.volume(FIELDS["smooth"](14))
     first = STAGE.on_turntable(FIELDS["smooth"](14), size=(30, 30))
@@ -442,4 +444,4 @@ def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, width, cla
             wrong += (render(other, quality, cache=store).rgba != picture).any()
             wrong += (drain(begun).rgba != fresh[0]).any()
             wrong += (render(other, quality, cache=store).rgba != picture).any()
-    record("A15", "stale pictures of jobs that interleave", wrong, 0, width)
+    record("A15", "stale pictures of jobs that interleave", wrong, 0, SINGLE, why="sums are not stored")

@@ -180,7 +180,8 @@ def test_A15_cancelled_a_hundred_times_at_random(record, width):
 
 # --- F3, F4: the disk -----------------------------------------------------------------------------------------
 
-FIRST_PICTURE = """
+# The first tables of a process: they take ten kernels, of which none takes long to compile.
+FIRST_TABLES = """
 import sys, resource
 limit = int(sys.argv[1])
 if limit:  # no file may grow beyond: what a full disk does, to one process
@@ -189,27 +190,30 @@ if limit:  # no file may grow beyond: what a full disk does, to one process
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 import hashlib
 from rle_splat.runtime import jit
-from rle_splat.pipeline.render import render
+from rle_splat.pipeline.encode_scene import encode_scene
 from tests.stability.pictures import scene
-picture = render(*scene("parallel"))
-print(jit.compiled(), hashlib.sha256(picture.rgba.tobytes()).hexdigest())
+total = hashlib.sha256()
+for tables in encode_scene(*scene("parallel")).axes.values():
+    for table in (tables.scanline_pointers, tables.data_pointers, tables.runs, tables.voxel_data):
+        total.update(table.tobytes())
+print(jit.compiled(), total.hexdigest())
 """
 
 
 @pytest.fixture(scope="module")
 def right():
-    """What FIRST_PICTURE prints where its kernels are compiled for this processor and can be kept."""
-    return run(FIRST_PICTURE, 0, **compile_here()).split()
+    """What FIRST_TABLES prints where its kernels are compiled for this processor and can be kept."""
+    return run(FIRST_TABLES, 0, **compile_here()).split()
 
 
 @WITH_KERNELS
 @pytest.mark.skipif(memory.resource is None, reason="this system has no limits of file size")
 def test_F3_A12_no_room_on_the_disk_for_the_kernels(record, tmp_path, right):
-    """Too little for machine code: every kernel is compiled, the picture comes, and nothing half-written stays."""
+    """Too little for machine code: every kernel is compiled, the tables come, and nothing half-written stays."""
     there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": "", **compile_here()}
-    wrong = run(FIRST_PICTURE, 4096, **there).split() != right
-    record("F3", "first pictures wrong without room on the disk", wrong, 0, "either", why=COUNTED)
-    record("A12", "pictures that differ with a cold kernel cache", wrong, 0, "either", why=COUNTED)
+    wrong = run(FIRST_TABLES, 4096, **there).split() != right
+    record("F3", "first tables wrong without room on the disk", wrong, 0, "either", why=COUNTED)
+    record("A12", "tables that differ with a cold kernel cache", wrong, 0, "either", why=COUNTED)
     left = [*tmp_path.rglob("*.tmp.*"), *tmp_path.rglob("*.nbc")]
     record("F3", "files left half-written", len(left), 0, "either", why=COUNTED)
 
@@ -249,7 +253,7 @@ def test_F4_a_kernel_cache_corrupted_on_purpose_and_warm(record, tmp_path, right
     random = np.random.default_rng(4)
     there = {CACHE_VARIABLE: str(tmp_path), "NUMBA_CACHE_DIR": "", **compile_here()}
     assert right[0] == "True"
-    shutil.copytree(jit.KERNELS, tmp_path / jit.KERNELS.name)  # with all that the picture needs
+    shutil.copytree(jit.KERNELS, tmp_path / jit.KERNELS.name)  # with all that the tables need
     files = sorted(file for file in tmp_path.rglob("*.nb?"))
     assert len(files) > 6
     damages = (
@@ -259,8 +263,8 @@ def test_F4_a_kernel_cache_corrupted_on_purpose_and_warm(record, tmp_path, right
     for n, file in enumerate(files):
         file.write_bytes(damages[n % len(damages)](file.read_bytes()))
     for state in ("damaged", "mended"):
-        wrong = run(FIRST_PICTURE, 0, **there).split() != right
-        claim = "pictures wrong with a damaged kernel cache, and with one mended and warm"
+        wrong = run(FIRST_TABLES, 0, **there).split() != right
+        claim = "tables wrong with a damaged kernel cache, and with one mended and warm"
         record("F4", claim, wrong, 0, "either", why=COUNTED)
         if state == "damaged":  # the index of each function and its kernels are whole again
             touched = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*.nb?")}

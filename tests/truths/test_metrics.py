@@ -76,6 +76,18 @@ def test_difference_of_probes_is_in_levels():
     assert difference(np.full((5, 4), 3.0 * LEVEL), np.zeros((5, 4))).p999 == pytest.approx(3.0)
 
 
+def test_differences_are_their_definitions():
+    """One value in a thousand off by 100 levels, the others by 1: the 99.9th percentile lies between them."""
+    image = np.full(2000, LEVEL)
+    image[[7, 1500]] = -100.0 * LEVEL
+    found = difference(image, np.zeros(2000))
+    square = (1998.0 + 2.0 * 100.0**2) / 2000.0
+    assert found.largest == pytest.approx(100.0) and found.rmse == pytest.approx(square**0.5)
+    assert found.psnr == pytest.approx(20.0 * np.log10(255.0 / square**0.5))
+    assert found.p999 == pytest.approx(np.quantile(np.abs(image), 0.999) / LEVEL) and found.p999 > 1.0
+    assert found.bias == pytest.approx((1998.0 - 200.0) / 2000.0) and found.count == 2000
+
+
 def test_probes_are_everywhere_and_where_it_is_steep():
     rgba = np.zeros((60, 80, 4))
     rgba[20:40, 30:50] = 0.7

@@ -1,4 +1,5 @@
-"""Files and folders of earlier versions: version 0.2 encoded one small ball into all that are in ``data``."""
+"""Files and folders of earlier versions: version 0.2 encoded one small ball into all that are in ``data``, but for the
+one that 0.1.0 encoded."""
 
 import io
 import json
@@ -16,6 +17,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
 
 DATA = Path(__file__).with_name("data")
 # Name -> bytes of its records, what they become, and the largest difference to 16 bytes in levels of 1/255.
@@ -40,6 +42,19 @@ def test_what_earlier_versions_saved_opens(name, axis):
     assert drain(stored.tables_steps(axis))[0].record == record
     _, best = picture("16.rle", axis)
     assert best[..., 3].max() > 0.5 and 255.0 * np.abs(rgba - best).max() <= levels
+
+
+@pytest.mark.parametrize("axis", VIEWS)
+def test_a_file_of_version_0_1_0_makes_the_picture_of_its_volume(axis):
+    """A ball without light, which classification and encoding of today turn into the same records."""
+    z, y, x = np.mgrid[:10, :8, :9]
+    radius = np.sqrt(((z - 4.5) / 4.5) ** 2 + ((y - 3.5) / 3.5) ** 2 + ((x - 4.0) / 4.0) ** 2)
+    ball = Volume(np.clip(255.0 * (1.25 - radius), 0.0, 255.0).astype(np.uint8), np.eye(4))
+    stored, rgba = picture("0_1_0.rle", axis)
+    camera, matrix = turntable(ball, *VIEWS[axis], width=24, height=24)
+    function = TransferFunction.from_json(stored.transfer_function)
+    today = render(Scene(ball, function, camera, 24, 24, matrix, headlight=False), Quality(classification="pre"))
+    assert rgba[..., 3].max() > 0.9 and 255.0 * np.abs(rgba - today.rgba).max() < 0.01
 
 
 @pytest.mark.parametrize("axis", VIEWS)

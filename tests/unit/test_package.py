@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from packaging.requirements import Requirement
 
 from devtools import bootstrap, build, environments, kernels, places, uv, wheels
 from rle_splat.runtime.cache_folder import RELEASE
@@ -68,11 +69,13 @@ def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
     asked = []
     monkeypatch.setattr(kernels, "_is_ready", asked.append)
     path = tmp_path / kernels.kernel_file("3.14")
-    for comment, made in ((b"of other sources", []), (kernels.source_digest(), [path])):
+    comments = b"of other sources", kernels.source_digest(few=True), kernels.source_digest()
+    for comment, whole, few in zip(comments, ([], [], [path]), ([], [path], [path]), strict=True):
         with zipfile.ZipFile(path, "w") as archive:
             archive.comment = comment
-        assert kernels.make_kernels(["3.14"]) == made
-    assert asked == ["3.14"]
+        assert kernels.make_kernels(["3.14"]) == whole
+        assert kernels.make_kernels(["3.14"], few=["3.14"]) == few, "the first picture's kernels are enough"
+    assert asked == ["3.14"] * 3
 
 
 @pytest.mark.parametrize(("platform", "level"), kernels.LEVELS.items())
@@ -131,6 +134,16 @@ def test_the_manifest_is_what_was_promised():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {RELEASE}\n" in citation and facts["version"] == RELEASE
     assert project["scripts"]["rle-splat"] == "rle_splat.cli.main:run_process"
+
+
+def test_numba_is_pinned_in_the_zip_and_ranged_for_others():
+    """Kernels come for one version; any other is used plainly (test_plain_numba.py)."""
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    (numba,) = (found for found in map(Requirement, listed) if found.name == "numba")
+    source = (ROOT / "rle_splat" / "runtime" / "numba_internals.py").read_text(encoding="utf-8")
+    known = re.findall(r'"([\d.]+)"', re.search(r"^KNOWN_VERSIONS = \((.*)\)$", source, re.MULTILINE)[1])
+    assert wheels.packages()["numba"] in known and all(map(numba.specifier.contains, known))
+    assert numba.specifier.contains("0.99.0") and not any(map(numba.specifier.contains, ("0.59.0", "1.0.0")))
 
 
 def test_the_manifest_packs_nothing_but_what_is_shipped(tmp_path):

@@ -36,7 +36,7 @@ from rle_splat.volume.volume import Volume
 voxels = np.random.default_rng(0).integers(0, 255, (20, 18, 16)).astype(np.uint8)
 volume = Volume(voxels, np.eye(4))
 camera, matrix = turntable(volume, 20, 10, width=24, height=24)
-tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),))
+tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=None)
 report = {"remarks": []}
 if sys.argv[2] != "lacking":
     rendering = render(Scene(volume, tf, camera, 24, 24, matrix), Quality.preset("draft", classification="pre"))
