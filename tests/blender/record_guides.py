@@ -1,0 +1,216 @@
+"""Pictures of the how-to guides and of the gallery, photographed in a real window.
+
+    python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
+
+writes how-to-*.jpg and gallery-window.jpg into build/window-shots/record_guides.  The scans are those that the gallery
+has, in tests/blender/data: a folder ``scan`` with the DICOM series of the skull, ``aorta.nii.gz`` and
+``lumina.nii.gz``.
+"""
+
+import os
+import subprocess
+import sys
+from math import radians
+from pathlib import Path
+
+import bpy
+from mathutils import Euler
+
+from tests.blender.user_steps import middle, settled, simulate
+from tests.blender.window_driver import (
+    SHOTS,
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    window,
+)
+
+DATA = Path(__file__).parent / "data"
+DEVTOOLS = Path(__file__).parents[2] / "devtools"
+VIEW = "880x640+60+110"  # the viewport between its toolbar and the sidebar
+HEAD = "560x560+190+170"
+INSERT = (330, 250, 76)  # a voxel of a thing inside the skull
+
+
+def keep(name: str, part: str = ""):
+    """A photograph, or the part of it, as JPEG."""
+    yield from photograph(name)
+    path = Path(os.environ[SHOTS]) / f"{name}.png"
+    crop = ["-crop", part, "+repage"] if part else []
+    subprocess.run(["convert", str(path), *crop, "-quality", "84", str(path.with_suffix(".jpg"))], check=True)
+
+
+def beside(name: str, *parts: str) -> None:
+    """Pictures in a row, as one."""
+    folder = Path(os.environ[SHOTS])
+    words = [str(folder / f"{part}.jpg") for part in parts]
+    subprocess.run(["convert", *words, "-bordercolor", "black", "-border", "2", "+append", "-resize", "1100x>",
+                    "-quality", "84", str(folder / f"{name}.jpg")], check=True)  # fmt: skip
+    for part in parts:
+        (folder / f"{part}.jpg").unlink()
+
+
+def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
+    view.view_distance *= nearer
+
+
+def begin(*panels: str):
+    """A new file whose window has the viewport alone, with these panels open."""
+    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in panels))
+    yield from new_file()
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
+    yield
+
+
+def skull(*panels: str):
+    """The skull without its head holder, by the preset Bone; returns the volume."""
+    yield from begin(*panels)
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan")) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    look_from(76.0, -30.0)
+    yield from settled()
+    return bpy.context.view_layer.objects.active
+
+
+def activate(volume) -> None:
+    bpy.context.view_layer.objects.active = volume
+
+
+def set_up_slices():
+    volume = yield from skull("slices")
+    with in_the_view():
+        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 100.0, 1500.0
+    activate(volume)
+    yield from settled()
+    yield from keep("how-to-slices")
+    passed("slices")
+
+
+def window_and_curve():
+    volume = yield from skull("transfer")
+    yield from keep("how-to-curve")
+    with in_the_view():
+        bpy.ops.rle_splat.use_window_tool()
+    simulate("MOUSEMOVE", "NOTHING", middle(-1.0))
+    yield
+    simulate("MOUSEMOVE", "NOTHING", middle())
+    yield from settled()
+    yield from keep("how-to-window")
+    with in_the_view():
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+    for name, smoothness in (("rough", 0.0), ("smooth", 2.0)):
+        volume.rle_splat.smoothness = smoothness
+        yield from settled()
+        yield from keep(name, HEAD)
+    beside("how-to-smoothness", "rough", "smooth")
+    passed("window, curve, smoothness")
+
+
+def lamps(volume) -> None:
+    middle_of = volume.matrix_world.translation
+    for name, place, color, watts in (
+        ("Key", (-0.3, -0.6, 0.45), (1.0, 0.9, 0.78), 14.0), ("Rim", (0.6, 0.35, 0.25), (0.55, 0.72, 1.0), 22.0),
+    ):  # fmt: skip
+        data = bpy.data.lights.new(name, "AREA")
+        data.energy, data.color, data.size = watts, color, 0.15
+        made = bpy.data.objects.new(name, data)
+        made.location = middle_of + type(middle_of)(place)
+        made.rotation_euler = (middle_of - made.location).to_track_quat("-Z", "Y").to_euler()
+        bpy.context.scene.collection.objects.link(made)
+
+
+def light():
+    volume = yield from skull("shading")
+    volume.rle_splat.lighting = "HEADLIGHT"
+    yield from settled()
+    yield from keep("headlight", HEAD)
+    lamps(volume)
+    activate(volume)
+    volume.rle_splat.lighting = "SCENE"
+    bpy.context.scene.rle_splat.use_shadows = False
+    yield from settled()
+    yield from keep("lamps", HEAD)
+    bpy.context.scene.rle_splat.use_shadows = True
+    bpy.context.scene.rle_splat.ambient_occlusion = 0.8
+    yield from settled()
+    yield from keep("shadows", HEAD)
+    beside("how-to-light", "headlight", "lamps", "shadows")
+    passed("light")
+
+
+def surface():
+    volume = yield from skull("picture")
+    with in_the_view():
+        assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=300.0) == {"FINISHED"}
+    bpy.context.view_layer.objects.active.modifiers.new("Fewer", "DECIMATE").ratio = 0.02
+    volume.hide_set(True)
+    area_of("VIEW_3D").spaces.active.overlay.show_wireframes = True
+    for _ in range(4):
+        yield
+    yield from keep("how-to-surface", VIEW)
+    passed("surface")
+
+
+def segments():
+    yield from begin("labels")
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / "aorta.nii.gz")) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.rle_splat.label_file = str(DATA / "lumina.nii.gz")
+    with in_the_view():
+        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    for row in volume.rle_splat.labels:
+        row.show = row.label != 0
+        if row.show:
+            row.label_name = {1: "True Lumen", 2: "False Lumen"}[row.label]
+            row.use_color, row.color = True, {1: (0.72, 0.07, 0.05), 2: (0.16, 0.3, 0.72)}[row.label]
+    look_from(84.0, 110.0, 0.6)
+    yield from settled()
+    yield from keep("how-to-segments")
+    passed("segments")
+
+
+def gallery():
+    """The scene of the gallery's skull, by its own script, in the window."""
+    if str(DEVTOOLS) not in sys.path:
+        sys.path.append(str(DEVTOOLS))
+    from gallery_skull import skull as build
+    from gallery_studio import Stage
+
+    yield from begin("clip_objects", "slices", "shading")
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan"), at_cursor=True) == {"FINISHED"}
+        volume = bpy.context.view_layer.objects.active
+        for _ in build(Stage.of(volume, DATA)):
+            pass
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 1400, 1050
+    volume.rle_splat.lighting = "SCENE"
+    activate(volume)
+    space = area_of("VIEW_3D").spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    space.region_3d.view_camera_zoom = 18.0
+    space.shading.light, space.shading.color_type = "STUDIO", "TEXTURE"
+    yield from settled()
+    yield from keep("gallery-window")
+    passed("gallery")
+
+
+def scenario():
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    for part in (gallery, set_up_slices, window_and_curve, light, segments, surface):
+        yield from part()
+
+
+drive(scenario)
