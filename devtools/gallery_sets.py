@@ -196,4 +196,7 @@ def brain(stage: Stage):
 SETS = {
     "skull": skull, "spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta, "smoke": smoke, "engine": engine,
 }  # fmt: skip
-DATA_OF = {**{name: name for name in SETS}, "brain": "template"}
+DATA_OF = {
+    "skull": "skull", "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta", "smoke": "smoke",
+    "engine": "engine",
+}  # fmt: skip

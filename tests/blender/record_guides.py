@@ -209,7 +209,7 @@ def gallery():
 
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    for part in (gallery, set_up_slices, window_and_curve, light, segments, surface):
+    for part in (set_up_slices, window_and_curve, light, segments, surface, gallery):
         yield from part()
 
 
