@@ -14,7 +14,7 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
-PATCH = Vector((-34.0, -150.0, 34.0))  # before the forehead: where the plate starts on its way to the bone
+PATCH = Vector((-40.0, -150.0, 34.0))  # before the forehead: where the plate starts on its way to the bone
 CELL, COLUMNS, ROWS = 5.2, 13, 11  # of the plate: mm from hole to hole; holes
 SOLID = -300.0  # HU
 
@@ -131,18 +131,24 @@ def skull(stage: Stage):
     solid = made.modifiers.new("In the Solid", "BOOLEAN")
     solid.operation, solid.object = "INTERSECT", bone
     solid.solver = "FAST" if bpy.app.version < (5, 0, 0) else "FLOAT"
+    # A slice hides all of the volume behind it; another object with its mesh hides no more than it covers.
+    face = bpy.data.objects.new("Cut Face", _applied(made))
+    bpy.context.scene.collection.objects.link(face)
+    face.matrix_world = made.matrix_world.copy()
+    if not face.data.materials:
+        face.data.materials.append(made.material_slots[0].material)
+    made.visible_camera = False
     ours.slice_center, ours.slice_width = 250.0, 2200.0
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
     turn = 42.0
-    for body, x, y, size in (("R", -104.0, -70.0, 18.0), ("L", 52.0, -70.0, 18.0), ("50 mm", 10.0, -128.0, 9.0)):
+    for body, x, y, size in (("R", -104.0, -70.0, 18.0), ("L", 75.0, 30.0, 18.0), ("50 mm", -20.0, -108.0, 9.0)):
         _sign(body, at + Vector((x * MM, y * MM, floor - at.z + 0.5 * size * MM)), size * MM, white, turn)
-    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(at.x + 10.0 * MM, at.y - 130.0 * MM, floor))
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
     bar = named("Scale Bar", white)
     bar.scale, bar.rotation_euler.z = (50.0 * MM, 1.2 * MM, 1.2 * MM), math.radians(turn)
     toward = (1.45, -1.6, 0.62)
-    camera = stage.camera(toward, lens=80.0, aim=(-0.02, -0.06, -0.02))
-    camera.data.shift_y = 0.0
+    stage.camera(toward, lens=74.0, aim=(-0.08, -0.11, -0.05))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
     stage.key(3.2, (-0.4, -1.7, 1.7))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)

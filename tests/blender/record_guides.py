@@ -33,7 +33,7 @@ DATA = Path(__file__).parent / "data"
 DEVTOOLS = Path(__file__).parents[2] / "devtools"
 VIEW = "880x640+60+110"  # the viewport between its toolbar and the sidebar
 HEAD = "560x560+190+170"
-INSERT = (330, 250, 76)  # a voxel of a thing inside the skull
+PANELS = ("labels", "transfer", "slices", "shading", "clip_objects")  # that are open
 
 
 def keep(name: str, part: str = ""):
@@ -60,23 +60,22 @@ def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:
     view.view_distance *= nearer
 
 
-def begin(*panels: str):
-    """A new file whose window has the viewport alone, with these panels open."""
-    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in panels))
+def begin():
+    """A new file whose window has the viewport alone."""
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
     yield
 
 
-def skull(*panels: str):
+def skull():
     """The skull without its head holder, by the preset Bone; returns the volume."""
-    yield from begin(*panels)
+    yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan")) == {"FINISHED"}
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    look_from(76.0, -30.0)
+    look_from(76.0, -30.0, 0.5)
     yield from settled()
     return bpy.context.view_layer.objects.active
 
@@ -86,7 +85,7 @@ def activate(volume) -> None:
 
 
 def set_up_slices():
-    volume = yield from skull("slices")
+    volume = yield from skull()
     with in_the_view():
         assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = 100.0, 1500.0
@@ -97,13 +96,13 @@ def set_up_slices():
 
 
 def window_and_curve():
-    volume = yield from skull("transfer")
+    volume = yield from skull()
     yield from keep("how-to-curve")
     with in_the_view():
         bpy.ops.rle_splat.use_window_tool()
-    simulate("MOUSEMOVE", "NOTHING", middle(-1.0))
+    simulate("MOUSEMOVE", "NOTHING", middle(150.0, -30.0))
     yield
-    simulate("MOUSEMOVE", "NOTHING", middle())
+    simulate("MOUSEMOVE", "NOTHING", middle(151.0, -30.0))
     yield from settled()
     yield from keep("how-to-window")
     with in_the_view():
@@ -130,7 +129,7 @@ def lamps(volume) -> None:
 
 
 def light():
-    volume = yield from skull("shading")
+    volume = yield from skull()
     volume.rle_splat.lighting = "HEADLIGHT"
     yield from settled()
     yield from keep("headlight", HEAD)
@@ -149,7 +148,7 @@ def light():
 
 
 def surface():
-    volume = yield from skull("picture")
+    volume = yield from skull()
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=300.0) == {"FINISHED"}
     bpy.context.view_layer.objects.active.modifiers.new("Fewer", "DECIMATE").ratio = 0.02
@@ -162,7 +161,7 @@ def surface():
 
 
 def segments():
-    yield from begin("labels")
+    yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / "aorta.nii.gz")) == {"FINISHED"}
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
@@ -188,7 +187,7 @@ def gallery():
     from gallery_skull import skull as build
     from gallery_studio import Stage
 
-    yield from begin("clip_objects", "slices", "shading")
+    yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan"), at_cursor=True) == {"FINISHED"}
         volume = bpy.context.view_layer.objects.active
@@ -209,6 +208,7 @@ def gallery():
 
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     for part in (set_up_slices, window_and_curve, light, segments, surface, gallery):
         yield from part()
 
