@@ -106,8 +106,8 @@ def shadows(parser, words) -> int:
 @job
 def sidebyside(parser, words) -> int:
     """Draw one scan by RLE Splat, Cycles' own volumes and VTK, with the processor seconds of each."""
-    parser.add_argument("--size", default="640x640", metavar="WxH", help="pixels of each picture")
-    parser.add_argument("--samples", type=int, default=64, help="of Cycles, for each pixel")
+    parser.add_argument("--size", default="320x320", metavar="WxH", help="pixels of each picture")
+    parser.add_argument("--samples", type=int, default=8, help="of Cycles, for each pixel")
     known = parser.parse_args(words)
     return side_by_side.side_by_side(known.size, known.samples)
 

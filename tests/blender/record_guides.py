@@ -1,15 +1,13 @@
-"""Pictures of the how-to guides and of the gallery, photographed in a real window.
+"""Pictures of the how-to guides, photographed in a real window.
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg and gallery-window.jpg into build/window-shots/record_guides.  The scans are those that the gallery
-has, in tests/blender/data: a folder ``scan`` with the DICOM series of the skull, ``aorta.nii.gz`` and
-``lumina.nii.gz``.
+writes how-to-*.jpg into build/window-shots/record_guides.  The scan is the skull of the gallery, its DICOM series in
+tests/blender/data/scan.
 """
 
 import os
 import subprocess
-import sys
 from math import radians
 from pathlib import Path
 
@@ -30,10 +28,8 @@ from tests.blender.window_driver import (
 )
 
 DATA = Path(__file__).parent / "data"
-DEVTOOLS = Path(__file__).parents[2] / "devtools"
-VIEW = "880x640+60+110"  # the viewport between its toolbar and the sidebar
 HEAD = "560x560+190+170"
-PANELS = ("labels", "transfer", "slices", "shading", "clip_objects")  # that are open
+PANELS = ("transfer", "slices", "shading")  # that are open
 
 
 def keep(name: str, part: str = ""):
@@ -147,69 +143,10 @@ def light():
     passed("light")
 
 
-def surface():
-    volume = yield from skull()
-    with in_the_view():
-        assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=300.0) == {"FINISHED"}
-    bpy.context.view_layer.objects.active.modifiers.new("Fewer", "DECIMATE").ratio = 0.02
-    volume.hide_set(True)
-    area_of("VIEW_3D").spaces.active.overlay.show_wireframes = True
-    for _ in range(4):
-        yield
-    yield from keep("how-to-surface", VIEW)
-    passed("surface")
-
-
-def segments():
-    yield from begin()
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / "aorta.nii.gz")) == {"FINISHED"}
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
-    volume = bpy.context.view_layer.objects.active
-    volume.rle_splat.label_file = str(DATA / "lumina.nii.gz")
-    with in_the_view():
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    for row in volume.rle_splat.labels:
-        row.show = row.label != 0
-        if row.show:
-            row.label_name = {1: "True Lumen", 2: "False Lumen"}[row.label]
-            row.use_color, row.color = True, {1: (0.72, 0.07, 0.05), 2: (0.16, 0.3, 0.72)}[row.label]
-    look_from(84.0, 110.0, 0.6)
-    yield from settled()
-    yield from keep("how-to-segments")
-    passed("segments")
-
-
-def gallery():
-    """The scene of the gallery's skull, by its own script, in the window."""
-    if str(DEVTOOLS) not in sys.path:
-        sys.path.append(str(DEVTOOLS))
-    from gallery_skull import skull as build
-    from gallery_studio import Stage
-
-    yield from begin()
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan"), at_cursor=True) == {"FINISHED"}
-        volume = bpy.context.view_layer.objects.active
-        for _ in build(Stage.of(volume, DATA)):
-            pass
-    scene = bpy.context.scene
-    scene.render.resolution_x, scene.render.resolution_y = 1400, 1050
-    volume.rle_splat.lighting = "SCENE"
-    activate(volume)
-    space = area_of("VIEW_3D").spaces.active
-    space.region_3d.view_perspective = "CAMERA"
-    space.region_3d.view_camera_zoom = 18.0
-    space.shading.light, space.shading.color_type = "STUDIO", "TEXTURE"
-    yield from settled()
-    yield from keep("gallery-window")
-    passed("gallery")
-
-
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
-    for part in (set_up_slices, window_and_curve, light, segments, surface, gallery):
+    for part in (set_up_slices, window_and_curve, light):
         yield from part()
 
 
