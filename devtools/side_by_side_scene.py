@@ -30,7 +30,7 @@ def look_at(low: Vector, high: Vector) -> bpy.types.Object:
     scene.collection.objects.link(camera)
     eye = middle + size * Vector(TOWARD)
     camera.matrix_world = Matrix.Translation(eye) @ (middle - eye).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-    camera.data.lens, camera.data.sensor_fit = 60.0, "VERTICAL"
+    camera.data.lens, camera.data.sensor_fit = 50.0, "VERTICAL"
     camera.data.clip_start, camera.data.clip_end = 0.01 * size, 100.0 * size
     scene.camera = camera
     add_light("Sun", "SUN", math.pi, middle + size * Vector(SUN), middle, (1.0, 1.0, 1.0), angle=math.radians(1.0))
