@@ -16,7 +16,7 @@ import nox
 
 from devtools import demo as demonstration
 from devtools import docs as documentation
-from devtools import fuzzing, mutations, real_blender, shadow_pictures, side_by_side, testing, uv
+from devtools import fuzzing, mutations, real_blender, shadow_pictures, testing, uv
 from devtools import gallery as pictures
 from devtools import release as releases
 from devtools.build import build as build_zips
@@ -101,15 +101,6 @@ def shadows(parser, words) -> int:
     parser.add_argument("--samples", type=int, default=40, help="of Cycles, for each pixel")
     known = parser.parse_args(words)
     return shadow_pictures.shadows(known.size, known.samples)
-
-
-@job
-def sidebyside(parser, words) -> int:
-    """Draw one scan by RLE Splat, Cycles' own volumes and VTK, with the processor seconds of each."""
-    parser.add_argument("--size", default="320x320", metavar="WxH", help="pixels of each picture")
-    parser.add_argument("--samples", type=int, default=8, help="of Cycles, for each pixel")
-    known = parser.parse_args(words)
-    return side_by_side.side_by_side(known.size, known.samples)
 
 
 @job

@@ -59,7 +59,7 @@ class VtkCaster:
         self._mapper.SetSampleDistance(float(spacing.min()) / samples)
         self._mapper.SetInteractiveSampleDistance(float(spacing.min()) / samples)
         properties = vtk.vtkVolumeProperty()
-        opacity, color = value_functions(volume, tf)
+        opacity, color = _functions(volume, tf)
         properties.SetScalarOpacity(opacity)
         properties.SetColor(color)
         properties.SetScalarOpacityUnitDistance(float(tf.opacity_unit_distance or spacing.min()))
@@ -136,7 +136,7 @@ class VtkCaster:
             camera.SetViewAngle(np.degrees(2.0 * np.arctan(0.5 * placed.sensor_height / placed.lens)))
 
 
-def value_functions(volume, tf):
+def _functions(volume, tf):
     """VTK's opacity and color functions over stored values, sampled from a transfer function in physical values."""
     opacity, color = vtk.vtkPiecewiseFunction(), vtk.vtkColorTransferFunction()
     kind = volume.voxels.dtype
