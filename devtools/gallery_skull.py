@@ -103,7 +103,7 @@ def _sign(body: str, place: Vector, size: float, coat, turn: float) -> None:
 
 
 def skull(stage: Stage):
-    """A skull cut by a sagittal plane, gray values on the cut, a titanium plate with its shadow on the forehead."""
+    """A skull cut by a sagittal plane, the cut in plain gray, with a titanium plate on the forehead."""
     ours, at = stage.volume.rle_splat, stage.middle
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
@@ -131,14 +131,12 @@ def skull(stage: Stage):
     solid = made.modifiers.new("In the Solid", "BOOLEAN")
     solid.operation, solid.object = "INTERSECT", bone
     solid.solver = "FAST" if bpy.app.version < (5, 0, 0) else "FLOAT"
-    # A slice hides all of the volume behind it; another object with its mesh hides no more than it covers.
+    # A slice hides all of the volume behind it; another object with its mesh hides no more than it covers,
+    # in plain gray, for the material is the slice's own.
     face = bpy.data.objects.new("Cut Face", _applied(made))
     bpy.context.scene.collection.objects.link(face)
     face.matrix_world = made.matrix_world.copy()
-    if not face.data.materials:
-        face.data.materials.append(made.material_slots[0].material)
     made.visible_camera = False
-    ours.slice_center, ours.slice_width = 250.0, 2200.0
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
     turn = 42.0
