@@ -13,7 +13,7 @@ from .places import OUT, ROOT, Failure, clean_environ, run, say
 from .sample import sample
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "objects", "studio", "data", "grids")
+PARTS = ("scene", "sets", "objects", "skull", "studio", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
@@ -27,6 +27,7 @@ class Shot:
 
 
 SHOTS = {
+    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1400, 1050), 8),
     "spine": Shot("bones of a chest on a slice of the same CT, with pedicle screws", (1400, 1050), 12),
     "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
     "nuclei": Shot("nuclei in a confocal stack, one of them dividing", (1400, 1050)),

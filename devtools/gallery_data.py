@@ -60,6 +60,12 @@ def spine(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
+def skull(folder: Path):
+    """A CT of a skull of plastic, slices 1 mm apart: the first file of its DICOM series."""
+    series = _asked_for("dicom_ct_skull_phantom_512x512x140")
+    return min(series.iterdir()), {}, series.name
+
+
 def nuclei(folder: Path):
     """Nuclei in a confocal stack, whose file does not give the spacing."""
     path = _asked_for("fluorescence/nuclei_256x256x60_uint16.tif")

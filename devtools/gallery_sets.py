@@ -12,7 +12,8 @@ import bpy
 from demo_scene import bevelled, material, named, rod
 from gallery_data import aorta_labels, nuclei_labels
 from gallery_objects import engine, smoke
-from gallery_studio import COLD, RENDER, WARM, Stage, plain_world, softbox_world, view_transform
+from gallery_skull import skull
+from gallery_studio import COLD, RENDER, WARM, Stage, emission, plain_world, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 CELLS = ((0.86, 0.28, 0.22), (0.95, 0.62, 0.2), (0.35, 0.7, 0.3), (0.2, 0.6, 0.75), (0.3, 0.4, 0.85),
@@ -26,15 +27,6 @@ ENTRY = 61.8
 BONE_VOXEL = (218, 345, 63)  # in the left pedicle
 AORTA_VOXEL = (264, 270, 90)
 PLATE = -34.6  # the height of the slice
-
-
-def _emission(name: str, color):
-    """A material that is as bright as its color, whatever the light."""
-    made = material(name, (0.0, 0.0, 0.0), roughness=1.0)
-    shader = made.node_tree.nodes["Principled BSDF"]
-    shader.inputs["Emission Color"].default_value = (*color, 1.0)
-    shader.inputs["Emission Strength"].default_value = 1.0
-    return made
 
 
 def _letters(body: str, place: Vector, size: float, coat) -> None:
@@ -81,21 +73,14 @@ def _keep_bones(stage: Stage) -> None:
 
 
 def _lay_slice(stage: Stage) -> None:
-    """An axial slice as the ground, brighter than the window of the bones shows it."""
+    """An axial slice as the ground, with a window of its own."""
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="axial")
     made = bpy.context.view_layer.objects.active
     made.matrix_world = Matrix.Translation((0.0, -6.0 * MM, stage.middle.z + PLATE * MM
                                             - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
     made.scale.y *= 0.79  # the table is beyond it
-    tree = made.material_slots[0].material.node_tree
-    image, glow = (next(node for node in tree.nodes if node.bl_idname == f"ShaderNode{kind}")
-                   for kind in ("TexImage", "Emission"))  # fmt: skip
-    spread = tree.nodes.new("ShaderNodeMapRange")
-    for name, value in (("From Min", 0.055), ("From Max", 0.26), ("To Max", 0.9)):
-        spread.inputs[name].default_value = value
-    tree.links.new(image.outputs["Color"], spread.inputs["Value"])
-    tree.links.new(spread.outputs["Result"], glow.inputs["Color"])
+    stage.volume.rle_splat.slice_center, stage.volume.rle_splat.slice_width = 60.0, 700.0
 
 
 def spine(stage: Stage):
@@ -110,7 +95,7 @@ def spine(stage: Stage):
                         for row in PEDICLES)  # fmt: skip
         beyond = 11.0 * MM * (lower - upper).normalized()
         rod("Rod", upper - beyond, lower + beyond, 2.75 * MM, titanium)
-    white, ground = _emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
+    white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
     for body, x, y, size in (("R", -130.0, 85.0, 22.0), ("L", 110.0, 85.0, 22.0), ("50 mm", 65.0, 108.0, 9.0)):
         _letters(body, at + MM * Vector((x, y, ground)), MM * size, white)
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=at + MM * Vector((65.0, 118.0, ground)))
@@ -208,7 +193,10 @@ def brain(stage: Stage):
     yield RENDER
 
 
-SETS = {"spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta, "smoke": smoke, "engine": engine}
+SETS = {
+    "skull": skull, "spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta, "smoke": smoke, "engine": engine,
+}  # fmt: skip
 DATA_OF = {
-    "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta", "smoke": "smoke", "engine": "engine",
+    "skull": "skull", "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta", "smoke": "smoke",
+    "engine": "engine",
 }  # fmt: skip

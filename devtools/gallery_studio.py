@@ -182,6 +182,15 @@ def _placed(name: str, data, spot, target):
     return holder
 
 
+def emission(name: str, color):
+    """A material that is as bright as its color, whatever the light."""
+    made = material(name, (0.0, 0.0, 0.0), roughness=1.0)
+    shader = made.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Emission Color"].default_value = (*color, 1.0)
+    shader.inputs["Emission Strength"].default_value = 1.0
+    return made
+
+
 def plain_world(color, strength: float) -> None:
     """The same light from everywhere."""
     background = _new_world().nodes["Background"]

@@ -46,8 +46,8 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
         "measured alone: without meshes and motion blur, and without shadows with Soft Edges")
 
     probes: IntProperty(
-        name="Probes", description="Number of pixels that are compared with the exact result", default=PROBES, min=1,
-        soft_max=5000)
+        name="Sample Pixels", description="Number of pixels that are compared with the exact result", default=PROBES,
+        min=1, soft_max=5000)
     repeats: IntProperty(
         name="Repeats", description="Number of frames timed for each setting; the median counts", default=REPEATS,
         min=1, soft_max=20)

@@ -23,7 +23,7 @@ ERROR_KIND = "error"  # a key of pictures.SUFFIXES
 class AccuracyRowProperties(bpy.types.PropertyGroup):
     """A plan with its measured time and error; ``name`` is the plan's name."""
 
-    knobs: StringProperty(name="Knobs", description="Settings of the plan as JSON")
+    knobs: StringProperty(name="Settings", description="Settings of the plan as JSON")
     truth: StringProperty(name="Reference", description="Exact result that the error is measured against")
     frame_ms: FloatProperty(name="Time", description="Milliseconds for one frame", min=0.0)
     rmse: FloatProperty(name="RMSE", description="Root mean square error in gray levels of 255", min=0.0)

@@ -23,7 +23,7 @@ AUTO = "AUTO"
 STATES = {AUTO: None, "ON": True, "OFF": False}
 STATE_ITEMS = [
     (AUTO, "Auto", "Use the effect if the scene needs it"),
-    ("ON", "On", "Always use the effect. A picture is refused if the scene lacks what the effect needs"),
+    ("ON", "On", "Always use the effect. Rendering ends with an error if the scene lacks what the effect needs"),
     ("OFF", "Off", "Never use the effect. It then takes no time"),
 ]
 

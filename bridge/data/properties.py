@@ -206,7 +206,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     files_digest: StringProperty(
         name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
-    remarks: StringProperty(name="Remarks", description="Remarks on unusual data, one sentence per line")
+    remarks: StringProperty(name="Notes", description="Notes on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
     stored_transfer: StringProperty(
         name="Stored Transfer Function", description="Transfer function of encoded voxels (.rle) as JSON; empty for "

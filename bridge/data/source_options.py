@@ -19,7 +19,7 @@ from .overridable import (
     StringProperty,
 )
 
-FILE_SAYS = ("AUTO", "From File", "Use what the file says, or a guess from its size and name")
+FILE_SAYS = ("AUTO", "From File", "Use what the file states, or a guess from its size and name")
 DTYPE_ITEMS = [FILE_SAYS] + [
     (name, name, f"{np.dtype(name).itemsize} bytes for each voxel") for name in STORED_TYPES
 ]

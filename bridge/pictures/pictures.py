@@ -228,7 +228,8 @@ def _error_lines(report: dict) -> list[str]:
     against = f"against {error['truth']}, {TRUTH_TEXTS[error['truth']]}"
     if error["tolerance"] is None:
         return [f"Error not measured; it would be {against}"]
-    return [f"Error in levels: {error['sentence']}, {against}", error.get("statement", ""), report["plan"]["name"]]
+    measured = f"Error in gray levels of 255: {error['sentence']}, {against}"
+    return [measured, error.get("statement", ""), report["plan"]["name"]]
 
 
 def note_report(settings, report: dict) -> None:

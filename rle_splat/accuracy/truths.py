@@ -23,20 +23,20 @@ def check_shown(scene: Scene, truth_name: str) -> None:
     """Raise RleSplatError where the scene has no such truth."""
     if scene.mode not in ("composite", "xray") or (scene.mode == "xray" and truth_name != "T2"):
         raise RleSplatError(
-            f"There is no truth {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
+            f"There is no reference {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
         )
     if scene.mist is not None:
-        raise RleSplatError("There is no truth of a scene in mist; turn the mist off to measure the rest.")
+        raise RleSplatError("There is no reference of a scene in mist; turn the mist off to measure the rest.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError(
-            "There is no truth of a transfer function with a gradient_opacity; take it out to measure the rest."
+            "There is no reference of a transfer function with a gradient_opacity; take it out to measure the rest."
         )
 
 
 def medium_of(scene: Scene, truth_name: str, colors=None, light=None):
     """The medium that T1 or T2 integrates for a scene, computed on demand; the arguments are those of ``truth``."""
     if truth_name not in TRUTHS:
-        raise RleSplatError(f"There is no truth called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
+        raise RleSplatError(f"There is no reference called {truth_name!r}; choose {' or '.join(TRUTHS)}.")
     volume, transfer_function, distance = scene.volume, scene.transfer_function, world_opacity_distance(scene)
     check_shown(scene, truth_name)
     if scene.mode == "xray":  # an X-ray shows absorption as white

@@ -54,7 +54,7 @@ def add_arguments(parser) -> None:
     )
     parser.add_argument(
         "--data", metavar="FILE",
-        help="where the data of a sidecar is now; for its labels and channels, --labels and --channel say it")
+        help="where the data of a sidecar is now; --labels and --channel do the same for its labels and channels")
     add_figure_options(parser)
     add_mode_option(parser)
     add_mist_option(parser)
@@ -127,7 +127,9 @@ def _make(args, line):
     from ..figure.sources import DataSource, Sources
 
     if args.data is not None:
-        raise RleSplatError("--data tells where the data of a sidecar is; give the volume itself in place of VOLUME.")
+        raise RleSplatError(
+            "--data gives the place of the data of a sidecar; give the volume itself in place of VOLUME."
+        )
     wanted = list_panels(args, read_transfer_function)
     compared = [one.transfer_function for one in wanted.functions]
     _check_outputs(args, (*scene_inputs(args), *mixing_inputs(args), *compared), [sidecar_path(args.output[0])])
@@ -192,10 +194,10 @@ def _make_again(args, line):
     made = _render(*figure_of(sidecar, _read_again(places, sidecar.sources, line), args.threads), line)
     remarks = [*version_remarks(sidecar), *made.remarks]
     if same_bits(sidecar, made.renderings):
-        remarks.append("Its pictures have the bits that the sidecar tells.")
+        remarks.append("Its pictures are bit-identical to those of the sidecar.")
     else:
         remarks.append(
-            "Its pictures do not have the bits that the sidecar tells; another version or processor made it."
+            "Its pictures differ from those of the sidecar, which another version or processor made."
         )
     return made, remarks, None
 

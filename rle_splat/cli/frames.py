@@ -23,7 +23,7 @@ def add_frames_option(parser) -> None:
     group.add_argument(
         "--frames", nargs=2, type=int, metavar=("A", "B"),
         help="render the frames A to B, counted from 1, of --turn, of --camera-path, or else of a volume in time; "
-        "pictures that are there already, whole and of the same scene, are kept",
+        "pictures that are there already, whole and of the same scene, are not made again",
     )
     group.add_argument(
         "--turn", type=float, metavar="DEG", help="with --frames: turn the turntable by so many degrees each frame")

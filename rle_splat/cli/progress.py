@@ -87,7 +87,7 @@ class ProgressLine:
         if not compiled() or not self._on:
             yield
             return
-        with while_compiling(lambda: self.show(None, "compiling kernels (first run only)")):
+        with while_compiling(lambda: self.show(None, "compiling (first run only)")):
             yield
 
     def clear(self) -> None:

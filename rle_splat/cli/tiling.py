@@ -14,7 +14,7 @@ def add_tile_option(parser) -> None:
     """Add the option."""
     parser.add_argument(
         "--tile", type=int, metavar="N",
-        help="render and write the picture in tiles of N pixels, which takes less memory and gives the same bits "
+        help="render and write the picture in tiles of N pixels, which takes less memory and gives the same picture "
         "(default: as large as fits, where --memory-limit is given and the whole picture does not fit)",
     )
 

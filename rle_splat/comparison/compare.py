@@ -49,11 +49,11 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
     """
     systems = [system_of(name) for name in (SYSTEMS if names is None else names)]
     if probes < 1 or repeats < 1:
-        raise RleSplatError("Comparing takes one probe and one repeat at least.")
+        raise RleSplatError("Comparing takes one sample pixel and one repeat at least.")
     yield Progress(0.0, "Classifying")
     scene_medium(scene, quality)  # compiles the kernels, so that the times of the shared stages are without that
     medium = scene_medium(scene, quality)
-    yield Progress(0.05, "Integrating the truth")
+    yield Progress(0.05, "Integrating the reference")
     began = time.perf_counter()
     truth = probe_truth(medium, probes)
     truth_ms = 1e3 * (time.perf_counter() - began)

@@ -89,7 +89,7 @@ def check_header(header: dict) -> dict:
         isinstance(header["unit"], str) and isinstance(header["source"], str), "its unit or its source is not text"
     )
     remarks = header["remarks"]
-    _require(isinstance(remarks, list) and all(isinstance(one, str) for one in remarks), "its remarks are not texts")
+    _require(isinstance(remarks, list) and all(isinstance(one, str) for one in remarks), "its notes are not texts")
     _require(space in (None, PATIENT), "its space is unknown")
     for name in ("transfer_function", "lighting"):
         _require(isinstance(header[name], (dict, type(None))), f"its {name.replace('_', ' ')} is not a JSON object")
@@ -152,7 +152,7 @@ def check_layout(header: dict, facts: dict) -> dict:
 
 def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
     """Entries of a chunk in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
-    _require(found[table] in allowed, f"{table} has a type that no kernel takes")
+    _require(found[table] in allowed, f"{table} has a type that cannot be rendered")
     kind, words, parts = found[table]
     counts = {sizes[name][0] for name in ([f"{table}.{part}" for part in range(parts)] or [table])}
     count, size = counts.pop(), np.dtype(kind).itemsize * max(words, 1)

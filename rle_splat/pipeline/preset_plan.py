@@ -56,7 +56,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         return replace(source, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
     rough = _measure_roughness(source.scene, cache)
     if rough is None:
-        why = f"{said}; too little of the volume is visible to tell more, so it takes its usual plan."
+        why = f"{said}; too little of the volume is visible to measure more, so it takes its usual plan."
         return replace(source, plan={"why": why, "aim": aim, "expected": None})
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)

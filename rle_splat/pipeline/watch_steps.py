@@ -8,8 +8,8 @@ from ..scene import RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..volume.mapped_files import list_mapped_files, refuse_cut_files
 
-LOADING_KERNELS = "Preparing kernels, which takes a while the first time"
-COMPILING = "; compiling kernels, the first time only"
+LOADING_KERNELS = "Compiling, which takes a while the first time"
+COMPILING = "; compiling, the first time only"
 
 
 def watch_steps(steps, scene: Scene, clock: Clock):

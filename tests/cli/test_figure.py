@@ -96,7 +96,7 @@ def test_a_figure_is_made_again_bit_for_bit(call, figure, tmp_path, write_json):
     again.mkdir()
     result = call("figure", folder / SIDECAR, "-o", again / "b.svg", "-o", again / "b.png", "--threads", "1")
     assert result.code == 0, result.err
-    assert "Its pictures have the bits that the sidecar tells." in result.out
+    assert "Its pictures are bit-identical to those of the sidecar." in result.out
     for suffix in ("svg", "png"):
         assert (again / f"b.{suffix}").read_bytes() == (folder / f"fig.{suffix}").read_bytes()
     assert sorted(path.name for path in again.iterdir()) == ["b.png", "b.svg"]

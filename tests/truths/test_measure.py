@@ -54,5 +54,5 @@ def test_surfaces_end_the_rays(stage, scene):
 
 
 def test_an_unknown_truth_is_refused(scene):
-    with pytest.raises(RleSplatError, match="There is no truth called 'T3'"):
+    with pytest.raises(RleSplatError, match="There is no reference called 'T3'"):
         measure(scene, np.zeros((32, 40, 4)), "T3", 1.0)

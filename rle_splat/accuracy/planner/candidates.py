@@ -23,10 +23,10 @@ PLANNED = "planned"  # the name of a quality that was chosen for a tolerance
 KEPT_KNOBS = tuple(knob for knob in PRESET_KNOBS if knob != "rays")  # of a plan that is kept from frame to frame
 # The only value of each knob with which pictures converge to the truth, and why.
 PROMISED = {
-    "model": ("extinction", "the truth integrates extinction"),
-    "kernel": ("tent", "the truth interpolates linearly"),
-    "minification": ("off", "the truth integrates along one ray for each pixel"),
-    "length_correction": (True, "the truth integrates over the length of the ray"),
+    "model": ("extinction", "the reference integrates extinction"),
+    "kernel": ("tent", "the reference interpolates linearly"),
+    "minification": ("off", "the reference integrates along one ray for each pixel"),
+    "length_correction": (True, "the reference integrates over the length of the ray"),
 }
 
 

@@ -35,7 +35,7 @@ CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels: the plans that these would choose are measured too
 LONGEST = 1000.0  # milliseconds: such a plan is not measured when a frame of it is expected to take longer
 PILOTS_END = 0.05  # the fraction of the work after which the pilots end
-WITHOUT_T1 = "Plans of pre are left out, because their truth T1 has no shadows and no channels."
+WITHOUT_T1 = "Plans of pre are left out, because their reference T1 has no shadows and no channels."
 FRAMES_END = 0.6  # the fraction of the work after which the frames end and the truths begin
 
 
@@ -161,7 +161,7 @@ def sweep_steps(
     """
     scene = measurable_scene(scene, chosen)
     if probes < 1 or repeats < 1:
-        raise RleSplatError("Measuring takes one probe and one repeat at least.")
+        raise RleSplatError("Measuring takes one sample pixel and one repeat at least.")
     cache = StageCache() if cache is None else cache
     wished, remarks = _Wished(), []
     if shadow_count(scene) or scene.channels:

@@ -26,7 +26,7 @@ def true_pixel_steps(scene: Scene, name: str, columns, rows, begin: float, end: 
     """
     shading = shading_of(scene, name)
     steps = truth_steps(scene, name, columns, rows, truth_tolerance(shading), **shading)
-    return announce(steps, begin, end, f"Integrating the truth {name}")
+    return announce(steps, begin, end, f"Integrating the reference {name}")
 
 
 class ProbeErrors:
@@ -127,7 +127,7 @@ class ProbeErrors:
         left, top = self._scene.region[:2]
         centers, tolerance = (columns + left + 0.5, rows + top + 0.5), truth_tolerance(self._shading)
         steps = truth_steps(self._scene, self._name, *centers, tolerance, **self._shading)
-        found = yield from announce(steps, begin, end, "Measuring the error at probe pixels")
+        found = yield from announce(steps, begin, end, "Measuring the error at sample pixels")
         self.columns, self.rows = np.concatenate((self.columns, columns)), np.concatenate((self.rows, rows))
         self._random, self._true = np.concatenate((self._random, random)), np.concatenate((self._true, found))
 

@@ -23,7 +23,7 @@ def table_lines(report: dict) -> list[str]:
         lines += ["", f"Against {name}, {text}:", *_truth_lines(report, name, has_flip)]
     lines += [
         "",
-        f"*: on the front, no other plan is both quicker and nearer to its truth ({ERRORS[report['front_by']]}).  "
+        f"*: on the front, no other plan is both quicker and nearer to its reference ({ERRORS[report['front_by']]}).  "
         ">: the chosen plan.",
         f"ms: splat, warp and single rays, the median of {report['repeats']} frames. Errors: levels, 1/255 of "
         "premultiplied linear "

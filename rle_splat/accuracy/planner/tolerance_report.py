@@ -105,7 +105,7 @@ def with_report(
     remarks = [*best.rendering.report["remarks"], *_remarks(session, error, gave_up, margin)]
     if left_out:
         remarks.append(
-            f"A picture to a maximum error has no {' and no '.join(left_out)}, as the truth that it is measured "
+            f"A picture to a maximum error has no {' and no '.join(left_out)}, as the reference that it is measured "
             "against has none; choose the classification post, or render by a quality alone."
         )
     report = best.rendering.report

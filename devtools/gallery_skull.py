@@ -1,0 +1,160 @@
+"""The set of the gallery that shows a skull, cut open, with a plate of titanium (runs in an environment with bpy).
+
+Every step is an operator, a modifier or a setting that a user has, too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+from demo_scene import material, named
+from gallery_studio import COLD, RENDER, Stage, emission, softbox_world, view_transform
+from mathutils import Matrix, Vector
+
+MM = 0.001
+CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
+PATCH = Vector((-40.0, -150.0, 34.0))  # before the forehead: where the plate starts on its way to the bone
+CELL, COLUMNS, ROWS = 5.2, 13, 11  # of the plate: mm from hole to hole; holes
+SOLID = -300.0  # HU
+
+
+def _net(middle: Vector) -> bpy.types.Object:
+    """A flat net of hexagons that faces the patient's front, with round corners."""
+    corners, vertices, faces = {}, [], []
+    half = 0.5 * Vector(((COLUMNS - 1) * CELL, (ROWS - 1) * CELL * math.sqrt(0.75)))
+    for row in range(ROWS):
+        for column in range(COLUMNS - row % 2):
+            x, z = (column + 0.5 * (row % 2)) * CELL - half.x, row * CELL * math.sqrt(0.75) - half.y
+            if (abs(x) / half.x) ** 4 + (abs(z) / half.y) ** 4 > 1.15:
+                continue
+            face = []
+            for step in range(6):
+                angle = math.radians(30.0 + 60.0 * step)
+                place = (x + CELL / math.sqrt(3.0) * math.cos(angle), z + CELL / math.sqrt(3.0) * math.sin(angle))
+                key = tuple(round(part, 3) for part in place)
+                if key not in corners:
+                    corners[key] = len(vertices)
+                    vertices.append(MM * Vector((place[0], 0.0, place[1])))
+                face.append(corners[key])
+            faces.append(face)
+    mesh = bpy.data.meshes.new("Plate")
+    mesh.from_pydata(vertices, [], faces)
+    made = bpy.data.objects.new("Plate", mesh)
+    made.location = middle
+    bpy.context.scene.collection.objects.link(made)
+    return made
+
+
+def _applied(made) -> bpy.types.Mesh:
+    """The mesh of an object with its modifiers."""
+    bpy.context.view_layer.update()
+    return bpy.data.meshes.new_from_object(made.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+
+
+def _plate(stage: Stage, bone, coat) -> None:
+    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge."""
+    at = stage.middle
+    plate = _net(at + MM * PATCH)
+    plate.rotation_euler = (math.radians(-24.0), 0.0, math.radians(-22.0))
+    wrap = plate.modifiers.new("On the Bone", "SHRINKWRAP")
+    wrap.target, wrap.wrap_method, wrap.project_limit = bone, "PROJECT", 0.2
+    wrap.use_project_y, wrap.use_positive_direction, wrap.use_negative_direction = True, True, False
+    wrap.use_project_x = wrap.use_project_z = False
+    wrap.offset = 0.7 * MM
+    relaxed = plate.modifiers.new("Relaxed", "SMOOTH")
+    relaxed.factor, relaxed.iterations = 0.5, 3
+    flat = _applied(plate)
+    to_world = plate.matrix_world.copy()
+    bars = plate.modifiers.new("Bars", "WIREFRAME")
+    bars.thickness, bars.offset, bars.use_boundary, bars.use_even_offset = 1.3 * MM, 0.0, True, False
+    smooth = plate.modifiers.new("Round", "SUBSURF")
+    smooth.levels = smooth.render_levels = 1
+    plate.data.materials.append(coat)
+    edges = {}
+    for polygon in flat.polygons:
+        for key in polygon.edge_keys:
+            edges.setdefault(key, []).append(polygon.index)
+    rim = sorted({faces[0] for faces in edges.values() if len(faces) == 1})
+    center = sum((flat.polygons[n].center for n in rim), Vector()) / len(rim)
+    rim.sort(key=lambda n: math.atan2(flat.polygons[n].center.z - center.z, flat.polygons[n].center.x - center.x))
+    for n in rim[:: max(len(rim) // 9, 1)]:
+        polygon = flat.polygons[n]
+        normal = (to_world.to_3x3() @ polygon.normal).normalized()
+        normal = normal if normal.y < 0.0 else -normal
+        turned = normal.to_track_quat("Z", "Y").to_matrix().to_4x4()
+        place = to_world @ polygon.center
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=2.5 * MM, segments=48, ring_count=24)
+        head = named("Screw", coat)
+        head.matrix_world = Matrix.Translation(place) @ turned @ Matrix.Diagonal((1.0, 1.0, 0.45, 1.0))
+        bpy.ops.mesh.primitive_cylinder_add(radius=1.0 * MM, depth=9.0 * MM, vertices=32)
+        named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
+
+
+def _sign(body: str, place: Vector, size: float, coat, turn: float) -> None:
+    """Text that stands upright and faces a camera turned so many degrees from the patient's front."""
+    curve = bpy.data.curves.new(body, "FONT")
+    curve.body, curve.size, curve.align_x, curve.align_y = body, size, "CENTER", "CENTER"
+    curve.materials.append(coat)
+    made = bpy.data.objects.new(body, curve)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = (Matrix.Translation(place) @ Matrix.Rotation(math.radians(turn), 4, "Z")
+                         @ Matrix.Rotation(math.radians(90.0), 4, "X"))  # fmt: skip
+
+
+def skull(stage: Stage):
+    """A skull cut by a sagittal plane, the cut in plain gray, with a titanium plate on the forehead."""
+    ours, at = stage.volume.rle_splat, stage.middle
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    bpy.ops.rle_splat.remove_table()
+    for row in ours.labels:
+        row.show = row.label_name == "Body"
+    titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.3, metallic=1.0)
+    bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
+    bone = bpy.context.view_layer.objects.active
+    _plate(stage, bone, titanium)
+    bone.hide_render = bone.hide_viewport = True
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_clip(kind="PLANE")
+    plane = bpy.context.view_layer.objects.active
+    plane.matrix_world = (Matrix.Translation(at + MM * Vector((CUT, 0.0, 0.0)))
+                          @ Matrix.Rotation(math.radians(90.0), 4, "Y") @ Matrix.Scale(0.11, 4))  # fmt: skip
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_slice(kind="sagittal")
+    made = bpy.context.view_layer.objects.active
+    along = max((0, 1), key=lambda axis: abs(made.matrix_world.to_3x3().col[axis].normalized().y))
+    made.scale[along] *= 0.8  # the head holder is beyond it
+    bpy.context.view_layer.update()
+    made.matrix_world = (Matrix.Translation(at + MM * Vector((CUT, -8.0, 0.0)) - made.matrix_world.translation)
+                         @ made.matrix_world)  # fmt: skip
+    solid = made.modifiers.new("In the Solid", "BOOLEAN")
+    solid.operation, solid.object = "INTERSECT", bone
+    solid.solver = "FAST" if bpy.app.version < (5, 0, 0) else "FLOAT"
+    # A slice hides all of the volume behind it; another object with its mesh hides no more than it covers,
+    # in plain gray, for the material is the slice's own.
+    face = bpy.data.objects.new("Cut Face", _applied(made))
+    bpy.context.scene.collection.objects.link(face)
+    face.matrix_world = made.matrix_world.copy()
+    made.visible_camera = False
+    white = emission("Letters", (0.85, 0.87, 0.9))
+    floor = stage.low.z + 1.0 * MM
+    turn = 42.0
+    for body, x, y, size in (("R", -104.0, -70.0, 18.0), ("L", 75.0, 30.0, 18.0), ("50 mm", -20.0, -108.0, 9.0)):
+        _sign(body, at + Vector((x * MM, y * MM, floor - at.z + 0.5 * size * MM)), size * MM, white, turn)
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
+    bar = named("Scale Bar", white)
+    bar.scale, bar.rotation_euler.z = (50.0 * MM, 1.2 * MM, 1.2 * MM), math.radians(turn)
+    toward = (1.45, -1.6, 0.62)
+    stage.camera(toward, lens=74.0, aim=(-0.08, -0.11, -0.05))
+    stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
+    stage.key(3.2, (-0.4, -1.7, 1.7))
+    stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
+    softbox_world(
+        ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
+        (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
+        0.6,
+    )
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
+    view_transform("Standard")
+    yield RENDER
