@@ -44,7 +44,7 @@ def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
     return b"".join((
         png_begin(width, height, channels),
         png_chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
-        png_chunk(b"IDAT", zlib.compress(filter_rows(pixels), LEVEL)),
+        png_chunk(b"IDAT", zlib.compress(filter_rows(pixels).tobytes(), LEVEL)),
         png_chunk(b"IEND", b""),
     ))
 
