@@ -64,7 +64,7 @@ PICTURES = (
     SyntheticPicture("lights", 7.7, 0.0, scene="lights", perspective=True),
     SyntheticPicture("lights, draft", 0.8, 0.0, quality="draft", scene="lights"),
     SyntheticPicture("lights, traced", 4.0, 0.0, scene="lights", knobs={"exact_light": True}),
-    SyntheticPicture("lights and meshes", 8.9, 0.0, scene="lights meshes", perspective=True),
+    SyntheticPicture("lights and meshes", 8.9, 0.0, scene="meshes", perspective=True),
     SyntheticPicture("hard walls", 21.4, 2.4, quality="fine"),
     SyntheticPicture("surfaces only", 20.0, 0.4, scene="surfaces"),
     SyntheticPicture("unlit", 24.8, 0.0, scene="unlit"),
@@ -75,12 +75,10 @@ PICTURES = (
     SyntheticPicture("labels", 4.4, 0.4, scene="labels", azimuth=90.0, perspective=True),
     SyntheticPicture("labels, unlit", 33.0, 0.0, scene="unlit labels"),
     SyntheticPicture("labels, hard walls", 7.4, 4.1, quality="fine", scene="labels"),
-    SyntheticPicture("labels, hard walls, unlit", 0.0, 0.0, quality="fine", scene="unlit labels"),
     SyntheticPicture("labels, pre-classified", 21.6, 2.5, classification="pre", scene="labels"),
     SyntheticPicture("channels", 4.4, 0.4, scene="channels", azimuth=90.0, perspective=True),
     SyntheticPicture("channels, unlit", 33.0, 0.0, scene="unlit channels"),
     SyntheticPicture("channels, hard walls", 7.4, 4.1, quality="fine", scene="channels"),
-    SyntheticPicture("channels, hard walls, unlit", 0.0, 0.0, quality="fine", scene="unlit channels"),
     SyntheticPicture("channels, pre-classified", 0.6, 0.3, classification="pre", scene="channels"),
     SyntheticPicture("pre-classified", 3.9, 2.0, classification="pre"),
     SyntheticPicture("pre-classified, sideways", 3.7, 0.6, classification="pre", azimuth=90.0, perspective=True),
@@ -91,7 +89,7 @@ PICTURES = (
         perspective=True,
     ),
     # Also the grid of a volume that meshes mirror (``medium_grid``).
-    SyntheticPicture("pre-classified, lights and meshes", 2.2, 0.0, classification="pre", scene="lights meshes"),
+    SyntheticPicture("pre-classified, lights and meshes", 2.2, 0.0, classification="pre", scene="meshes"),
     SyntheticPicture("wide footprints", 22.7, 0.0, classification="pre", knobs={"kernel": "gaussian"}),
     SyntheticPicture("opacities", 17.9, 0.0, classification="pre", knobs={"model": "opacity"}),
     SyntheticPicture(
@@ -124,12 +122,12 @@ def prepare_steps():
       with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
-    - at "standard", "draft" and "fine", unshaded, also with labels and with channels.
+    - at "standard", "draft" and "fine", unshaded.
     - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows without and
       with meshes, with labels, with channels; with each footprint, model and record, and so as in the paper.
 
-    Also covered are pictures of ``.rle`` files, and of any two of the effects above.  Not covered, and compiled when a
-    picture first needs them: other stored types; some combinations of three and more effects.
+    Covered are ``.rle`` files, too.  Not covered, and compiled when a picture first needs them: other stored types;
+    several of the effects above at once, where together they have kernels of their own.
 
     Yields
     ------
@@ -193,39 +191,43 @@ def _ball(stored: str) -> Volume:
 def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     """The ball before a turntable's camera.
 
-    By the headlight, and as the words of ``picture.scene`` say: a mode; "unlit", without shading; "surfaces", with
-    gradient opacity; "clips", cut by a box, a plane and the camera; "labels"; "channels", with itself as another one;
-    "lights", a lamp that casts shadows and the world's light; "meshes", a triangle that cuts the ball, one of glass.
+    By the headlight, or as ``picture.scene`` says: a mode; "unlit", without shading; "clips", cut by a box, a plane and
+    the camera; "labels" and "unlit labels"; "channels" and "unlit channels", with itself as another one; "surfaces",
+    with gradient opacity; "lights", a lamp that casts shadows and the world's light; "meshes", with these lights, a
+    triangle that cuts the ball, and one of glass.
     """
-    words = picture.scene.split()
     camera, matrix = turntable(
         volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT
     )
     function, _ = default_transfer_function(volume)
-    if "unlit" in words:
-        function = replace(function, shade=None)
-    if "surfaces" in words:
-        function = replace(function, gradient_opacity=GradientOpacity(0.0, 1.0))
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix)
-    for mode in set(words) & set(MODES):
-        scene = replace(scene, mode=mode)
-    if "clips" in words:
+    if picture.scene == "headlight":
+        return scene
+    if picture.scene in MODES:
+        return replace(scene, mode=picture.scene)
+    if picture.scene == "unlit":
+        return replace(scene, transfer_function=replace(function, shade=None))
+    if picture.scene == "clips":
         box = np.diag((SIDE / 4.0, SIDE / 4.0, SIDE / 4.0, 1.0))
         middle = (scene.index_to_world @ (*3 * [SIDE / 2.0], 1.0))[:3]
         near = replace(camera, clip_start=float(np.linalg.norm(middle - camera.matrix_world[:3, 3])))
-        scene = replace(scene, camera=near, clips=(Clip("box", box, "outside"), Clip("plane", np.eye(4))))
-    if "labels" in words:
+        return replace(scene, camera=near, clips=(Clip("box", box, "outside"), Clip("plane", np.eye(4))))
+    if picture.scene.endswith(("labels", "channels")):
+        shade = None if picture.scene.startswith("unlit") else function.shade
+        function = replace(function, shade=shade)
+        scene = replace(scene, transfer_function=function)
+        if picture.scene.endswith("channels"):
+            return replace(scene, channels=(Channel(volume, function),))
         half = Volume((volume.voxels > np.median(volume.voxels)).astype(np.uint8), volume.affine)
-        scene = replace(scene, labels=Labels(half, {1: replace(function, color=((0.0, 1.0, 0.0, 0.0),))}))
-    if "channels" in words:
-        scene = replace(scene, channels=(Channel(volume, function),))
-    if "lights" in words:
-        beside = np.eye(4)
-        beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
-        lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)
-        scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
-    if "meshes" in words:
-        corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
-        pane = {"panes": corners + SIDE / 8.0, "pane_shares": np.array([[0.5, 0.8, 0.9, 1.0]])}
-        scene = replace(scene, triangles=corners, **pane)
-    return scene
+        return replace(scene, labels=Labels(half, {1: replace(function, color=((0.0, 1.0, 0.0, 0.0),))}))
+    if picture.scene == "surfaces":
+        return replace(scene, transfer_function=replace(function, gradient_opacity=GradientOpacity(0.0, 1.0)))
+    beside = np.eye(4)
+    beside[:3, 3] = (-SIDE, -SIDE, 2 * SIDE)
+    lamp = Light("POINT", (1.0, 1.0, 1.0), float(SIDE**3), beside, radius=1.0)
+    scene = replace(scene, headlight=False, lights=(lamp,), volume_shadows=True, world=(0.05, 0.05, 0.05))
+    if picture.scene != "meshes":
+        return scene
+    corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
+    pane = {"panes": corners + SIDE / 8.0, "pane_shares": np.array([[0.5, 0.8, 0.9, 1.0]])}
+    return replace(scene, triangles=corners, **pane)
