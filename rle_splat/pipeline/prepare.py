@@ -68,6 +68,10 @@ PICTURES = (
     SyntheticPicture("lights and meshes", 9.2, 0.0, scene="lights meshes", perspective=True),
     SyntheticPicture("hard walls", 24.5, 0.0, quality="fine"),
     SyntheticPicture("surfaces only", 1.9, 0.0, scene="surfaces"),
+    SyntheticPicture("surfaces only, unlit", 0.0, 0.0, scene="unlit surfaces"),
+    SyntheticPicture("surfaces only, hard walls, unlit", 0.0, 0.0, quality="fine", scene="unlit surfaces"),
+    SyntheticPicture("surfaces only, X-ray", 0.0, 0.0, scene="surfaces xray"),
+    SyntheticPicture("surfaces only, X-ray, hard walls", 0.0, 0.0, quality="fine", scene="surfaces xray"),
     SyntheticPicture("unlit", 11.3, 0.0, scene="unlit"),
     SyntheticPicture("hard walls, unlit", 14.5, 0.0, quality="fine", scene="unlit"),
     SyntheticPicture("clip objects", 1.7, 0.0, scene="clips"),
@@ -93,6 +97,7 @@ PICTURES = (
     ),
     # Also the grid of a volume that meshes mirror (``medium_grid``).
     SyntheticPicture("pre-classified, lights and meshes", 2.2, 0.0, classification="pre", scene="lights meshes"),
+    SyntheticPicture("pre-classified, surfaces only, X-ray", 0.0, 0.0, classification="pre", scene="surfaces xray"),
     SyntheticPicture("wide footprints", 10.9, 0.0, classification="pre", knobs={"kernel": "gaussian"}),
     SyntheticPicture("opacities", 6.8, 0.0, classification="pre", knobs={"model": "opacity"}),
     SyntheticPicture(

@@ -27,6 +27,8 @@ SETTINGS = (
 PACKAGE = __name__.rpartition(".runtime.")[0]  # the name that this package has in this process
 FOREIGN = {"numba", "llvmlite", "numpy", *sys.stdlib_module_names}
 
+NOT_CODE = ("__doc__", "__module__", "__firstlineno__")  # of a class: a line above it changes no kernel
+
 
 def _within(name: str) -> str:
     """The name of a module of ours within the package; the whole name of any other."""
@@ -78,7 +80,7 @@ def _parts(value, seen: set) -> Iterator[str]:
         yield from _parts(getattr(value, "_fields", ()), seen)
         for name, member in sorted(vars(value).items()):
             member = _unwrap(member)
-            if isinstance(member, (FunctionType, int, float, str)) and name not in ("__doc__", "__module__"):
+            if isinstance(member, (FunctionType, int, float, str)) and name not in NOT_CODE:
                 yield name
                 yield from _parts(member, seen)
     elif isinstance(value, np.ndarray):

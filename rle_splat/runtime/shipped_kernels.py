@@ -123,9 +123,9 @@ class ShippedKernels:
         digest : str
             See ``kernel_digest``.
         """
-        entry = None if self._archive is None else self._archive.NameToInfo.get(name)
-        if entry is None:
+        if self._archive is None or name not in self._archive.NameToInfo:
             return None
+        entry = self._archive.NameToInfo[name]
         if entry.comment != digest.encode():
             self.problem = (
                 "Kernels of this installation are of other sources or of other settings of numba. "

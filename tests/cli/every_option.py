@@ -79,7 +79,7 @@ COMMON = {
 SMALL = {"render": "--size 32", "figure": "--width-cm 3 --dpi 40", "accuracy": "--size 32 --probes 20 --repeats 1"}
 # Of what the lines of "encode" have written: a file, and a folder of each classification.
 ENCODED = ["volume.rle", *(f"{one}.rle" for one in knobs.CLASSIFICATIONS)]
-VIEWS = ["", "--azimuth 90", "--elevation 90", "--perspective", "--clip clips.json", "--quality fine"]
+VIEWS = ["", "--elevation 90", "--perspective", "--clip clips.json", "--quality fine"]
 # In every command line; they choose what is read of other formats; they render elsewhere.
 NOT_DRIVEN = (
     "--shape", "--dtype", "--output", "-o", "--help", "--grid", "--series", "--frame", "--like", "--dask", "--workers",
