@@ -249,6 +249,16 @@ def shows_last_render(context) -> bool:
     return bool(compositor.pictures(context.scene))
 
 
+def sentence_of_last_render(context) -> str:
+    """Why the region that is drawn shows no live volume, where ``shows_last_render``; else ""."""
+    if not shows_last_render(context):
+        return ""
+    return filled(
+        "The viewport's compositor shows the volume of the last render. To see it live, disable Compositor in the menu "
+        "Viewport Shading."
+    )
+
+
 def remark_of(area) -> str:
     """What differs from the volume in what an area's viewports show; "" for nothing, and while they draw drafts."""
     halvings = max((one.halvings for one in viewports_of(area) if one.is_refined), default=0)

@@ -21,10 +21,6 @@ from ..volumes import box, volumes
 SIZE = 15  # points; scaled with Blender's interface
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
-LAST_RENDER = (
-    "The viewport's compositor shows the volume of the last render. To see it live, disable Compositor in the menu "
-    "Viewport Shading."
-)
 
 _handle = [None]
 
@@ -58,8 +54,8 @@ def _draw() -> None:
     owners = volumes.volume_objects(context.scene)
     if not (owners and context.space_data.overlay.show_overlays):
         return
-    last_render = LAST_RENDER if live.shows_last_render(context) else ""
-    _draw_lines(context, last_render or live.problem_of(context.area) or live.sentence_of_mesh(context.area))
+    sentence = live.sentence_of_last_render(context) or live.problem_of(context.area)
+    _draw_lines(context, sentence or live.sentence_of_mesh(context.area))
     shown = [owner for owner in owners if owner.visible_get()]
     color = context.preferences.themes[0].view_3d.space.text_hi
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
