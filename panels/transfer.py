@@ -78,9 +78,9 @@ def _draw_opacity(layout, properties) -> None:
             curve = layout.column()
             curve.enabled = linked.is_own(properties.transfer)
             curve.template_curve_mapping(properties.transfer.nodes[transfer_nodes.GRADIENT_NODE], "mapping")
-        row = layout.row(align=True)
+        column = layout.column(align=True)
         for name in ("gradient_low", "gradient_high"):
-            row.prop(properties, name)
+            column.prop(properties, name)
 
 
 class RLE_SPLAT_PT_transfer(ColorPanel, OfVolume, bpy.types.Panel):

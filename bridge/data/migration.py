@@ -52,12 +52,12 @@ def _give_to_volumes(scene) -> None:
 def _replace_removed(*_):
     """Replace removed values of the knobs by those that are used instead, take out removed settings, and give volumes
     what was their scene's."""
+    for tree in [tree for tree in bpy.data.node_groups if tree.library is None]:
+        if transfer_nodes.is_transfer_tree(tree):
+            transfer_nodes.add_gradient_node(tree)
     for scene in [scene for scene in bpy.data.scenes if scene.library is None]:
         own, sentences = scene.rle_splat, []
         _give_to_volumes(scene)
-        for tree in {one.rle_splat.transfer for one in volumes.volume_objects(scene)}:
-            if tree is not None and tree.library is None and transfer_nodes.is_transfer_tree(tree):
-                transfer_nodes.add_gradient_node(tree)
         for name in [name for name in settings.REMOVED_PROPERTIES if own.get(name) is not None]:
             del own[name]
             sentences.append(settings.removed_sentence(name))
