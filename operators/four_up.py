@@ -12,8 +12,6 @@ from .reading import LoadsFirst
 from .refusal import has_values, refuse
 from .use_window_tool import TOOL
 
-NEARER = 0.65  # a cube's face is so much smaller than the sphere around the cube, which other views make room for
-
 
 class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
     """Show an axial, a coronal and a sagittal slice beside the volume, linked by lines where they cross. The wheel over
@@ -46,10 +44,9 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
             kinds[one.rle_splat.slice_kind] = one
         with context.temp_override(**where):
             bpy.ops.screen.region_quadview()
-        straight = _place_views(space, owner, kinds)
+        _place_views(space, owner, kinds)
         viewports.frame(context.window, [box.world_corners(owner)])
-        for view in straight:
-            view.view_distance *= NEARER
+        viewports.frame_quad(area, box.world_corners(owner))
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         if context.mode == "OBJECT":
             with context.temp_override(**where):
@@ -80,14 +77,13 @@ def _leave(context, space, where: dict) -> None:
     view.view_rotation, view.view_location = held
 
 
-def _place_views(space, owner, kinds: dict) -> list:
-    """Turn the orthographic views of a new quad view straight onto the slices; return them."""
+def _place_views(space, owner, kinds: dict) -> None:
+    """Turn the orthographic views of a new quad view straight onto the slices."""
     matrix = np.array(owner.matrix_world)
     straight = [view for view in space.region_quadviews if view.view_perspective == "ORTHO"]
     for view, kind in zip(straight, ("coronal", "axial", "sagittal")):
         view.lock_rotation = False
         view.view_rotation = slice_places.straight_onto(kinds[kind], kind, matrix)
-    return straight
 
 
 CLASSES = (RLE_SPLAT_OT_four_up,)

@@ -74,6 +74,10 @@ def _draw_opacity(layout, properties) -> None:
         row.prop(properties, "opacity_unit_distance", text="")
     layout.prop(properties, "use_gradient_opacity")
     if properties.use_gradient_opacity:
+        if transfer_nodes.gradient_mapping(properties.transfer) is not None:
+            curve = layout.column()
+            curve.enabled = linked.is_own(properties.transfer)
+            curve.template_curve_mapping(properties.transfer.nodes[transfer_nodes.GRADIENT_NODE], "mapping")
         column = layout.column(align=True)
         for name in ("gradient_low", "gradient_high"):
             column.prop(properties, name)

@@ -1,8 +1,8 @@
 """Migration of .blend files of earlier versions.
 
 Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
-removed are replaced, and settings that were removed are taken out.  Mode and lighting were a scene's, and are now each
-volume's own.
+removed are replaced, and settings that were removed are taken out.  Gradient opacities get their curve.  Mode and
+lighting were a scene's, and are now each volume's own.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 
 from ...rle_splat.scene import without_removed
 from .. import messages
+from ..look import transfer_nodes
 from ..pictures import images, pictures
 from ..render import compositor
 from ..volumes import volumes
@@ -51,6 +52,9 @@ def _give_to_volumes(scene) -> None:
 def _replace_removed(*_):
     """Replace removed values of the knobs by those that are used instead, take out removed settings, and give volumes
     what was their scene's."""
+    for tree in [tree for tree in bpy.data.node_groups if tree.library is None]:
+        if transfer_nodes.is_transfer_tree(tree):
+            transfer_nodes.add_gradient_node(tree)
     for scene in [scene for scene in bpy.data.scenes if scene.library is None]:
         own, sentences = scene.rle_splat, []
         _give_to_volumes(scene)

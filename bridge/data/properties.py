@@ -309,13 +309,14 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
         name="Only Where Values Change", default=False,
-        description="Make regions of nearly constant values transparent, so that surfaces remain")
+        description="Multiply the opacity by a curve over how fast values change, so that even regions become "
+        "transparent and surfaces remain")
     gradient_low: LiveFloat(
         name="Change From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length, such as HU per mm, below which everything is transparent")
+        description="Change of the values per unit of length, such as HU per mm, at the left end of the curve")
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length above which the opacity curve is used unchanged")
+        description="Change of the values per unit of length at the right end of the curve")
     specular: LiveFloat(
         name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
     shininess: LiveFloat(

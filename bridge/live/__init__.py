@@ -14,6 +14,7 @@ from bpy.app.handlers import persistent
 from ..data import preferences
 from ..loop import timer
 from ..messages import tell
+from ..render import compositor
 from ..scene import render_scene, viewports
 from ..translations import filled
 from ..volumes import box
@@ -70,6 +71,8 @@ def _volumes_of(context) -> tuple:
     if not is_allowed() or not shown.has_volumes(context.scene):
         return ()
     if slice_places.faced_slice(context) is not None:  # whose place in a quad view is for it alone
+        return ()
+    if shows_last_render(context):  # which would lie under the live picture
         return ()
     return shown.visible_volumes(context.scene, context.view_layer, context.space_data)
 
@@ -234,6 +237,26 @@ def sentence_of_mesh(area) -> str:
     """Which mesh hides all volumes in a viewport of an area; "" without one."""
     mesh = mesh_before(area)
     return filled("{mesh} hides the volume in this view.", mesh=mesh) if mesh else ""
+
+
+def shows_last_render(context) -> bool:
+    """Whether Blender's viewport compositor puts our picture of the last render into the region that is drawn."""
+    shading = context.space_data.shading
+    if shading.type not in ("MATERIAL", "RENDERED") or shading.use_compositor == "DISABLED":
+        return False
+    if shading.use_compositor == "CAMERA" and context.region_data.view_perspective != "CAMERA":
+        return False
+    return bool(compositor.pictures(context.scene))
+
+
+def sentence_of_last_render(context) -> str:
+    """Why the region that is drawn shows no live volume, where ``shows_last_render``; else ""."""
+    if not shows_last_render(context):
+        return ""
+    return filled(
+        "The viewport's compositor shows the volume of the last render. To see it live, disable Compositor in the menu "
+        "Viewport Shading."
+    )
 
 
 def remark_of(area) -> str:

@@ -54,7 +54,8 @@ def _draw() -> None:
     owners = volumes.volume_objects(context.scene)
     if not (owners and context.space_data.overlay.show_overlays):
         return
-    _draw_lines(context, live.problem_of(context.area) or live.sentence_of_mesh(context.area))
+    sentence = live.sentence_of_last_render(context) or live.problem_of(context.area)
+    _draw_lines(context, sentence or live.sentence_of_mesh(context.area))
     shown = [owner for owner in owners if owner.visible_get()]
     color = context.preferences.themes[0].view_3d.space.text_hi
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)

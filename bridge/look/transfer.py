@@ -5,7 +5,7 @@ Moving the window moves all points, like window and level on a scanner's console
 group, as copies share a material, but has its own window.
 """
 
-from ...rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
+from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
 from .. import linked
 from ..data.animation import curves_of
@@ -77,6 +77,8 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     properties.use_gradient_opacity = steep is not None
     if steep is not None:
         properties.gradient_low, properties.gradient_high = steep.low, steep.high
+    nodes.add_gradient_node(properties.transfer)
+    nodes.write_curve(nodes.gradient_mapping(properties.transfer), RAMP if steep is None else steep.curve)
     if len(kept) < len(color):
         return (f"The transfer function has {len(color)} colors, but a color ramp in Blender holds {nodes.MOST_STOPS}; "
                 f"the {nodes.MOST_STOPS} that keep it closest to the original were stored.")
@@ -130,9 +132,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     if problem:
         raise RleSplatError(f"{problem}.")
     # A script's edits of the points are evaluated only after a tag; the original tree has them at once.
-    curve_of, ramp_of = (
+    curve_of, ramp_of, steep_of = (
         tree.original.evaluated_get(depsgraph) if depsgraph is not None and _is_animated(tree.original, name)
-        else tree.original for name in (nodes.OPACITY_NODE, nodes.COLOR_NODE))
+        else tree.original for name in nodes.NODES)
     low, high = window_of(properties)
     width = high - low
     scale = typed(properties.opacity_scale)
@@ -151,7 +153,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
         shade = Shade(*numbers, highlight, properties.two_sided, None if smoothness < 0.0 else smoothness)
     steep = None
     if properties.use_gradient_opacity:
-        steep = GradientOpacity(typed(properties.gradient_low), typed(properties.gradient_high))
+        curve = nodes.gradient_mapping(steep_of)
+        points = RAMP if curve is None else [(p, min(1.0, max(0.0, typed(f)))) for p, f in nodes.read_curve(curve)]
+        steep = GradientOpacity(typed(properties.gradient_low), typed(properties.gradient_high), tuple(points))
     return TransferFunction(
         name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
         color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade,
@@ -196,8 +200,9 @@ def evaluate_anew(volume_object) -> None:
     for one in (volume_object, *channels):
         tree = one.rle_splat.transfer
         if tree is not None and nodes.is_transfer_tree(tree) and tree.is_editable:
-            nodes.opacity_mapping(tree).update()
-            if any(_is_animated(tree, name) for name in (nodes.OPACITY_NODE, nodes.COLOR_NODE)):
+            for mapping in filter(None, (nodes.opacity_mapping(tree), nodes.gradient_mapping(tree))):
+                mapping.update()
+            if any(_is_animated(tree, name) for name in nodes.NODES):
                 tree.update_tag()
 
 
@@ -279,9 +284,12 @@ def keyframe(volume_object, frame: float) -> int:
     tree = properties.transfer
     for name in KEYED:
         properties.keyframe_insert(name, frame=frame)
+    curves = {nodes.OPACITY_NODE: nodes.opacity_mapping(tree)}
+    if properties.use_gradient_opacity and nodes.gradient_mapping(tree) is not None:
+        curves[nodes.GRADIENT_NODE] = nodes.gradient_mapping(tree)
     paths = [
-        f'nodes["{nodes.OPACITY_NODE}"].mapping.curves[0].points[{i}].location'
-        for i in range(len(nodes.opacity_mapping(tree).curves[0].points))
+        f'nodes["{name}"].mapping.curves[0].points[{i}].location'
+        for name, mapping in curves.items() for i in range(len(mapping.curves[0].points))
     ]
     for i in range(len(nodes.color_ramp(tree).elements)):
         element = f'nodes["{nodes.COLOR_NODE}"].color_ramp.elements[{i}]'

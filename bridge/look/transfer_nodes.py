@@ -9,8 +9,12 @@ from itertools import pairwise
 import bpy
 import numpy as np
 
+from ...rle_splat.classify.transfer_function import RAMP
+
 COLOR_NODE = "Color"
 OPACITY_NODE = "Opacity"
+GRADIENT_NODE = "Gradient Opacity"  # which groups of earlier versions lack
+NODES = (OPACITY_NODE, COLOR_NODE, GRADIENT_NODE)
 _KINDS = {COLOR_NODE: "ShaderNodeValToRGB", OPACITY_NODE: "ShaderNodeFloatCurve"}
 MARK = "rle_splat_transfer"
 MOST_STOPS = 32  # Blender's limit on the stops of a color ramp
@@ -42,7 +46,16 @@ def new_tree(name: str):
     for label, kind in _KINDS.items():
         node = tree.nodes.new(kind)
         node.name = node.label = label
+    add_gradient_node(tree)
     return tree
+
+
+def add_gradient_node(tree) -> None:
+    """Give a node group the curve of its gradient opacity, a ramp, if it has none."""
+    if GRADIENT_NODE not in tree.nodes:
+        node = tree.nodes.new(_KINDS[OPACITY_NODE])
+        node.name = node.label = GRADIENT_NODE
+        write_curve(node.mapping, RAMP)
 
 
 def color_ramp(tree):
@@ -53,6 +66,11 @@ def color_ramp(tree):
 def opacity_mapping(tree):
     """The curve mapping of the opacity of a transfer function's node tree."""
     return tree.nodes[OPACITY_NODE].mapping
+
+
+def gradient_mapping(tree):
+    """The curve mapping of the gradient opacity of a transfer function's node tree; None of an earlier version's."""
+    return tree.nodes[GRADIENT_NODE].mapping if GRADIENT_NODE in tree.nodes else None
 
 
 def steps_apart(positions) -> list[float]:

@@ -14,6 +14,8 @@ from ..translations import filled
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
 HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
 ROOM = 1.15  # times the sphere around a volume
+FACE = 0.65  # a cube's face is so much smaller than the sphere around the cube
+RIGHT_VIEWS = (2, 3)  # of a quad view, where the sidebar is
 NEAREST, FURTHEST = 0.01, 100.0  # times the sphere's radius: the clip range reaches from there to there at least
 LEAST_CLIP = 1e-6  # Blender's own
 SIDEBAR = 280  # pixels at interface scale 1, of one that was never drawn
@@ -137,10 +139,43 @@ def _free_share(area) -> float:
     region = next(one for one in area.regions if one.type == "WINDOW")
     if min(region.width, region.height) <= 1:
         return 0.5
-    sidebar = next(one for one in area.regions if one.type == "UI")
-    covered = sidebar.width if sidebar.width > 1 else round(SIDEBAR * bpy.context.preferences.system.ui_scale)
-    width = max(region.width - 2 * covered, region.width // 2)
+    width = max(region.width - 2 * _covered(area), region.width // 2)
     return min(region.height, width) / max(region.width, region.height)
+
+
+def _covered(area) -> int:
+    """Pixels of a viewport's width that its sidebar, open or about to be, lies over."""
+    sidebar = next(one for one in area.regions if one.type == "UI")
+    return sidebar.width if sidebar.width > 1 else round(SIDEBAR * bpy.context.preferences.system.ui_scale)
+
+
+def frame_quad(area, corners: np.ndarray) -> None:
+    """Move the views of a quad view so that a box is seen beside the sidebar.
+
+    The box fills the orthographic views as far as its sides reach; the view in perspective has room to turn.
+
+    Parameters
+    ----------
+    area : bpy.types.Area
+    corners : (8, 3) ndarray
+        World space.
+    """
+    space = area.spaces.active
+    width, height = 0.5 * area.width, 0.5 * area.height
+    covered = _covered(area) if space.show_region_ui and bpy.context.preferences.system.use_region_overlap else 0
+    free = max(width - covered, 0.5 * width)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    radius = ROOM * float(np.linalg.norm(corners - middle, axis=1).max())
+    slope = HALF_SENSOR / space.lens
+    for number, view in enumerate(space.region_quadviews):
+        is_perspective = view.view_perspective == "PERSP"
+        distance = distance_to_fit(radius, space.lens, min(free, height) / max(width, height), is_perspective)
+        view.view_distance = distance if is_perspective else distance * FACE
+        across = 2.0 * slope * view.view_distance / max(width, height)  # world units of a pixel at the pivot
+        right = view.view_rotation @ Vector((1.0, 0.0, 0.0))
+        is_right = number in RIGHT_VIEWS
+        view.view_location = Vector(middle) + right * (0.5 * (width - free) * across if is_right else 0.0)
+    area.tag_redraw()
 
 
 def tab() -> str:

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from xml.parsers import expat
 
+import numpy as np
+
 from ..scene import RleSplatError
 from .foreign import FileFunction, display_color, number, scene_linear_points
 from .transfer_function import GradientOpacity, Shade, TransferFunction
@@ -28,13 +30,12 @@ LIGHTING = {"ambient": 0.1, "diffuse": 0.7, "specular": 0.2, "specularPower": 10
 LINES = ("interpolation", "shade", "diffuse", "ambient", "specular", "specularPower", "scalarOpacity",
          "gradientOpacity", "colorTransfer")  # fmt: skip
 NEAREST = "0"  # of ``interpolation``
-ON_LINE = 1e-6  # how far from the ramp a point of the gradient opacity may lie
+ON_LINE = 1e-6  # how far from the line of its neighbors a point of the gradient opacity may lie
 NEAREST_REMARK = "It asks for the value of the nearest voxel, but values are interpolated here."
 RAMP_REMARK = (
     "Slicer measures the gradient per mean voxel spacing; here it is per unit of length, so the ends of the gradient "
     "opacity are the same for voxels of 1 mm only."
 )
-NO_RAMP_REMARK = "Its gradient opacity is not a ramp from 0 to 1 and was left out."
 BENT_REMARK = "Midpoints and sharpness of its curves were left out; its points are joined by straight lines."
 COMPONENTS_REMARK = "It is for values of several components, of which the first was read."
 
@@ -156,21 +157,34 @@ def _build(name: str, what: str, curves: dict, lighting: dict | None, distance: 
 
 
 def _gradient_opacity(points) -> tuple[GradientOpacity | None, tuple]:
-    """The ramp of a gradient opacity, None without one, and remarks."""
-    heights = [height for _, height in points]
-    if all(height == 1.0 for height in heights):
+    """The curve of a gradient opacity, None where it changes nothing, and remarks.
+
+    Points that the others imply are left out: before 0, on a flat end, on the line of their neighbors.
+    """
+    if all(height == 1.0 for _, height in points):
         return None, ()
-    if heights[0] != 0.0 or heights[-1] != 1.0 or 0.0 not in heights or points[0][0] < 0.0:
-        return None, (NO_RAMP_REMARK,)
-    low = max(value for value, height in points if height == 0.0)
-    high = min(value for value, height in points if height == 1.0)
-    if low > high:
-        return None, (NO_RAMP_REMARK,)
-    for value, height in points:
-        on_ramp = (value - low) / (high - low) if high > low else float(height == 1.0)
-        if abs(min(1.0, max(0.0, on_ramp)) - height) > ON_LINE:
-            return None, (NO_RAMP_REMARK,)
-    return GradientOpacity(low, high), (RAMP_REMARK,)
+    values, heights = (np.array(one, np.float64) for one in zip(*points))
+    if values[0] < 0.0:
+        at_zero = np.interp(0.0, values, heights)
+        values, heights = np.append(0.0, values[values >= 0.0]), np.append(at_zero, heights[values >= 0.0])
+    bent = [
+        n for n in range(1, len(values) - 1)
+        if abs(np.interp(values[n], values[[n - 1, n + 1]], heights[[n - 1, n + 1]]) - heights[n]) > ON_LINE
+        or values[n] in (values[n - 1], values[n + 1])
+    ]  # fmt: skip
+    kept = [0, *bent, len(values) - 1] if len(values) > 1 else [0]
+    while len(kept) > 1 and heights[kept[0]] == heights[kept[1]]:
+        kept.pop(0)
+    while len(kept) > 1 and heights[kept[-1]] == heights[kept[-2]]:
+        kept.pop()
+    values, heights = values[kept], heights[kept]
+    low, high = values[0], values[-1]
+    if low == high and tuple(heights) == (0.0, 1.0):
+        return GradientOpacity(low, high), (RAMP_REMARK,)
+    if low == high:  # a step between other heights, or a constant
+        low, high = 0.0, high or 1.0
+    shares = np.clip((values - low) / (high - low), 0.0, 1.0)
+    return GradientOpacity(low, high, tuple(zip(shares, np.clip(heights, 0.0, 1.0)))), (RAMP_REMARK,)
 
 
 # --- .vp.json -------------------------------------------------------------------------------------------------

@@ -39,6 +39,9 @@ HIGHLIGHTS = ("blinn-phong", "phong")
 SMOOTHEST = 100.0  # mm
 
 
+RAMP = ((0.0, 0.0), (1.0, 1.0))  # of a gradient opacity
+
+
 @dataclass(frozen=True)
 class Shade:
     """Shading coefficients: c * (ambient + diffuse |n.l|) + specular |n.h|^shininess, for a color c.
@@ -102,22 +105,26 @@ class Shade:
 
 @dataclass(frozen=True)
 class GradientOpacity:
-    """Opacity by gradient magnitude: the extinction is multiplied by a ramp.
+    """Opacity by gradient magnitude: the extinction is multiplied by a curve.
 
     Parameters
     ----------
     low, high : float
-        The factor is 0 up to a gradient of ``low``, 1 from ``high`` on, and linear in between. Physical values per unit
-        of the volume's length, such as HU per mm. Equal ends are a step.
+        Gradients between which the curve lies; beyond them its ends go on. Physical values per unit of the volume's
+        length, such as HU per mm. Equal ends are a step.
+    curve : sequence of (share, factor)
+        Points, joined by straight lines: shares of the way from ``low`` to ``high``, and the factor there, both in
+        [0, 1]. By default a ramp from 0 to 1.
 
     Raises
     ------
     RleSplatError
-        If ``low`` is negative or above ``high``.
+        If ``low`` is negative or above ``high``, or a point is none or outside [0, 1].
     """
 
     low: float = 0.0
     high: float = 1.0
+    curve: tuple = RAMP
 
     def __post_init__(self):
         for name in ("low", "high"):
@@ -126,13 +133,27 @@ class GradientOpacity:
             raise RleSplatError(
                 f"The gradient opacity's low must be from 0 to its high ({self.high:g}), not {self.low:g}."
             )
+        curve = _points(self.curve, 2, "gradient opacity", "[share, factor]")
+        if not all(0.0 <= number <= 1.0 for point in curve for number in point):
+            raise RleSplatError("Shares and factors of the gradient opacity's curve must be from 0 to 1.")
+        object.__setattr__(self, "curve", curve)
 
     def factor(self, sizes) -> np.ndarray:
         """Factors of the extinction, float32 in [0, 1], for gradient magnitudes ``sizes`` of any shape."""
+        sizes = np.asarray(sizes, np.float64)
         if self.low == self.high:
-            return (np.asarray(sizes) >= self.low).astype(np.float32)
-        share = (np.asarray(sizes, np.float64) - self.low) / (self.high - self.low)
-        return np.clip(share, 0.0, 1.0).astype(np.float32)
+            share = (sizes >= self.low).astype(np.float64)
+        else:
+            share = np.clip((sizes - self.low) / (self.high - self.low), 0.0, 1.0)
+        if self.curve != RAMP:
+            points = np.array(self.curve)
+            share = _piecewise_linear(points[:, 0], points[:, 1], share)
+        return share.astype(np.float32)
+
+    def to_json(self) -> dict:
+        """JSON object; ``curve`` only if it is no ramp."""
+        mapping = {"low": self.low, "high": self.high}
+        return mapping if self.curve == RAMP else mapping | {"curve": [list(point) for point in self.curve]}
 
 
 def _points(points, width: int, what: str, form: str) -> tuple:
@@ -294,7 +315,7 @@ class TransferFunction:
     def _steeper(self, times: float) -> GradientOpacity | None:
         """The gradient opacity for values that are ``times`` as large."""
         ends = self.gradient_opacity
-        return ends if ends is None else GradientOpacity(ends.low * times, ends.high * times)
+        return ends if ends is None else replace(ends, low=ends.low * times, high=ends.high * times)
 
     def windowed(self, center: float, width: float) -> TransferFunction:
         """Copy with the points spread over a radiological window with level ``center`` and width ``width``."""
@@ -308,7 +329,7 @@ class TransferFunction:
     @cached_property
     def classification_key(self) -> str:
         """Hash of everything on which opacity and color depend; name and shade are not included."""
-        steep = () if self.gradient_opacity is None else (asdict(self.gradient_opacity),)
+        steep = () if self.gradient_opacity is None else (self.gradient_opacity.to_json(),)
         return _digest((self.opacity, self.color, self.opacity_unit_distance, *steep))
 
     @cached_property
@@ -363,7 +384,7 @@ class TransferFunction:
             mapping["opacity_unit_distance"] = self.opacity_unit_distance
         mapping["shade"] = False if self.shade is None else self.shade.to_json()
         if self.gradient_opacity is not None:
-            mapping["gradient_opacity"] = asdict(self.gradient_opacity)
+            mapping["gradient_opacity"] = self.gradient_opacity.to_json()
         return mapping
 
     def save(self, path) -> None:

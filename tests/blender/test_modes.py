@@ -66,6 +66,20 @@ def test_a_gradient_opacity_is_read_and_a_transfer_function_writes_it(volume, br
     transfer = bridge("look.transfer")
     transfer.move_window(volume, properties.window_center, 2.0 * properties.window_width, keep_values=True)
     assert transfer.read_transfer(volume).gradient_opacity == steep
+    nodes = bridge("look.transfer_nodes")
+    nodes.write_curve(nodes.gradient_mapping(properties.transfer), ((0.0, 0.25), (0.5, 1.0), (1.0, 0.0)))
+    scene, true = rendered(bridge, core, volume)
+    assert scene.transfer_function.gradient_opacity.curve == ((0.0, 0.25), (0.5, 1.0), (1.0, 0.0))
+    bent, _ = picture()
+    np.testing.assert_array_equal(bent, true)
+    assert np.abs(bent - found).max() > 0.01
+    transfer.write_transfer(volume, scene.transfer_function)
+    assert transfer.read_transfer(volume).gradient_opacity == scene.transfer_function.gradient_opacity
+    # A group of an earlier version has no such curve: a ramp.
+    properties.transfer.nodes.remove(properties.transfer.nodes[nodes.GRADIENT_NODE])
+    assert transfer.read_transfer(volume).gradient_opacity == steep
+    bridge("data.migration")._replace_removed()
+    assert transfer.read_transfer(volume).gradient_opacity == steep and nodes.gradient_mapping(properties.transfer)
     assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
     assert not properties.use_gradient_opacity
 

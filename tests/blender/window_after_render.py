@@ -129,6 +129,22 @@ def check(animation: bool, lock: bool):
     passed(name)
 
 
+def check_viewport_compositor():
+    """A composited viewport shows the picture of the last render, alone and with a sentence; others are live."""
+    live, area = import_module(f"{MODULE}.bridge.live"), area_of("VIEW_3D")
+    shading = area.spaces.active.shading
+    solid, shading.type = shading.type, "MATERIAL"
+    for use, is_live in (("ALWAYS", False), ("CAMERA", True), ("DISABLED", True)):
+        shading.use_compositor = use
+        area.tag_redraw()
+        yield from at_rest()
+        yield from photograph(f"composited {use.lower()}")
+        assert bool(live.viewports_of(area)) == is_live, use
+    shading.type = solid
+    yield from at_rest()
+    passed("viewport compositor")
+
+
 def check_later_links():
     """A link that is drawn from the Render Layers to another output is led through our Alpha Over by itself."""
     tree = import_module(f"{MODULE}.bridge.versions").compositor_tree(bpy.context.scene)
@@ -148,6 +164,7 @@ def scenario():
     for animation in (False, True):
         for lock in (False, True):
             yield from check(animation, lock)
+    yield from check_viewport_compositor()
     yield from check_later_links()
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
@@ -94,6 +96,15 @@ def check_four_up(name):
     yield from settled()
     yield from photograph("four_up")
     assert set(regions()) == set(KINDS) and len(slices()) == 3
+    # None lies under the sidebar.
+    area, owner = area_of("VIEW_3D"), bpy.data.objects[name]
+    sidebar = next(one for one in area.regions if one.type == "UI")
+    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
+    views = area.spaces.active.region_quadviews
+    for region, view in zip([one for one in area.regions if one.type == "WINDOW"], views):
+        places = [location_3d_to_region_2d(region, view, Vector(corner)) for corner in corners]
+        assert all(0.0 < place.y < region.height for place in places), places
+        assert all(0.0 < place.x and region.x + place.x < sidebar.x for place in places), (region.x, sidebar.x, places)
 
 
 def check_true_gray(name):

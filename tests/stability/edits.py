@@ -92,16 +92,18 @@ def opacity_distance(draw, shot: Shot) -> Shot:
 
 
 def gradient_opacity(draw, shot: Shot) -> Shot:
-    """Another one; one of its ends alone; or none."""
+    """Another one; one of its ends or its curve alone; or none."""
     ends = shot.scene.transfer_function.gradient_opacity
     drawn = drawn_gradients(draw, shot.scene.volume)
-    kind = draw(st.sampled_from(("other", "low", "low", "high", "high", "none")))
+    kind = draw(st.sampled_from(("other", "low", "low", "high", "high", "curve", "none")))
     if kind == "none":
         drawn = None
     elif ends is not None and kind == "low":
         drawn = GradientOpacity(draw(UNIT) * ends.high, ends.high)
     elif ends is not None and kind == "high":
         drawn = GradientOpacity(ends.low, ends.low + drawn.high)
+    elif ends is not None and kind == "curve":
+        drawn = replace(ends, curve=draw(st.lists(st.tuples(UNIT, UNIT), min_size=1, max_size=4)))
     return shot.with_function(gradient_opacity=drawn)
 
 

@@ -133,7 +133,12 @@ def test_json_and_what_is_refused(stage):
     assert TransferFunction.from_json(tf.to_json()) == tf and tf.key != EVEN.key
     assert tf.remapped(0.0, 0.0).gradient_opacity == tf.gradient_opacity
     assert "gradient_opacity" not in EVEN.to_json()
-    for wrong in ({"low": 3, "high": 1}, {"low": -1}, {"slope": 2}, {"low": "steep"}):
+    bent = replace(tf, gradient_opacity=GradientOpacity(2.0, 8.0, ((0.0, 0.2), (0.5, 1.0), (1.0, 0.0))))
+    assert TransferFunction.from_json(bent.to_json()) == bent and bent.key != tf.key
+    np.testing.assert_allclose(bent.gradient_opacity.factor([0, 3.5, 5, 6.5, 9]), [0.2, 0.6, 1, 0.5, 0], atol=1e-6)
+    wrongs = ({"low": 3, "high": 1}, {"low": -1}, {"slope": 2}, {"low": "steep"}, {"curve": [[0, 2]]}, {"curve": []},
+              {"curve": 3})  # fmt: skip
+    for wrong in wrongs:
         with pytest.raises(RleSplatError, match="gradient"):
             TransferFunction.from_json(EVEN.to_json() | {"gradient_opacity": wrong})
     scene = stage.on_turntable(radius_from_center(8), transfer_function=tf)

@@ -86,18 +86,21 @@ def test_unshaded(tmp_path):
     ("8 0 0 10 0 60 1 255 1", GradientOpacity(10, 60)),
     ("6 10 0 35 0.5 60 1", GradientOpacity(10, 60)),
     ("4 30 0 30 1", GradientOpacity(30, 30)),
+    ("4 0 0.5 255 1", GradientOpacity(0, 255, ((0, 0.5), (1, 1)))),
+    ("4 0 1 255 0", GradientOpacity(0, 255, ((0, 1), (1, 0)))),
+    ("6 10 0 30 0.9 60 1", GradientOpacity(10, 60, ((0, 0), (0.4, 0.9), (1, 1)))),
+    ("4 30 0.2 30 0.7", GradientOpacity(0, 30, ((1, 0.2), (1, 0.7)))),
+    ("4 0 0.3 9 0.3", GradientOpacity(0, 9, ((1, 0.3),))),
+    ("4 -9 0 9 1", GradientOpacity(0, 9, ((0, 0.5), (1, 1)))),
 ])  # fmt: skip
-def test_a_ramp_of_gradient_opacity_is_kept(tmp_path, text, ramp):
+def test_the_curve_of_gradient_opacity_is_read(tmp_path, text, ramp):
     found = only(tmp_path, mrml({**PLAIN, "gradientOpacity": text}))
     assert found.function.gradient_opacity == ramp
-    assert len(found.remarks) == (ramp is not None), "a ramp comes with the remark about its unit"
-
-
-@pytest.mark.parametrize("text", ["4 0 0.5 255 1", "4 0 1 255 0", "6 10 0 30 0.9 60 1", "4 0 0.3 9 0.3", "4 -9 0 9 1"])
-def test_other_gradient_opacities_are_left_out_and_said_so(tmp_path, text):
-    found = only(tmp_path, mrml({**PLAIN, "gradientOpacity": text}))
-    assert found.function.gradient_opacity is None
-    assert "gradient opacity" in found.remarks[0]
+    assert len(found.remarks) == (ramp is not None), "a curve comes with the remark about its unit"
+    if ramp is not None:
+        values, heights = np.array(text.split()[1:], float).reshape(-1, 2).T
+        sizes = np.setdiff1d(np.linspace(0.0, 100.0, 500), values)  # not at a step
+        np.testing.assert_allclose(ramp.factor(sizes), np.interp(sizes, values, heights), atol=1e-6)
 
 
 def test_nearest_neighbors_are_remarked(tmp_path):
