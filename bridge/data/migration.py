@@ -18,7 +18,7 @@ from ..render import compositor
 from ..volumes import volumes
 from . import settings
 from .animation import curves_of
-from .properties import LIGHTING_ITEMS, MODE_ITEMS
+from .volume_properties import LIGHTING_ITEMS, MODE_ITEMS
 
 # Settings of a scene in files of earlier versions -> their items in the order of their numbers; None of a checkbox.
 ITEMS_OF_SCENE = {"mode": MODE_ITEMS, "use_grays": None, "lighting": LIGHTING_ITEMS}

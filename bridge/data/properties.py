@@ -1,9 +1,4 @@
-"""The properties saved in the .blend: a property group on each object and one on the scene.
-
-Voxels are not saved; ``VolumeProperties`` holds the file and the options to read them again.  The curve and the colors
-of the transfer function are in the node group ``transfer`` (see ``transfer.py``).  Its window is a property of the
-object, so that it can be keyframed.
-"""
+"""The properties saved in the .blend: the settings of a scene, and the registration of the volume's and its own."""
 
 import os
 from functools import partial
@@ -12,8 +7,6 @@ import bpy
 
 from ...rle_splat import scene as tables
 from .. import messages
-from ..look import mode_window
-from ..look.transfer_nodes import is_transfer_tree
 from ..loop import index
 from ..pictures import backdrop
 from ..pictures.pictures import PictureProperties
@@ -21,25 +14,22 @@ from ..translations import OURS
 from ..volumes import box
 from ..volumes.channels import ChannelProperties
 from ..volumes.labels import LabelProperties
-from ..volumes.source_paths import make_absolute
 from . import knob_items
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
 from .effects import EffectOverrideProperties, EffectRowProperties
+from .live_kinds import LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, evaluate_anew
 from .overridable import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
-    IntProperty,
     PointerProperty,
     StringProperty,
 )
-from .playback import Playback
 from .preferences import FAILED_FRAME_ITEMS
 from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
-from .source_options import SourceOptions
+from .volume_properties import VolumeProperties
 
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
@@ -65,47 +55,16 @@ QUALITY_ITEMS = [
     ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
     ("custom", "Own Settings", "Set every option in the Advanced panel"),
 ]
-DISPLAY_ITEMS = [
-    ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
-    ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
-    ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
-    ("average", "Average", "Show the mean value along each line of sight"),
-    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
-]
-SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
-MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
-LIGHTING_ITEMS = [
-    ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
-    ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
-    ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
-    ("BOTH", "Scene Lights and Headlight", "Use the lights of the scene and a headlight together"),
-]
-CLIP_ITEMS = [
-    ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
-    ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the plane"),
-]
-
-
-def _evaluate_anew(group, _context):
-    """Tag the datablock for an update: Blender does so for a user's edit of these properties, not for a script's."""
-    group.id_data.update_tag()
 
 
 def _knob_chosen(settings, context):
     suit_classification(settings)
-    _evaluate_anew(settings, context)
+    evaluate_anew(settings, context)
 
 
 def _classification_chosen(settings, context):
     suit_knobs(settings)
-    _evaluate_anew(settings, context)
-
-
-# Property kinds for the inputs of a picture.
-LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, LiveString = (
-    partial(kind, update=_evaluate_anew)
-    for kind in (BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty)
-)
+    evaluate_anew(settings, context)
 
 
 # For knobs with values that some classifications do not support.
@@ -134,211 +93,8 @@ def _knob(name: str) -> str:
     return PLAIN_TEXTS[name]
 
 
-def _shift_of(group) -> float:
-    if not group.is_property_set("preset_center"):  # of a file of an earlier version
-        return 0.0
-    return group.window_center - group.preset_center
-
-
-def _shift(group, by: float) -> None:
-    if not group.is_property_set("preset_center"):
-        group.preset_center = group.window_center
-    group.window_center = group.preset_center + by
-
-
-def _is_flipped(group) -> bool:
-    return group.clip_keep == "OUTSIDE"
-
-
-def _flip(group, on: bool) -> None:
-    group.clip_keep = "OUTSIDE" if on else "INSIDE"
-
-
-def _file_chosen(group, context):
-    make_absolute(group, "filepath")
-
-
-def _labels_chosen(group, context):
-    make_absolute(group, "label_file")
-    _evaluate_anew(group, context)
-
-
-def _unlink_slices(group, context):
-    """Slices that get a window of their own begin with that of the volume, unless they had one before."""
-    if not group.slices_follow_window and not group.is_property_set("slice_width"):
-        group.slice_center, group.slice_width = group.window_center, group.window_width
-    _evaluate_anew(group, context)
-
-
-def _look_again(_properties, _context):
-    index.forget()
-
-
-def _mode_of(group) -> int:
-    return SHOWN.index(group.mode)
-
-
-def _choose_mode(group, index: int) -> None:
-    """Set the mode with the look and the window that suit it; ``mode`` alone leaves both as they are."""
-    if index == _mode_of(group):
-        return
-    was_shaded = group.mode == tables.MODES[0]
-    group.mode = SHOWN[index]
-    group.use_grays = group.mode != tables.MODES[0]
-    if was_shaded:
-        group.shaded_window = group.window_center, group.window_width, group.preset_center
-    if group.use_grays:
-        mode_window.suit(group.id_data)
-    elif group.is_property_set("shaded_window"):
-        group.window_center, group.window_width, group.preset_center = group.shaded_window
-
-
-class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
-    """The source, facts, transfer function and shading of one volume object."""
-
-    is_volume: BoolProperty(
-        name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"},
-        update=_look_again)
-    filepath: StringProperty(
-        name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)
-    data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
-    files_digest: StringProperty(
-        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
-    facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
-    remarks: StringProperty(name="Notes", description="Notes on unusual data, one sentence per line")
-    histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
-    stored_transfer: StringProperty(
-        name="Stored Transfer Function", description="Transfer function of encoded voxels (.rle) as JSON; empty for "
-        "other volumes", options={"HIDDEN"})
-    space: StringProperty(
-        name="Space", description="\"patient\" if the file says where the patient's left, front and head are")
-    length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")
-    value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
-    value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
-
-    label_file: StringProperty(
-        name="Label File", description="Label file: a volume of whole numbers on the same grid, such as a "
-        "segmentation. If a segment has its own transfer function or color, edges inside the volume are softer",
-        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
-    labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
-    labels_of: StringProperty(
-        name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"})
-    active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
-    smooth_labels: LiveBool(
-        name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
-        default=True)
-    channels: CollectionProperty(
-        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
-    clip_flipped: BoolProperty(
-        name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
-    clip_keep: LiveEnum(
-        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
-    clip_only_parent: LiveBool(
-        name="Only Its Volume", default=False,
-        description="Cut only the volume that this clip object is a child of, not the others in the scene")
-    is_slice: BoolProperty(
-        name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
-        options={"HIDDEN"}, update=_look_again)
-    is_shadow_grid: BoolProperty(
-        name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
-        "of, and its reflection", default=False, options={"HIDDEN"})
-    slice_kind: StringProperty(
-        name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
-        options={"HIDDEN"})
-    slices_follow_window: BoolProperty(
-        name="Same as Volume", default=True, update=_unlink_slices,
-        description="Let slices use the level and window of the volume's colors instead of their own")
-    slice_center: LiveFloat(
-        name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
-        translation_context=OURS)
-    slice_width: LiveFloat(
-        name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
-        min=1e-6, precision=2)
-    slices_clear_black: LiveBool(
-        name="Clear Black", default=False,
-        description="Make transparent what slices would show black, such as the air around the body")
-    slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
-    transfer: LivePointer(
-        name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
-        description="Colors and opacity curve, stored in a node group. Copies of the object share it")
-    transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
-    transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
-    window_center: LiveFloat(
-        name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2,
-        translation_context=OURS)
-    window_width: LiveFloat(
-        name="Window", description="Width of the range of values that the colors and the opacity curve cover",
-        default=1.0, min=1e-6, precision=2)
-    preset_center: FloatProperty(
-        name="Level of the Preset", description="Level of the transfer function when it was last applied",
-        options={"HIDDEN"})
-    shift_by: FloatProperty(  # a drag moves it by a unit for each pixel
-        name="Shift", translation_context=OURS, step=100, precision=1, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")
-    shift_finely: FloatProperty(
-        name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")
-    opacity_scale: LiveFloat(
-        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
-    opacity_unit_distance: LiveFloat(
-        name="Thickness", description="Thickness of material that has the opacity of the curve; 0 uses the "
-        "smallest voxel spacing", default=0.0, min=0.0, precision=4)
-    use_smallest_spacing: BoolProperty(
-        name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
-        **switch("opacity_unit_distance", 0.0, 1.0))
-    use_shading: LiveBool(
-        name="Shading", description="Light the volume like a surface where its values change", default=True)
-    ambient: LiveFloat(
-        name="Base Light", default=0.2, min=0.0, soft_max=1.0,
-        description="Brightness that does not depend on the lights")
-    diffuse: LiveFloat(
-        name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
-    mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
-    use_grays: LiveBool(
-        name="Grays", default=False,
-        description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
-        "in the mode Shaded")
-    display: EnumProperty(
-        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
-        "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,
-        set=_choose_mode)
-    shaded_window: FloatVectorProperty(
-        name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
-        size=3, options={"HIDDEN"})
-    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
-    use_gradient_opacity: LiveBool(
-        name="Only Where Values Change", default=False,
-        description="Multiply the opacity by a curve over how fast values change, so that even regions become "
-        "transparent and surfaces remain")
-    gradient_low: LiveFloat(
-        name="Change From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length, such as HU per mm, at the left end of the curve")
-    gradient_high: LiveFloat(
-        name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length at the right end of the curve")
-    specular: LiveFloat(
-        name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
-    shininess: LiveFloat(
-        name="Sharpness", default=20.0, min=1.0, soft_max=100.0,
-        description="Sharpness of the highlights; higher is smaller and sharper")
-    highlight: LiveEnum(
-        name="Formula", description="Formula of the highlights", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera (Blinn-Phong)"),
-               ("PHONG", "Mirror", "Use the mirror direction of the light (Phong)")))
-    smoothness: LiveFloat(
-        name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
-        description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used with Soft Edges")
-    use_automatic_smoothness: BoolProperty(
-        name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
-        **switch("smoothness", -1.0, 1.0))
-    two_sided: LiveBool(
-        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans")
-
-
 def _rescale_boxes(settings, context):
-    _evaluate_anew(settings, context)
+    evaluate_anew(settings, context)
     for volume_object in settings.id_data.objects:
         if volume_object.rle_splat.is_volume:
             box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
@@ -357,7 +113,7 @@ def _place_backdrop(settings, context):
     entry = backdrop.find(scene, scene.camera) if scene.camera is not None and scene.camera.type == "CAMERA" else None
     if entry is not None:
         entry.display_depth = settings.backdrop_depth
-    _evaluate_anew(settings, context)
+    evaluate_anew(settings, context)
 
 
 def _removed(name: str, usual) -> property:
@@ -475,7 +231,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     backdrop_object: PointerProperty(
         name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
     backdrop_follows: BoolProperty(
-        name="Keep Up to Date", default=False, update=_evaluate_anew,
+        name="Keep Up to Date", default=False, update=evaluate_anew,
         description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
         "setting changes")
     composite_object: PointerProperty(
