@@ -34,15 +34,21 @@ def _on_load_post(*_):
 
 def _give_to_volumes(scene) -> None:
     """Give the volumes of a scene the mode and the lighting that earlier versions stored in the scene."""
-    own = scene.rle_splat
+    own, unlike = scene.rle_splat, {}
     for name, items in ITEMS_OF_SCENE.items():
         number = own.get(name)
         if number is None:
             continue
         del own[name]
+        value = bool(number) if items is None else items[number][0]
         for one in volumes.volume_objects(scene):
-            if one.library is None and not one.rle_splat.is_property_set(name):
-                setattr(one.rle_splat, name, bool(number) if items is None else items[number][0])
+            if one.library is not None and getattr(one.rle_splat, name) != value:
+                unlike[one.name] = None
+            elif one.library is None and not one.rle_splat.is_property_set(name):
+                setattr(one.rle_splat, name, value)
+    if unlike:
+        messages.complain(own, f"Mode and Lighting of {', '.join(map(repr, unlike))} are those of the file that it is "
+                               "linked from; make a library override to give it those of this scene.")
     if any(curve.data_path.removeprefix("rle_splat.") in ITEMS_OF_SCENE for curve in curves_of(scene)):
         messages.complain(own, "Mode and Lighting are animated in the scene; they belong to each volume now, so insert "
                                "these keyframes there.")

@@ -486,3 +486,18 @@ def test_the_quality_of_a_linked_scene_is_not_chosen_in_vain(library, bridge, co
     with pytest.raises(core("scene").RleSplatError, match=r"'Scene' is linked from library\.blend"):
         bridge("data.accuracy").choose(linked, row)
     assert linked.rle_splat.quality == before
+
+
+@pytest.mark.parametrize("how", ["link", "override"])
+def test_an_earlier_scenes_mode_reaches_overrides_and_a_linked_volume_leaves_a_sentence(library, how, tmp_path):
+    name = bring(library, how).name
+    bpy.context.scene.rle_splat["mode"] = 2  # mip, as earlier versions stored it
+    saved = str(tmp_path / "earlier.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    for _again in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        found = [one for one in bpy.context.scene.objects if one.rle_splat.is_volume]
+        message = bpy.context.scene.rle_splat.message
+        assert [one.rle_splat.mode for one in found] == ["composite" if how == "link" else "mip"]
+        assert ("make a library override" in message and repr(name) in message) == (how == "link")
+        bpy.ops.wm.save_as_mainfile(filepath=saved)
