@@ -466,3 +466,26 @@ def test_slices_cross_in_lines(owner, bridge):
     sagittal.location.z = 50.0
     scenes.update()
     assert crossing(axial, sagittal) is None
+
+
+@pytest.mark.parametrize("hide", ["eye", "screen"])
+def test_a_slice_of_a_hidden_volume_follows_its_window(owner, voxels, hide):
+    one = add(owner)
+    if hide == "eye":
+        owner.hide_set(True)
+    else:
+        owner.hide_viewport = True
+    scenes.update()
+    owner.rle_splat.window_center, owner.rle_splat.window_width = 60.0, 40.0
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), 40.0, 80.0), atol=1e-6)
+
+
+def test_a_hidden_slice_has_the_window_of_now_when_it_is_shown(owner, voxels):
+    one = add(owner)
+    one.hide_set(True)
+    owner.rle_splat.window_center, owner.rle_splat.window_width = 60.0, 40.0
+    scenes.update()
+    one.hide_set(False)
+    scenes.update()
+    np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), 40.0, 80.0), atol=1e-6)
