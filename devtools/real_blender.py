@@ -66,7 +66,8 @@ def _identify(command, label: str, environ, root: Path | None = None) -> Blender
 
 def environ_for(blender: Blender, **extra: str) -> dict[str, str]:
     """The environment that a Blender is run with."""
-    return {**INSIDE, **extra} if blender.root else clean_environ(**extra)
+    minutes = {name: os.environ[name] for name in ("RLE_SPLAT_TOUR",) if name in os.environ}
+    return {**INSIDE, **minutes, **extra} if blender.root else clean_environ(**extra)
 
 
 @cache

@@ -90,8 +90,8 @@ def look(number: int):
 def edit(name: str):
     """Drag a slider, hide a label, move the volume by G, and undo all of it by Ctrl+Z."""
     owner = bpy.data.objects[name]
-    for shift in np.linspace(-0.1, 0.1, 6):
-        owner.rle_splat.shift = shift
+    for shift in np.linspace(-10.0, 10.0, 6):  # values
+        owner.rle_splat.shift_by = shift
         yield
     owner.rle_splat.labels[1].show = False
     with in_the_view():
