@@ -26,7 +26,6 @@ SETTINGS = (
 )  # fmt: skip
 PACKAGE = __name__.rpartition(".runtime.")[0]  # the name that this package has in this process
 FOREIGN = {"numba", "llvmlite", "numpy", *sys.stdlib_module_names}
-
 NOT_CODE = ("__doc__", "__module__", "__firstlineno__")  # of a class: a line above it changes no kernel
 
 
