@@ -16,7 +16,7 @@ from .places import DIST, ROOT, Failure, say
 
 CHANGELOG = ROOT / "CHANGELOG.md"
 LISTING = ROOT / "devtools" / "listing.md"
-PICTURES = ("panel.png", *(f"gallery-{name}.jpg" for name in ("spine", "skull", "brain", "nuclei", "smoke")))
+PICTURES = ("panel.png", *(f"gallery-{name}.jpg" for name in ("spine", "brain", "nuclei", "smoke")))
 CHECKSUMS = "SHA256SUMS"
 
 
