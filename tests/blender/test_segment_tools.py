@@ -129,6 +129,22 @@ def test_tools_change_the_chosen_segment_and_leave_others(owner):
     assert (filled == 1)[largest].all() and properties.labels[properties.active_label].label == 1
 
 
+def test_a_tool_leaves_the_look_of_segments_as_it_is(owner):
+    run(bpy.ops.rle_splat.threshold_segment, low=80.0, high=130.0)
+    run(bpy.ops.rle_splat.threshold_segment, low=200.0, high=255.0)
+    background, soft, _ = owner.rle_splat.labels
+    soft.shown_color = 0.8, 0.2, 0.1
+    soft.label_name, soft.look, soft.opacity = "Flesh", "SOLID", 0.25
+    background.show = soft.show = False
+    owner.rle_splat.active_label = 2
+    for tool in ("GROW", "SMOOTH", "LARGEST"):
+        run(bpy.ops.rle_splat.change_segment, tool=tool, length=5.0)
+        background, soft, bones = owner.rle_splat.labels
+        assert (background.show, soft.show, bones.show) == (False, False, True), tool
+        assert (soft.label_name, soft.look, soft.opacity) == ("Flesh", "SOLID", 0.25)
+        np.testing.assert_allclose(soft.shown_color, (0.8, 0.2, 0.1), atol=1e-6)
+
+
 def test_labels_that_a_file_had_stay_and_the_body_takes_none_of_them(owner, tmp_path):
     organs = np.where(scan() == BONE, 7, 0).astype(np.uint8)
     organs[0, 0, 0] = 300 - 45  # a number as large as the type of the file allows
