@@ -130,7 +130,7 @@ def prepare_steps():
       with channels.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
-    - at "standard", "draft" and "fine", unshaded, also with labels and with channels.
+    - at "standard", "draft" and "fine", unshaded, also with labels, with channels and with gradient opacity.
     - at "standard" with the classification "pre": unshaded, by the headlight, by lights with shadows without and
       with meshes, with labels, with channels; with each footprint, model and record, and so as in the paper.
 

@@ -64,7 +64,7 @@ for case in reference_pictures.effect_cases():
 TOGETHER = """
 from dataclasses import replace
 from itertools import combinations
-from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, _picture_steps
+from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 
@@ -76,19 +76,19 @@ for together in combinations(words, 2):
         for stored in STORED_TYPES:
             with noting(f"{picture.scene}, {quality}, {classification}, {stored}"):
                 try:
-                    drain(_picture_steps(picture, stored))
+                    drain(picture_steps(picture, stored))
                 except RleSplatError:  # some exclude each other
                     pass
 """
 OTHER_TYPES = """
-from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, _picture_steps
+from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.volume.volume import STORED_TYPES as ALL
 
 for stored in ALL:
     if stored not in STORED_TYPES:
         with noting(stored):
-            drain(_picture_steps(PICTURES[0], stored))
+            drain(picture_steps(PICTURES[0], stored))
 """
 COMMAND = """
 from tests.cli import every_option
