@@ -141,6 +141,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
         name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"})
+    label_frames: IntProperty(
+        name="Frames of Segments", description="Number of volumes in the label file; above 1 the segments change with "
+        "time", options={"HIDDEN"}, default=1, min=1)
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(
         name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",

@@ -14,7 +14,7 @@ import numpy as np
 from ...rle_splat.classify.anatomy import find_appearance
 from ...rle_splat.classify.label_styles import LabelStyle, distinct_color, labels_of
 from ...rle_splat.read.formats import RAW, format_of
-from ...rle_splat.read.labels import read_label_steps
+from ...rle_splat.read.labels import changes_with_time, read_label_steps
 from ...rle_splat.runtime.steps import announce, drain, rescale
 from ...rle_splat.scene import Labels, RleSplatError
 from ...rle_splat.segment.label_map import BACKGROUND, MOST_LABELS, value_steps
@@ -29,6 +29,7 @@ from ..data.overridable import (
     IntProperty,
     StringProperty,
 )
+from ..data.playback import shown_frame
 from ..look.preset_items import IMPORT_ITEMS, SUGGESTED
 from ..loop import store
 from . import file_changes, volumes
@@ -101,10 +102,11 @@ class LabelMap(NamedTuple):
 
 
 class LabelFile(NamedTuple):
-    """The label file of a volume object, whose name is in errors."""
+    """The label file of a volume object, whose name is in errors; ``frame``: of one that changes with time."""
 
     path: str
     owner: str
+    frame: int = 1
 
     def key(self, volume) -> tuple:
         """Key of the file's labels on the grid of a volume; RleSplatError if the file is missing."""
@@ -114,12 +116,14 @@ class LabelFile(NamedTuple):
             raise RleSplatError(
                 f"The label file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
             ) from None
-        return PURPOSE, self.path, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
+        return PURPOSE, self.path, self.frame, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
 
 
-def file_of(owner) -> LabelFile:
-    """The label file of a volume object."""
-    return LabelFile(volumes.resolved_path(owner, "label_file"), owner.name)
+def file_of(owner, depsgraph=None, ahead: int = 0) -> LabelFile:
+    """The label file of a volume object, with the frame that it shows; the parameters are those of ``shown_frame``."""
+    frames = owner.rle_splat.label_frames
+    frame = 1 if frames == 1 else min(shown_frame(owner, depsgraph, ahead), frames)
+    return LabelFile(volumes.resolved_path(owner, "label_file"), owner.name, frame)
 
 
 def are_used(owner) -> bool:
@@ -127,10 +131,10 @@ def are_used(owner) -> bool:
     return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
 
 
-def are_at_hand(owner, volume) -> bool:
+def are_at_hand(owner, volume, depsgraph=None) -> bool:
     """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:
-        return store.find(file_of(owner).key(volume)) is not None
+        return store.find(file_of(owner, depsgraph).key(volume)) is not None
     except RleSplatError:
         return True
 
@@ -157,7 +161,7 @@ def _read_steps(file: LabelFile, volume):
     """Generator of Progress: read a LabelMap."""
     try:
         volumes.expose_modules()
-        found = yield from rescale(read_label_steps(file.path, volume), 0.0, READING)
+        found = yield from rescale(read_label_steps(file.path, volume, file.frame), 0.0, READING)
     except RleSplatError as problem:
         if format_of(file.path) is not RAW:
             raise
@@ -189,7 +193,7 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     if not are_used(owner):
         return None
     styles = [row.plain() for row in properties.labels]
-    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner), volume))
+    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner, depsgraph), volume))
     return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
 
 
@@ -210,14 +214,19 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
     RleSplatError
         If the file is no label map on the volume's grid.
     """
-    found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file_of(owner), volume))
+    file = file_of(owner)
+    found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file, volume))
     check_grid(found, volume)
+    owner.rle_splat.label_frames = found.frames if changes_with_time(found) else 1
+    for frame in range(1, owner.rle_splat.label_frames + 1):  # a segment may be in some frames only
+        if frame != file.frame:
+            numbers = np.union1d(numbers, drain(_read_steps(file._replace(frame=frame), volume)).values)
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
             f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
             "label map, not a scan."
         )
-    rows, file_name = owner.rle_splat.labels, os.path.basename(file_of(owner).path)
+    rows, file_name = owner.rle_splat.labels, os.path.basename(file.path)
     is_other = owner.rle_splat.labels_of not in ("", file_name)  # "": listed by an earlier version
     unused = [index for index, row in enumerate(rows) if is_other or row.label not in numbers]
     stay = [rows[index].label for index in reversed(unused) if not remove_row(rows, index)]

@@ -32,7 +32,7 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
     """
     wanted = [owner, *channels.sources_of(owner, depsgraph)]
     keys = tuple(volumes.source_of(one, shown_frame(one, depsgraph, ahead)).key for one in wanted)
-    return (*keys, labels.file_of(owner) if labels.are_used(owner) else None)
+    return (*keys, labels.file_of(owner, depsgraph, ahead) if labels.are_used(owner) else None)
 
 
 def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
@@ -52,7 +52,7 @@ def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=(
     """
     volume = volumes.at_hand(owner, depsgraph)
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
-    if volume is None or (with_labels and not labels.are_at_hand(owner, volume)):
+    if volume is None or (with_labels and not labels.are_at_hand(owner, volume, depsgraph)):
         return False
     return all(_is_placed(one, volume, depsgraph) for one in (*channels.sources_of(owner, depsgraph), *further))
 
@@ -87,7 +87,7 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
         If a file is missing.
     """
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
-    file = labels.file_of(owner) if with_labels else None
+    file = labels.file_of(owner, depsgraph) if with_labels else None
     sources = [*channels.sources_of(owner, depsgraph), *further]
     return _one_after_another(
         volumes.load_steps(owner, depsgraph), file, store.wish_of(owner, depsgraph, labels.PURPOSE),

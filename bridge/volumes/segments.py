@@ -73,9 +73,15 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
     Raises
     ------
     RleSplatError
-        If the label file cannot be read or is no label map of the volume, or the new file cannot be written.
+        If the label file cannot be read, changes with time or is no label map of the volume, or the new file cannot be
+        written.
     """
     properties = owner.rle_splat
+    if properties.label_file and properties.label_frames > 1:
+        raise RleSplatError(
+            f"The segments of {owner.name!r} change with time, and tools make one map for all frames; export the "
+            "segments of this frame, and choose that file first."
+        )
     file = labels.file_of(owner) if properties.label_file else None
     wish = store.wish_of(owner, None, labels.PURPOSE)
     hidden = [row.label for row in properties.labels if not row.show]

@@ -24,7 +24,7 @@ LABEL_EDGES = ("smooth", "voxels")
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
     group = parser.add_argument_group(
-        "labels and channels", "further volumes on the same grid; labels with colors are rendered pre-classified")
+        "labels and channels", "further volumes on the same grid; labels with channels are rendered pre-classified")
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
         "--label-functions", metavar="FILE.json",
@@ -137,7 +137,7 @@ class Further:
 
 def read_further(args, volume, line) -> Further:
     """Read the labels and channels of the options, with progress on a ProgressLine; ``volume``: the scene's."""
-    labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume))
+    labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume, args.frame or 1))
     sources = [(path, None) for path in args.channel] + (_file_channels(args, volume) if args.file_channels else [])
     found = [line.follow(read_channel_steps(path, volume, options)) for path, options in sources]
     again = ((path, options) for (path, _), (_, options) in zip(sources, found))

@@ -25,7 +25,7 @@ NARROW = (np.uint16, np.int16)
 DOING = "reading labels"
 
 
-def read_label_steps(path, volume: Volume):
+def read_label_steps(path, volume: Volume, frame: int = 1):
     """Generator of Progress: read a label map and bring it onto the grid of a volume.
 
     Parameters
@@ -34,12 +34,14 @@ def read_label_steps(path, volume: Volume):
         A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
         RTSTRUCT on its grid.
     volume : Volume
+    frame : int
+        Of a map that changes with time, from 1; where it has fewer frames, its last one.
 
     Returns
     -------
     Volume
-        Whole numbers. ``named_labels`` are those of the file, or else those of a text file of ITK-SNAP with the same
-        name beside it.
+        Whole numbers, with the frames of the file. ``named_labels`` are those of the file, or else those of a text file
+        of ITK-SNAP with the same name beside it.
 
     Raises
     ------
@@ -53,10 +55,17 @@ def read_label_steps(path, volume: Volume):
     else:
         bare = dict(shape=volume.shape_xyz, spacing=volume.spacing) if kind is RAW else {}
         labels = yield from read_steps(path, **bare)
+        if frame > 1 and changes_with_time(labels):
+            labels = yield from read_steps(path, frame=min(frame, labels.frames))
     labels = yield from _narrow_steps((yield from _whole_steps(labels)))
     if not labels.named_labels:
         labels = replace(labels, named_labels=_names_beside(path))
     return (yield from on_grid_steps(labels, volume))
+
+
+def changes_with_time(labels: Volume) -> bool:
+    """Whether a label map is one of several frames in time."""
+    return labels.frames > 1 and labels.frame_axis == "time"
 
 
 def _whole_steps(labels: Volume):

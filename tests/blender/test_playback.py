@@ -270,6 +270,38 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     assert shown_at(bridge, owner, (2,)) == [2]
 
 
+@pytest.mark.parametrize("frames", [3, 1])
+def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, refused):
+    """A map of each frame, with a segment that only the second has; or one map for all frames, which is read once."""
+    nibabel = pytest.importorskip("nibabel")
+    values = np.zeros((N, N, N, 3), np.uint8) + np.array((50, 100, 150), np.uint8)
+    maps = np.zeros((N, N, N, frames), np.uint8)
+    for frame in range(frames):
+        maps[: frame + 1, :, :, frame] = 5 if frame == 1 else 1
+    nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "beat.nii.gz")
+    nibabel.save(nibabel.Nifti1Image(maps if frames > 1 else maps[..., 0], np.eye(4)), tmp_path / "organs.nii.gz")
+    assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
+    owner = bpy.context.view_layer.objects.active
+    owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert [row.label for row in owner.rle_splat.labels] == ([0, 1, 5] if frames > 1 else [0, 1])
+    labels, loading = bridge("volumes.labels"), bridge("volumes.loading")
+    found, keys = [], set()
+    for frame in (1, 2, 3, 4, 1):
+        bpy.context.scene.frame_set(frame)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        volume = bridge("volumes.volumes").load_volume(owner)
+        own = labels.read_labels(owner, depsgraph, volume, bridge("look.transfer").read_transfer(owner, depsgraph))
+        found.append([int((own.volume.voxels == number).sum()) // N**2 for number in (1, 5)])
+        keys.add(labels.file_of(owner, depsgraph))
+        assert loading.is_at_hand(owner, depsgraph)
+    assert found == ([[1, 0], [0, 2], [3, 0], [3, 0], [1, 0]] if frames > 1 else 5 * [[1, 0]])
+    assert len(keys) == frames
+    if frames > 1:
+        owner.rle_splat.active_label = 1
+        refused(bpy.ops.rle_splat.change_segment, "change with time", tool="FILL")
+
+
 def test_a_sequence_of_openvdb_files(tmp_path, bridge, addon):
     bpy.utils.expose_bundled_modules()
     import openvdb

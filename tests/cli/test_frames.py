@@ -298,3 +298,31 @@ def test_the_job_type_of_the_page_makes_the_frames(raw, call, raw_options, tmp_p
         assert command["name"] == "exec" and command["parameters"]["exe"] == "rle-splat"
         assert call(*command["parameters"]["args"]).code == 0
     assert sorted(path.name for path in tmp_path.glob("*.npy")) == [f"out_{n:04}.npy" for n in (1, 2, 3)]
+
+
+def test_labels_of_a_file_in_time_follow_the_frame(call, tmp_path):
+    nibabel = pytest.importorskip("nibabel")
+    values = np.repeat(ball().T[..., None], 2, axis=3).astype(np.uint8)
+    maps = np.zeros(values.shape, np.uint8)
+    maps[:, :, : values.shape[2] // 2, 1] = 1
+    for name, voxels in (("beat", values), ("map", maps), ("second", maps[..., 1])):
+        nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4)), tmp_path / f"{name}.nii")
+
+    hidden = tmp_path / "hidden.json"
+    hidden.write_text(json.dumps([{"label": 1, "hidden": True}]))
+
+    def pictures(labels, *words):
+        line = ("render", tmp_path / "beat.nii", "-o", tmp_path / "out.npy", "--labels", tmp_path / labels)
+        done = call(*line, "--label-functions", hidden, *words, *QUICK)
+        assert done.code == 0, done.err
+        found = [np.load(path) for path in sorted(tmp_path.glob("out*.npy"))]
+        for path in tmp_path.glob("out*.npy"):
+            path.unlink()
+        return found
+
+    first, second = pictures("map.nii", "--frames", 1, 2)
+    (always,) = pictures("second.nii", "--frame", 2)
+    np.testing.assert_array_equal(second, always)
+    assert always[..., 3].sum() < 0.95 * first[..., 3].sum()
+    np.testing.assert_array_equal(pictures("map.nii")[0], first)
+    np.testing.assert_array_equal(pictures("map.nii", "--frame", 2)[0], second)
