@@ -36,6 +36,7 @@ WINDOW_SCRIPTS = {
     "window_panels.py": (800, 3600),  # every panel of the sidebar at once
     "window_import.py": USUAL_SCREEN,
     "window_segments.py": USUAL_SCREEN,
+    "window_organs.py": USUAL_SCREEN,
     "window_dialogs.py": USUAL_SCREEN,
     "window_live.py": USUAL_SCREEN,
     "window_several.py": USUAL_SCREEN,

@@ -77,6 +77,7 @@ def _file_chosen(group, context):
 
 def _labels_chosen(group, context):
     make_absolute(group, "label_file")
+    group.label_frames = 1  # until it is read
     evaluate_anew(group, context)
 
 

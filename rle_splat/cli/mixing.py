@@ -11,7 +11,7 @@ from ..classify.presets import PRESETS, fit_preset_steps
 from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
 from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
-from ..read.labels import TEXT_SUFFIXES, read_label_steps, read_label_text
+from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text
 from ..runtime.steps import drain
 from ..scene import Channel, RleSplatError, Scene
 from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
@@ -137,7 +137,9 @@ class Further:
 
 def read_further(args, volume, line) -> Further:
     """Read the labels and channels of the options, with progress on a ProgressLine; ``volume``: the scene's."""
-    labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume, args.frame or 1))
+    labels = None if args.labels is None else line.follow(read_label_steps(args.labels, volume))
+    if labels is not None and args.frame and changes_with_time(labels):
+        labels = line.follow(read_label_steps(args.labels, volume, min(args.frame, labels.frames)))
     sources = [(path, None) for path in args.channel] + (_file_channels(args, volume) if args.file_channels else [])
     found = [line.follow(read_channel_steps(path, volume, options)) for path, options in sources]
     again = ((path, options) for (path, _), (_, options) in zip(sources, found))

@@ -286,11 +286,12 @@ class ScalarSource(Source):
         with clock.stage("classify"):
             steps = relevant_steps(volume, reach, blocks, threads=self.threads)
             bits = yield from announce(steps, 0.02, 0.08, FINDING)
-        with clock.stage("mixing"):
-            for channel, own, shown in zip(channels, further_blocks, further, strict=True):
+        for channel, own, shown in zip(channels, further_blocks, further, strict=True):
+            with clock.stage("mixing"):
                 steps = relevant_steps(channel.volume, shown, own, threads=self.threads)
                 bits |= yield from announce(steps, 0.08, 0.08, FINDING)
-            if cells is not None:
+        if cells is not None:
+            with clock.stage("mixing"):
                 steps = relevant_steps(volume, by_labels, blocks, threads=self.threads)
                 shown = yield from announce(steps, 0.08, 0.08, FINDING)
                 bits |= yield from announce(self._labels.mask_steps(cells, shown), 0.08, 0.08, FINDING)

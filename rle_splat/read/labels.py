@@ -35,7 +35,7 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
         RTSTRUCT on its grid.
     volume : Volume
     frame : int
-        Of a map that changes with time, from 1; where it has fewer frames, its last one.
+        Of a map that changes with time, from 1.
 
     Returns
     -------
@@ -54,9 +54,7 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
         labels = yield from read_dicom_steps(path, scan=volume)
     else:
         bare = dict(shape=volume.shape_xyz, spacing=volume.spacing) if kind is RAW else {}
-        labels = yield from read_steps(path, **bare)
-        if frame > 1 and changes_with_time(labels):
-            labels = yield from read_steps(path, frame=min(frame, labels.frames))
+        labels = yield from read_steps(path, **bare, **({"frame": frame} if frame > 1 else {}))
     labels = yield from _narrow_steps((yield from _whole_steps(labels)))
     if not labels.named_labels:
         labels = replace(labels, named_labels=_names_beside(path))

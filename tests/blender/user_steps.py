@@ -2,8 +2,14 @@
 
 from importlib import import_module
 
+import bpy
+
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import area_of, region_of, until, window
+
+OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
+# Pixels from the left and the upper edge of the window: File in the top bar, and on the way to Import in its menu.
+FILE_TO_IMPORT = ((42, 14), (70, 290), (76, 311))
 
 
 def live():
@@ -51,4 +57,43 @@ def drag(button, begin, steps):
 def press(key, at):
     simulate(key, "PRESS", at)
     simulate(key, "RELEASE", at)
+    yield
+
+
+def choose_import(entry: int):
+    """Choose one of our entries in File > Import, from 0: the menus by the mouse, the entry by keys."""
+    top = window().height
+    for x, below in FILE_TO_IMPORT:
+        simulate("MOUSEMOVE", "NOTHING", (x, top - below))
+        yield
+        if (x, below) == FILE_TO_IMPORT[0]:
+            yield from press("LEFTMOUSE", (x, top - below))
+            yield
+    at = x, top - below
+    yield
+    yield from press("RIGHT_ARROW", at)
+    yield
+    yield from press("END", at)
+    for _ in range(OUR_IMPORTS - 1 - entry):
+        yield from press("UP_ARROW", at)
+    yield from press("RET", at)
+
+
+def confirm_browser(folder, name=""):
+    """Choose a file or a folder in the file browser that an operator has opened, and press its button."""
+
+    def browsers():
+        return [(one, area) for one in bpy.context.window_manager.windows for area in one.screen.areas
+                if area.type == "FILE_BROWSER"]
+
+    yield from until(lambda: browsers() and browsers()[0][1].spaces.active.params)
+    where, area = browsers()[0]
+    params = area.spaces.active.params
+    params.directory = str(folder).encode()
+    if name:
+        params.filename = name
+    yield
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    with bpy.context.temp_override(window=where, area=area, region=region):
+        bpy.ops.file.execute()
     yield

@@ -15,6 +15,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.formats import write_series
 from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import confirm_browser
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -124,26 +125,6 @@ def check_dialog():
     press("RET")
     yield from until(lambda: volumes())
     assert len(slices) > 3
-
-
-def confirm_browser(folder, name=""):
-    """Choose a file or a folder in the file browser that an operator has opened, and press its button."""
-
-    def browsers():
-        return [(one, area) for one in bpy.context.window_manager.windows for area in one.screen.areas
-                if area.type == "FILE_BROWSER"]
-
-    yield from until(lambda: browsers() and browsers()[0][1].spaces.active.params)
-    where, area = browsers()[0]
-    params = area.spaces.active.params
-    params.directory = str(folder).encode()
-    if name:
-        params.filename = name
-    yield
-    region = next(one for one in area.regions if one.type == "WINDOW")
-    with bpy.context.temp_override(window=where, area=area, region=region):
-        bpy.ops.file.execute()
-    yield
 
 
 def check_browser():

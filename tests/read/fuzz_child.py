@@ -86,9 +86,9 @@ def mutated(content: bytes, rng) -> bytes:
 
 def main(folder: str, seed: str, count: str) -> None:
     faulthandler.enable()
-    warnings.simplefilter("error")
     folder, rng = Path(folder), np.random.default_rng(int(seed))
     files = honest(folder)
+    warnings.simplefilter("error")  # of what reads; pynrrd's writer calls what Python is about to remove
     for name in files:
         read_volume(folder / name)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
