@@ -48,7 +48,8 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
             return refuse(self, problem)
         for remark in remarks:
             self.report({"INFO"}, remark)
-        self.report({"INFO"}, f"{len(others)} channel(s) added to {owner.name}")
+        added = "A channel was" if len(others) == 1 else f"{len(others)} channels were"
+        self.report({"INFO"}, f"{added} added to {owner.name}.")
         return {"FINISHED"}
 
     @staticmethod
