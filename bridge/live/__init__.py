@@ -250,8 +250,8 @@ def shows_last_render(context) -> bool:
 
 
 def sentence_of_last_render(context) -> str:
-    """Why the region that is drawn shows no live volume, where ``shows_last_render``; else ""."""
-    if not shows_last_render(context):
+    """Why the region that is drawn shows no live volume, where it would but for the last render; else ""."""
+    if not (is_allowed() and shown.is_on(context.space_data) and shows_last_render(context)):
         return ""
     return filled(
         "The viewport's compositor shows the volume of the last render. To see it live, disable Compositor in the menu "
