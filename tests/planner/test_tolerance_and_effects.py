@@ -120,7 +120,7 @@ def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
     found = render_within(scene_of(**{**SHADED, **more}), 8.0, quality, probes=200, leave_out_shadows=True)
     np.testing.assert_array_equal(found.rgba, plain.rgba)
     said = [remark for remark in found.report["remarks"] if "has none" in remark]
-    expected = f"A picture to a maximum error has no {' and no '.join(left_out)}, as the truth"
+    expected = f"A picture to a maximum error has no {' and no '.join(left_out)}, as the reference"
     assert len(said) == bool(left_out) and all(remark.startswith(expected) for remark in said)
     for row in found.report["effects"]:
         if row["name"] in ("shadows", "ambient occlusion"):

@@ -131,9 +131,9 @@ def _said(first_ever, monkeypatch, classification):
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize("classification", ("pre", "post"))
-def test_every_step_of_the_first_picture_says_that_kernels_are_compiled(monkeypatch, classification):
+def test_every_step_of_the_first_picture_says_that_code_is_compiled(monkeypatch, classification):
     *said, last = _said(True, monkeypatch, classification)
-    assert last == "Done" and all("kernels" in message and "first time" in message for message in said)
+    assert last == "Done" and all("ompiling" in message and "first time" in message for message in said)
     named = {"pre": "Encoding", "post": "Shading"}[classification]
     assert any(message.startswith(named) for message in said)
     known = [message for message in _said(False, monkeypatch, classification) if message != said[-1]]
