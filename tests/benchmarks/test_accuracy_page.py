@@ -114,6 +114,7 @@ def test_a_narrow_transfer_function_is_what_pre_is_worst_at(subject):
     assert narrow["rmse"] > 2.0 * soft["rmse"]
 
 
+@pytest.mark.extras
 def test_a_sweep_is_plotted(measured, tmp_path):
     pytest.importorskip("matplotlib")
     image = pytest.importorskip("PIL.Image")

@@ -181,7 +181,7 @@ def test_another_version_is_remarked(call, plain):
     result = call("figure", folder / SIDECAR, "-o", folder / "b.png")
     assert result.code == 0
     assert "The figure was made with numpy 1.0, and this is numpy" in result.out
-    assert "Its pictures do not have the bits" in result.out
+    assert "Its pictures differ from those of the sidecar" in result.out
 
 
 def test_another_model_of_light_is_remarked_where_something_is_lit(call, plain, tmp_path):
@@ -200,7 +200,7 @@ def test_another_model_of_light_is_remarked_where_something_is_lit(call, plain, 
 def test_knobs_that_were_removed(call, plain, tmp_path):
     """Sidecars of earlier versions name a refinement; where it is of no account the figure has the same bits."""
     sidecar = json.loads((plain / SIDECAR).read_text())
-    for classification, said in (("post", "have the bits"), ("refined", "The classification 'refined' was removed")):
+    for classification, said in (("post", "are bit-identical"), ("refined", "The classification 'refined' was removed")):
         sidecar["panels"][0]["quality"].update(classification=classification, refinement=2)
         (plain / SIDECAR).write_text(json.dumps(sidecar))
         result = call("figure", plain / SIDECAR, "-o", tmp_path / "b.png")
@@ -257,7 +257,7 @@ def test_a_pdf_has_the_texts_and_the_same_bytes_again(call, figure):
         (["--view", "0", "0", "--azimuth", "3"], "--view and --azimuth contradict each other"),
         (["--title", "a", "--title", "b"], "--title is given 2 times for 1 panels"),
         (["--title", "頭"], "A title of the figure has the character"),
-        (["--data", "x.raw"], "--data tells where the data of a sidecar is"),
+        (["--data", "x.raw"], "--data gives the place of the data of a sidecar"),
         (["--shadows"], "--shadows needs lights"),
         (["--columns", "-2"], "columns must be a whole number"),
     ],

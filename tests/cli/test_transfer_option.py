@@ -39,11 +39,11 @@ def presets(tmp_path):
 def test_one_of_slicers_presets_by_name(picture, presets):
     done, rgba, function = picture("--transfer-function", presets, "--transfer-name", "Blue")
     assert done.code == 0 and function["name"] == "Blue"
-    assert "read from" in function["reason"] and "gradient opacity" in function["reason"], "what is left out is said"
+    assert "read from" in function["reason"] and "gradient opacity" in function["reason"], "what differs is said"
     assert rgba[..., 2].max() > 0.3 and rgba[..., :2].max() == 0.0
     _, other, function = picture("--transfer-function", presets, "--transfer-name", "Red")
     assert function["reason"] == f"read from {presets}"
-    np.testing.assert_allclose(other[..., 0], rgba[..., 2], atol=1e-6)
+    assert (rgba[..., 2] < other[..., 0] + 1.0 / 255.0).all() and (rgba[..., 2] < other[..., 0] - 0.1).any()
 
 
 @pytest.mark.parametrize("words, said", [
