@@ -200,11 +200,12 @@ def test_another_model_of_light_is_remarked_where_something_is_lit(call, plain, 
 def test_knobs_that_were_removed(call, plain, tmp_path):
     """Sidecars of earlier versions name a refinement; where it is of no account the figure has the same bits."""
     sidecar = json.loads((plain / SIDECAR).read_text())
-    for classification, said in (("post", "are bit-identical"), ("refined", "The classification 'refined' was removed")):
+    removed = "The classification 'refined' was removed"
+    for classification, text in (("post", "are bit-identical"), ("refined", removed)):
         sidecar["panels"][0]["quality"].update(classification=classification, refinement=2)
         (plain / SIDECAR).write_text(json.dumps(sidecar))
         result = call("figure", plain / SIDECAR, "-o", tmp_path / "b.png")
-        assert result.code == 0 and result.err == "" and result.out.count(said) == 1, result
+        assert result.code == 0 and result.err == "" and result.out.count(text) == 1, result
 
 
 def test_a_grid_of_transfer_functions_and_views(figure):
