@@ -101,7 +101,7 @@ def function_file(write_json):
 @pytest.fixture(scope="session")
 def data() -> Path:
     """The folder of real scans; tests that need it are skipped where it is absent."""
-    folder = Path(os.environ.get("RLE_SPLAT_DATA", ROOT / "../shared/data"))
+    folder = Path(os.environ.get("RLE_SPLAT_DATA") or ROOT / "../shared/data")
     if not folder.is_dir():
         pytest.skip(f"the real scans are not at {folder}; set RLE_SPLAT_DATA to their folder")
     return folder

@@ -33,7 +33,7 @@ from . import dicom_phantoms as phantoms
 
 AXIAL = phantoms.geometries()["axial"]
 MANY, SIDE = 120, 256
-DATA = Path(os.environ.get("RLE_SPLAT_DATA", "")) / "dicom_ct_chest_512x512x46"
+DATA = Path(os.environ.get("RLE_SPLAT_DATA") or "/nowhere") / "dicom_ct_chest_512x512x46"
 
 
 @pytest.fixture(scope="module")
