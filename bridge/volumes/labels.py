@@ -239,7 +239,13 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
         elif number in stay:  # of another file
             _describe(rows[known[number]], number, named.get(number))
     further = sum(number not in numbers for number in stay)
-    return len(numbers), further, found.remarks
+    remarks, frames = found.remarks, owner.rle_splat.label_frames
+    if frames not in (1, owner.rle_splat.frame_count):
+        remarks += (
+            f"The label file has {frames} volumes and the scan {owner.rle_splat.frame_count}; beyond them the last one "
+            "is shown.",
+        )
+    return len(numbers), further, remarks
 
 
 def _describe(row, number: int, named) -> None:

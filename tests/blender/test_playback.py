@@ -270,6 +270,17 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     assert shown_at(bridge, owner, (2,)) == [2]
 
 
+def test_labels_of_fewer_frames_than_the_scan_are_said(tmp_path, capfd):
+    nibabel = pytest.importorskip("nibabel")
+    for name, frames in (("beat", 3), ("organs", 2)):
+        voxels = np.ones((N, N, N, frames), np.uint8)
+        nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4)), tmp_path / f"{name}.nii.gz")
+    assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
+    bpy.context.view_layer.objects.active.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert "has 2 volumes and the scan 3; beyond them the last one is shown" in capfd.readouterr().out
+
+
 @pytest.mark.parametrize("frames", [3, 1])
 def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, refused):
     """A map of each frame, with a segment that only the second has; or one map for all frames, which is read once."""
