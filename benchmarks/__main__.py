@@ -11,6 +11,7 @@ from . import (
     editing,
     effects,
     engine,
+    history,
     large_picture,
     light,
     paper,
@@ -32,7 +33,7 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main, "light": light.main,
+    "large-picture": large_picture.main, "light": light.main, "history": history.main,
 }  # fmt: skip
 
 

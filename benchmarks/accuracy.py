@@ -7,7 +7,6 @@ into accuracy.json beside it and the pictures into docs/images; the other text o
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -31,6 +30,7 @@ from .accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, plot
 from .data_sets import PAPER
 from .flip import mean_flip
 from .frames import Neighbors, circumstances, describe
+from .run import make_parser
 from .scenes import DATA, REAL, smoke
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "explanation"
@@ -346,11 +346,7 @@ def plain_report(measured: dict) -> dict:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py accuracy", description=__doc__)
-    parser.add_argument("--size", type=int, default=SIZE, help="pixels a side")
-    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="frames timed")
-    parser.add_argument("--threads", type=int, default=0, help="0 uses all cores")
+    parser = make_parser("dev.py accuracy", __doc__, size=SIZE, probes=PROBES, repeats=REPEATS, threads=0)
     parser.add_argument("--output", type=Path, default=DOCS, help="folder of the page; plots go to ../images")
     options = parser.parse_args(arguments)
     where, neighbors = circumstances(options.threads), Neighbors()

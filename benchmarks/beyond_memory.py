@@ -33,6 +33,8 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 
+from .run import Run, make_parser
+
 SHAPE = 2048, 2048, 1024
 WALL, BRIGHT = 0.10, 40000.0  # half-width of the wall in the gyroid's value, and the stored value inside it
 PERIODS = 5.0  # of the gyroid along the longest side
@@ -201,11 +203,11 @@ def measure(args, folder: Path) -> dict:
 def add_folder_options(parser) -> None:
     """Add the options that ``measured_in_folder`` takes."""
     parser.add_argument("--folder", type=Path, help="where the files go; they are removed at the end")
-    parser.add_argument("--json", type=Path, help="where the figures go")
 
 
-def measured_in_folder(measure, args) -> int:
-    """Call ``measure(args, folder)`` with a folder of its own, which is removed, and write its figures."""
+def measured_in_folder(measure, args, name: str, arguments) -> int:
+    """Call ``measure(args, folder)`` with a folder of its own, which is removed, and keep its figures."""
+    run = Run(name, arguments)
     if args.folder is not None:
         args.folder.mkdir(parents=True, exist_ok=True)
     folder = Path(tempfile.mkdtemp(dir=args.folder))
@@ -213,26 +215,26 @@ def measured_in_folder(measure, args) -> int:
         found = measure(args, folder)
     finally:
         shutil.rmtree(folder)
-    if args.json is not None:
-        args.json.write_text(json.dumps(found, indent=1))
+    run.keep(**found)
     return 0
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench beyond-memory", description=__doc__.splitlines()[0])
+    parser = make_parser(
+        "dev.py bench beyond-memory", __doc__.splitlines()[0], repeats={"help": "frames after the first"},
+        classification="pre",
+    )  # fmt: skip
     parser.add_argument("--shape", nargs=3, type=int, default=SHAPE, metavar=("NX", "NY", "NZ"))
-    parser.add_argument("--classification", choices=("pre", "post"), default="pre")
     parser.add_argument("--memory-limit", type=memory_size, default="2GiB", help="of encoding and of each picture")
     parser.add_argument("--compare", action="store_true", help="pictures from memory too")
     parser.add_argument("--coarse", action="store_true", help="few voxels, and the larger ones that fit, too")
-    parser.add_argument("--repeats", type=int, default=3, help="frames after the first")
     add_folder_options(parser)
     parser.add_argument("--frames", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--view", choices=VIEWS, default="x", help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
     if args.frames is not None:
         return frames(args)
-    return measured_in_folder(measure, args)
+    return measured_in_folder(measure, args, "beyond-memory", arguments)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,7 @@ highlights, so that no color depends on the view; "camera, headlight" is the com
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -21,10 +18,8 @@ from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
 from rle_splat.scene import (
-    CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
     POST_ONLY,
-    QUALITY_PRESETS,
     RECORDS,
     Light,
     Quality,
@@ -32,7 +27,8 @@ from rle_splat.scene import (
 )
 from rle_splat.view.turntable import turntable
 
-from .frames import Neighbors, circumstances, describe, whole_call
+from .frames import whole_call
+from .run import Run, make_parser
 from .scenes import REAL, scenes, shells
 
 VIEW = (35.0, 25.0)  # azimuth and elevation in degrees, oblique to all principal axes
@@ -175,21 +171,18 @@ def volumes(names, size: int):
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench editing", description=__doc__)
-    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help=f"instead of {', '.join(VOLUMES)}")
-    parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the shells")
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["draft", "standard"])
-    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
+    parser = make_parser(
+        "dev.py bench editing", __doc__, size=512, quality=["draft", "standard"], classification=DEFAULT_CLASSIFICATION,
+        volume={"choices": ("shells", *REAL), "help": f"instead of {', '.join(VOLUMES)}"}, threads=0,
+        side={"help": "voxels along an edge of the shells"},
+    )  # fmt: skip
     parser.add_argument("--record", type=int, nargs="*", choices=RECORDS, help="default 16 and 8 for pre")
     parser.add_argument("--edits", type=int, default=EDITS)
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     records = options.record or ([POST_ONLY["record"]] if options.classification == "post" else [16, 8])
-    where, neighbors, table = circumstances(options.threads), Neighbors(), []
+    run = Run("editing", arguments, options.threads, key=("volume", "quality", "record", "edit"), time="whole")
     print(
-        f"{describe(where)}\n{options.size} x {options.size}, classification {options.classification}; milliseconds, "
+        f"{options.size} x {options.size}, classification {options.classification}; milliseconds, "
         f"medians of {options.edits} edits\n"
     )
     print(f"{'volume':<12}{'voxels':>9}  {'quality':<10}{'bytes':>5}  {'edit':<19}", end="")
@@ -202,11 +195,8 @@ def main(arguments) -> int:
                 machine = dict(threads=options.threads, record=record)
                 quality = Quality.preset(preset, classification=options.classification, **machine)
                 for row in measure(scene, quality, options.edits):
-                    table.append({"volume": name, "quality": preset, "record": record, **row})
+                    run.rows.append({"volume": name, "quality": preset, "record": record, **row})
                     print(f"{name:<12}{row['visible_voxels']:9d}  {preset:<10}{record:5d}  {row['edit']:<19}", end="")
                     print("".join(f"{row[stage]:10.1f}" for stage in STAGES), flush=True)
-    print(f"\n{neighbors.describe()}")
-    where["others_busy_cores"] = neighbors.cores()
-    if options.json:
-        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
+    run.keep()
     return 0

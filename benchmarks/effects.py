@@ -7,12 +7,9 @@ runs.  "made by a frame" lists the stages that run again after the camera's turn
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -23,9 +20,7 @@ from rle_splat.effects.analyze import EFFECTS, analyze_effects
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import (
-    CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
-    QUALITY_PRESETS,
     Channel,
     Clip,
     Labels,
@@ -39,8 +34,9 @@ from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .effects_page import write_page
-from .frames import Neighbors, circumstances, describe, time_by_processor
+from .frames import time_by_processor
 from .lamps import shining
+from .run import Run, make_parser
 from .scenes import scenes as volumes_of
 from .scenes import shells, smoke
 
@@ -441,37 +437,33 @@ def line(row: dict) -> str:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench effects", description=__doc__)
-    parser.add_argument("--scene", nargs="*", choices=SCENES, help="instead of all three")
+    parser = make_parser(
+        "dev.py bench effects", __doc__, scene={"choices": SCENES, "help": "instead of all three"}, size=512,
+        side={"help": "voxels along an edge of the light pass's volume"}, repeats=REPEATS, threads=0,
+        quality={"nargs": None, "default": "standard"}, classification=DEFAULT_CLASSIFICATION,
+    )  # fmt: skip
     parser.add_argument("--effect", nargs="*", choices=list(PRICES), help="only these rows, for a table of their own")
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--side", type=int, default=256, help="voxels along an edge of the light pass's volume")
-    parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
-    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
-    parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--processor", action="store_true", help="processor time of one thread, on a busy machine")
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
     if options.processor:
         options.threads = 1
         time_by_processor()
     quality = Quality.preset(options.quality, classification=options.classification, threads=options.threads)
-    where, neighbors, table = circumstances(options.threads), Neighbors(), []
+    run = Run("effects", arguments, options.threads, key=("scene", "effect"), time="frame_ms")
     print(
-        f"{describe(where)}\n{options.size} x {options.size}, {options.quality}, classification "
+        f"{options.size} x {options.size}, {options.quality}, classification "
         f"{options.classification}; the least of {options.repeats} runs\n\n{header()}"
     )
     for setting in settings():
         if options.scene and setting.name not in options.scene:
             continue
         for row in measure(setting, quality, options.size, options.repeats, options.effect):
-            table.append(row)
+            run.rows.append(row)
             print(line(row), flush=True)
     unpriced = [name for name in EFFECTS if name not in {price.effect for price in PRICES.values()} | {"headlight"}]
     print(f"\nNot priced: {', '.join(unpriced) or 'none'}.")
-    lit = next((row for row in table if (row["scene"], row["effect"]) == (LIT, ALL)), None)
+    lit = next((row for row in run.rows if (row["scene"], row["effect"]) == (LIT, ALL)), None)
     if lit is not None:
         print(
             f"Lit CT, all effects: {lit['frame_ms']:.0f} ms a frame at {options.size}; the target is {FRAME_TARGET:g} "
@@ -484,13 +476,10 @@ def main(arguments) -> int:
             f"Light pass on {options.side}^3: {passed['a_light_ms']:.0f} ms a light; the target is {LIGHT_TARGET:g} on "
             f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
         )
-    print(neighbors.describe())
-    where["others_busy_cores"] = neighbors.cores()
-    found = {"circumstances": where, "size": options.size, "quality": options.quality, "rows": table,
-             "classification": options.classification, "not_priced": unpriced, "light_pass": passed,
-             "processor_time": options.processor, "only": options.effect}  # fmt: skip
+    found = {"size": options.size, "quality": options.quality, "classification": options.classification,
+             "not_priced": unpriced, "light_pass": passed, "processor_time": options.processor,
+             "only": options.effect}  # fmt: skip
+    run.keep(**found)
     if options.docs:
-        write_page(found)
-    if options.json:
-        options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        write_page({"circumstances": run.where, "rows": run.rows, **found})
     return 0

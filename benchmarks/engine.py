@@ -9,8 +9,6 @@ the others are not expected to match it.
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -30,17 +28,9 @@ from rle_splat.scene import Quality
 from .accuracy import fill
 from .data_sets import PAPER
 from .engine_words import NOTES, header, line, markdown, ratios
-from .frames import (
-    VIEWS,
-    Neighbors,
-    circumstances,
-    describe,
-    frame_ms,
-    moved_scenes,
-    quickest_call,
-    view_scene,
-)
+from .frames import VIEWS, frame_ms, moved_scenes, quickest_call, view_scene
 from .peers import PEERS, Peer
+from .run import Run, make_parser
 from .scenes import REAL, scenes
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "benchmarks.md"
@@ -200,29 +190,26 @@ def of_paper(names):
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench engine", description=__doc__)
     names = tuple(dict.fromkeys(("shells", *(data.name for data in PAPER), *REAL)))
-    parser.add_argument("--volume", nargs="*", choices=names, help="only these")
+    parser = make_parser(
+        "dev.py bench engine", __doc__, volume={"choices": names}, views=len(VIEWS), repeats=REPEATS, probes=PROBES,
+        quality={"choices": QUALITIES, "default": QUALITIES},
+        size={"nargs": "*", "default": [512], "help": "pixels a side, one table each"},
+        threads={"nargs": "*", "default": [2], "help": "one table each"},
+    )  # fmt: skip
     parser.add_argument(
         "--presets", action="store_true", help="use presets instead of bench paper's data sets and transfer functions"
     )
-    parser.add_argument("--quality", nargs="*", choices=QUALITIES, default=QUALITIES)
     parser.add_argument("--projection", nargs="*", choices=("orthographic", "perspective"))
     parser.add_argument("--colors", dest="colors", nargs="*", choices=("unshaded", "shaded"))
-    parser.add_argument("--size", type=int, nargs="*", default=[512], help="pixels a side, one table each")
-    parser.add_argument("--threads", type=int, nargs="*", default=[2], help="one table each")
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
-    parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels a view")
     parser.add_argument("--peers", nargs="*", choices=PEERS, default=tuple(PEERS), help="only these, or none")
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--write-docs", metavar="NAME", help="write the table into the block NAME of the page")
     options = parser.parse_args(arguments)
     peers = [PEERS[name] for name in options.peers]
     for peer in {peer.problem: peer for peer in reversed(peers) if peer.problem}.values():
         print(f"{peer.name} is not installed ({peer.problem}); run {peer.remedy}")
-    table, where, neighbors = [], circumstances(max(options.threads)), Neighbors()
-    print(describe(where))
+    key = ("volume", "quality", "size", "threads", "perspective", "shaded")
+    run = Run("engine", arguments, max(options.threads), key=key, time="whole_ms")
     for threads in options.threads:
         for size in options.size:
             print(f"\n{size} x {size}, {threads} thread(s), {options.views} view(s), {options.probes} probes a view")
@@ -237,16 +224,13 @@ def main(arguments) -> int:
                             peers=peers,
                         )  # fmt: skip
                         for row in rows:
-                            table.append({"volume": name, **row})
+                            run.rows.append({"volume": name, **row})
                             print(line(name, row), flush=True)
     print(NOTES)
-    for text in ratios(table):
+    for text in ratios(run.rows):
         print(text)
-    print(neighbors.describe())
-    where["others_busy_cores"] = neighbors.cores()
+    run.keep()
     if options.write_docs:
-        filled = fill(PAGE.read_text(encoding="utf-8"), {options.write_docs: markdown(table, where)})
+        filled = fill(PAGE.read_text(encoding="utf-8"), {options.write_docs: markdown(run.rows, run.where)})
         PAGE.write_text(filled, encoding="utf-8")
-    if options.json:
-        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
     return 0

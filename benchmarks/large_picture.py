@@ -6,7 +6,6 @@ rendered again by ``--crop``, alone and without tiles, and must have the same le
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from rle_splat.cli.options import memory_size
 from rle_splat.runtime.memory import bytes_text
 
 from .beyond_memory import FUNCTION, add_folder_options, make_volume, measured_in_folder, watched
+from .run import make_parser
 
 SIDE, VOXELS = 32768, 256
 PART = 1000, 700  # pixels of a part; not a multiple of a tile's side
@@ -66,9 +66,9 @@ def measure(args, folder: Path) -> dict:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench large-picture", description=__doc__.splitlines()[0])
-    parser.add_argument("--side", type=int, default=SIDE, help=f"of the picture in pixels (default {SIDE})")
+    side = {"default": SIDE, "help": f"of the picture in pixels (default {SIDE})"}
+    parser = make_parser("dev.py bench large-picture", __doc__.splitlines()[0], side=side)
     parser.add_argument("--memory-limit", type=memory_size, default="2GiB")
     add_folder_options(parser)
     args = parser.parse_args(arguments)
-    return measured_in_folder(measure, args)
+    return measured_in_folder(measure, args, "large-picture", arguments)

@@ -7,10 +7,8 @@ wrong without lamps, too, do not count.  Beside it stands the error of the whole
 
 from __future__ import annotations
 
-import argparse
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -26,6 +24,7 @@ from rle_splat.scene import Quality, Scene
 
 from .frames import view_scene
 from .lamps import LIGHTS, under
+from .run import Run, make_parser
 from .scenes import DATA, REAL
 
 VIEW, SIZE, PROBES = (30, 15), 400, 4000
@@ -97,17 +96,16 @@ def errors_of_light(scene: Scene, lights, qualities, count: int) -> list[dict]:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench light", description=__doc__)
+    parser = make_parser(
+        "dev.py bench light", __doc__, quality={"choices": None, "default": QUALITIES}, probes=PROBES
+    )
     parser.add_argument("--scan", nargs="*", choices=SCANS, default=SCANS)
     parser.add_argument("--light", nargs="*", choices=list(LIGHTS), default=NAMES)
-    parser.add_argument("--quality", nargs="*", default=QUALITIES)
     parser.add_argument("--knob", nargs="*", default=(), help="of all qualities, such as sheet_density=4")
-    parser.add_argument("--probes", type=int, default=PROBES)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     knobs = {name: json.loads(value) for name, value in (knob.split("=") for knob in options.knob)}
     qualities = {name: replace(Quality.preset(name), **knobs) for name in options.quality}
-    table, left_out = [], []
+    run, left_out = Run("light", arguments), []
     errors = "".join(f"{what + ': 99.9 %':>14}{'99 %':>7}{'RMSE':>7}" for what in ("light", "all"))
     print(f"{'scan':<16}{'light':<16}{'quality':<10}{errors}")
     for name in options.scan:
@@ -116,7 +114,7 @@ def main(arguments) -> int:
             left_out.append(name)
             continue
         for row in errors_of_light(scene, options.light, qualities, options.probes):
-            table.append({"scan": name, **row})
+            run.rows.append({"scan": name, **row})
             own, whole = row["own"], row["all"]
             print(
                 f"{name:<16}{row['light']:<16}{row['quality']:<10}{own['p999']:14.1f}{own['p99']:7.1f}{own['rmse']:7.2f}"
@@ -124,6 +122,5 @@ def main(arguments) -> int:
             )  # fmt: skip
     if left_out:
         print(f"Missing in {DATA.name}: {', '.join(left_out)}.")
-    if options.json:
-        options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    run.keep()
     return 0

@@ -7,12 +7,9 @@ footprint tables, voxel by voxel.
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -31,9 +28,10 @@ from rle_splat.view.principal_axis import dominant_axis
 from rle_splat.volume.axes import AXES
 
 from .data_sets import PAPER, DataSet
-from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, frame_ms, same_view, view_scene
+from .frames import VIEWS, best_frame, frame_ms, same_view, view_scene
 from .paper_words import explain, record_errors, table_1, table_2
 from .records import compare_records
+from .run import Run, make_parser
 
 REPEATS = 3
 SLOW_REPEATS = 2  # for frames that take a large part of a second
@@ -191,20 +189,16 @@ def _westover(volume, tf, quality, size, views) -> dict:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench paper", description=__doc__)
+    parser = make_parser(
+        "dev.py bench paper", __doc__, size=512, threads=0, views=len(VIEWS), repeats=REPEATS,
+        quality={"nargs": None, "choices": ("paper", *QUALITY_PRESETS), "default": "paper"},
+    )  # fmt: skip
     parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--quality", choices=("paper", *QUALITY_PRESETS), default="paper")
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
-    parser.add_argument("--repeats", type=int, default=REPEATS)
     parser.add_argument("--no-westover", action="store_true", help="skip Westover's splatting, which is slow")
     parser.add_argument("--no-errors", action="store_true", help="skip the errors of short voxel records")
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     quality = quality_of(options.quality, options.threads)
-    where, neighbors = circumstances(options.threads), Neighbors()
-    rows = []
+    run, rows = Run("paper", arguments, options.threads), []
     for data in PAPER:
         if options.data and data.name not in options.data:
             continue
@@ -216,16 +210,12 @@ def main(arguments) -> int:
         rows.append((data, {**row, "called": called}))
         print(f"measured {called}", flush=True)
     print("\n" + "\n".join((
-        describe(where), neighbors.describe(),
         f"Quality {quality.name}, {options.size} x {options.size}, orthographic, "
         f"median of {min(options.views, len(VIEWS))} view(s).",
         "", *table_1(rows), *([] if options.no_errors else ["", *record_errors(rows, ERROR_QUALITY)]),
         "", *table_2(rows), "",
         *(line for data, row in rows for line in explain(data, row)),
     )))  # fmt: skip
-    where["others_busy_cores"] = neighbors.cores()
-    if options.json:
-        measured = [row for _, row in rows]
-        report = {"circumstances": where, "quality": quality.name, "size": options.size, "rows": measured}
-        options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    run.rows = [row for _, row in rows]
+    run.keep(quality=quality.name, size=options.size)
     return 0

@@ -7,10 +7,6 @@ rays, the least of a few pictures: processor time of the one thread that renders
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
-
 import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
@@ -23,7 +19,8 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import PRESET_KNOBS, QUALITY_PRESETS, Quality, Scene
 from rle_splat.volume.volume import Volume
 
-from .frames import Neighbors, best_frame, circumstances, describe, time_by_processor, view_scene
+from .frames import best_frame, time_by_processor, view_scene
+from .run import Run, make_parser
 from .scenes import scenes
 
 SIZE, REPEATS, TOLERANCE = 384, 3, 1e-6
@@ -141,20 +138,15 @@ def beaten_sentence(rows: list[dict], key: str, at: str) -> str:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench plans", description=__doc__)
-    parser.add_argument("--scene", nargs="*", help="only these scenes")
-    parser.add_argument("--size", type=int, default=SIZE)
-    parser.add_argument("--probes", type=int, default=PROBES, help="pixels of a picture")
-    parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--json", type=Path)
+    parser = make_parser(
+        "dev.py bench plans", __doc__, scene=None, size=SIZE, repeats=REPEATS,
+        probes={"default": PROBES, "help": "pixels of a picture"},
+    )  # fmt: skip
     options = parser.parse_args(arguments)
-    where, neighbors = circumstances(1), Neighbors()
-    print(describe(where))
+    run = Run("plans", arguments, 1)
     time_by_processor()
     said = "now: RMSE, 99.9 %, ms, and --tolerance at both, at 99.9 %"
     print(f"\n{'':<25}{'before: RMSE, 99.9 %, ms':>21}{said:>58}")
     found = compare(options)
-    print(neighbors.describe())
-    if options.json:
-        options.json.write_text(json.dumps({"circumstances": where, **found}, indent=1) + "\n", encoding="utf-8")
+    run.keep(**found)
     return 0

@@ -7,10 +7,7 @@ also gives the share of the squared error in the worst pixels.
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -21,7 +18,8 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import QUALITY_PRESETS, Quality
 
 from .data_sets import PAPER
-from .frames import Neighbors, best_frame, circumstances, describe, frame_ms, view_scene
+from .frames import best_frame, frame_ms, view_scene
+from .run import Run, make_parser
 from .scenes import scenes
 
 SIZE, PROBES, REPEATS, TOLERANCE = 512, 4096, 5, 1e-6
@@ -54,17 +52,15 @@ def measure(scenes_of_views, quality: Quality, cache: StageCache, true, places, 
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench presets", description=__doc__)
-    parser.add_argument("--scene", nargs="*", help=f"only these of shells, {', '.join(LARGE)}")
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--json", type=Path)
+    parser = make_parser(
+        "dev.py bench presets", __doc__, scene={"help": f"only these of shells, {', '.join(LARGE)}"}, threads=0
+    )
     options = parser.parse_args(arguments)
-    where, neighbors = circumstances(options.threads), Neighbors()
-    print(describe(where))
+    run = Run("presets", arguments, options.threads, key=("volume", "projection", "quality"), time="ms")
     print(f"\n{'volume':<20}{'projection':<14}{'quality':<18}{'ms':>7}{'RMSE':>9}  share of the worst {WORST:.1%}")
     qualities = {name: Quality.preset(name, threads=options.threads) for name in QUALITY_PRESETS}
     alone = {name: replace(qualities["standard"], **knobs) for name, knobs in ALONE.items()}
-    places, rows = draw_pixels(SIZE, SIZE, PROBES), []
+    places = draw_pixels(SIZE, SIZE, PROBES)
     for name, volume, function in subjects(options.scene):
         for perspective in (False, True):
             views = [view_scene(volume, function, view, SIZE, perspective, shaded=False) for view in VIEWS]
@@ -73,11 +69,9 @@ def main(arguments) -> int:
             cache, projection = StageCache(), "perspective" if perspective else "orthographic"
             for title, quality in (qualities | alone).items():
                 row = measure(views, quality, cache, true, places, REPEATS if title in qualities else 1)
-                rows.append({"volume": name, "projection": projection, "quality": title, **row})
+                run.rows.append({"volume": name, "projection": projection, "quality": title, **row})
                 ms = f"{row['ms']:7.1f}" if title in qualities else f"{'':7}"
                 print(f"{name:<20}{projection:<14}{title:<18}{ms}{row['rmse']:9.4f}{row['worst']:8.0%}", flush=True)
-    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames. {neighbors.describe()}")
-    if options.json:
-        report = {"circumstances": where, "rows": rows}
-        options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    print(f"\n{SIZE} x {SIZE} pixels, {len(VIEWS)} views, the best of {REPEATS} frames.")
+    run.keep()
     return 0

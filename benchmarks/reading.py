@@ -6,7 +6,6 @@ is written first: a synthetic head with noise, as DICOM files, one for each slic
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -16,6 +15,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+
+from .run import Run, make_parser
 
 SHAPE, SPACING = (230, 512, 512), (0.45, 0.45, 1.0)  # z, y, x; mm along x, y, z
 NOISE = 12.0  # HU, the standard deviation
@@ -62,6 +63,7 @@ with open(sys.argv[1], "rb") as file:
 OURS = f"""
 import sys
 import numpy as np
+from .run import Run, make_parser
 from rle_splat.read.formats import read_volume
 {PEAK}
 read_volume(sys.argv[1])
@@ -145,13 +147,10 @@ def table(rows: list[dict]) -> str:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench reading", description=__doc__.splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=4)
-    parser.add_argument("--json", type=Path, metavar="FILE")
-    known = parser.parse_args(arguments)
+    known = make_parser("dev.py bench reading", __doc__.splitlines()[0], repeats=4).parse_args(arguments)
+    run = Run("reading", arguments)
     with tempfile.TemporaryDirectory() as folder:
-        rows = measure(write_scan(Path(folder)), known.repeats, Path(folder))
-    print(table(rows))
-    if known.json:
-        known.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        run.rows = measure(write_scan(Path(folder)), known.repeats, Path(folder))
+    print(table(run.rows))
+    run.keep()
     return 0

@@ -7,10 +7,7 @@ of premultiplied scene-linear RGBA: against the picture of 16 bytes over all pix
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -21,12 +18,13 @@ from rle_splat.comparison.medium import scene_medium
 from rle_splat.comparison.probe_truth import probe_truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import QUALITY_PRESETS, RECORDS, Quality
+from rle_splat.scene import RECORDS, Quality
 from rle_splat.volume.volume import Volume
 
 from .data_sets import PAPER
-from .frames import VIEWS, Neighbors, best_frame, circumstances, describe, view_scene
+from .frames import VIEWS, best_frame, view_scene
 from .phantoms import FIELDS
+from .run import Run, make_parser
 
 REPEATS = 3
 PROBES = 64  # per view
@@ -124,28 +122,22 @@ def _volumes(options):
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench records", description=__doc__)
-    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=["standard"])
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
-    parser.add_argument("--repeats", type=int, default=REPEATS)
-    parser.add_argument("--probes", type=int, default=PROBES, help="probe pixels per view")
+    parser = make_parser(
+        "dev.py bench records", __doc__, quality=["standard"], size=512, threads=1, views=len(VIEWS), repeats=REPEATS,
+        probes=PROBES,
+    )  # fmt: skip
     parser.add_argument("--data", nargs="*", choices=[data.name for data in PAPER], help="only these data sets")
     parser.add_argument("--no-fields", action="store_true", help="skip the synthetic media")
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
-    where, neighbors, table = circumstances(options.threads), Neighbors(), []
-    print(f"{describe(where)}\n{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
+    run = Run("records", arguments, options.threads)
+    print(f"{options.size} x {options.size}, orthographic, {options.views} view(s)\n\n{header()}")
     for name, volume, tf, shaded in _volumes(options):
         scenes = [view_scene(volume, tf, view, options.size, shaded=shaded) for view in VIEWS[: options.views]]
         for quality in options.quality:
             knobs = Quality.preset(quality, threads=options.threads)
             rows = compare_records(scenes, knobs, options.probes, options.repeats)
-            table.append({"volume": name, "quality": quality, "records": rows})
+            run.rows.append({"volume": name, "quality": quality, "records": rows})
             print(line(name, quality, rows), flush=True)
-    print(f"\nframe: splat + warp over that of 16 bytes, drawn in alternation.\n{neighbors.describe()}")
-    where["others_busy_cores"] = neighbors.cores()
-    if options.json:
-        options.json.write_text(json.dumps({"circumstances": where, "rows": table}, indent=1) + "\n", encoding="utf-8")
+    print("\nframe: splat + warp over that of 16 bytes, drawn in alternation.")
+    run.keep()
     return 0

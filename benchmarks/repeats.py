@@ -5,14 +5,11 @@ Half of the runs have two processes a core beside them that do nothing but compu
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import subprocess
 import sys
 from collections import defaultdict
 from contextlib import contextmanager
-from pathlib import Path
 
 from rle_splat.accuracy.planner.session import session_steps
 from rle_splat.pipeline.choose_source import choose_source
@@ -22,6 +19,7 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import PRESET_KNOBS, QUALITY_PRESETS, Quality, Scene
 
 from .planning_scenes import measured_scenes
+from .run import Run, make_parser
 
 TOLERANCES = (8.0, 2.0, 0.5)
 RUNS = 10
@@ -57,15 +55,13 @@ def plans_of(scene: Scene) -> dict[str, tuple]:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench repeats", description=__doc__)
-    parser.add_argument("--scene", nargs="*", help="only these scenes")
+    parser = make_parser("dev.py bench repeats", __doc__, scene=None)
     parser.add_argument("--runs", type=int, default=RUNS)
-    parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
-    seen = defaultdict(set)
+    run, seen = Run("repeats", arguments), defaultdict(set)
     for name, scene in measured_scenes(options.scene):
-        for run in range(options.runs):
-            with neighbors(2 * (os.cpu_count() or 1) if run % 2 else 0):
+        for number in range(options.runs):
+            with neighbors(2 * (os.cpu_count() or 1) if number % 2 else 0):
                 for choice, plan in plans_of(scene).items():
                     seen[f"{name}: {choice}"].add(plan)
         differ = sum(len(plans) > 1 for case, plans in seen.items() if case.startswith(f"{name}: "))
@@ -74,6 +70,5 @@ def main(arguments) -> int:
     print(f"{len(seen)} choices, {options.runs} runs each, every second one busy: {len(different)} have several plans.")
     for case, plans in different.items():
         print(f"  {case}: {'; '.join(plans)}")
-    if options.json:
-        options.json.write_text(json.dumps({"choices": len(seen), "different": different}, indent=1) + "\n", "utf-8")
+    run.keep(choices=len(seen), different=different)
     return 1 if different else 0

@@ -31,8 +31,9 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-from .frames import Neighbors, best_frame, circumstances, describe, same_view
+from .frames import best_frame, same_view
 from .plots import IMAGES, scaling_plot
+from .run import Run, make_parser
 
 SERIES = ("scaled", "boxed")
 SMALLEST = 128
@@ -176,25 +177,22 @@ def table_lines(rows) -> list[str]:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench scaling", description=__doc__)
+    parser = make_parser("dev.py bench scaling", __doc__, size=512, threads=0)
     parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES), help="voxels along each side")
     parser.add_argument(
         "--large", action="store_true", help=f"also {LARGE}, which needs 1 GiB of disk and several GiB of memory")
     parser.add_argument("--scratch", type=Path, help="folder for the temporary volumes (default: the system's)")
-    parser.add_argument("--size", type=int, default=512, help="pixels along each side")
-    parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--frames-ms", type=float, default=FRAMES_MS, help="time for the pictures of a view")
     parser.add_argument("--image", type=Path, default=IMAGES / "scaling.png", help="the plot")
     parser.add_argument("--no-image", action="store_true")
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--step", nargs=3, metavar=("FILE", "SERIES", "N"), help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.step:
         path, series, n = options.step
         print(json.dumps(step(Path(path), series, int(n), options.size, options.threads, options.frames_ms)))
         return 0
-    where, rows, neighbors = circumstances(options.threads), [], Neighbors()
-    print(describe(where))
+    run = Run("scaling", arguments, options.threads)
+    rows = run.rows
     sizes = [*options.sizes, *([LARGE] if options.large else [])]
     with tempfile.TemporaryDirectory(dir=options.scratch) as folder:
         largest = max(sizes)
@@ -219,10 +217,7 @@ def main(arguments) -> int:
     peaks = [row["three_axes_peak_bytes"] for row in rows if row["three_axes_peak_bytes"]]
     if peaks:
         print(f"The largest peak is {max(peaks) / 2**30:.2f} GiB; {MOST_BYTES / 2**30:.0f} GiB are allowed.")
-    print(neighbors.describe())
-    where["others_busy_cores"] = neighbors.cores()
-    if options.json:
-        options.json.write_text(json.dumps({"circumstances": where, "rows": rows}, indent=1) + "\n", encoding="utf-8")
+    run.keep()
     if not options.no_image:
         print(scaling_plot(rows, options.image, MOST_BYTES))
     return 0

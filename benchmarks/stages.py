@@ -6,17 +6,15 @@ of a millisecond before and behind them. "setup" is what belongs to no other sta
 
 from __future__ import annotations
 
-import argparse
-import json
 from itertools import product
-from pathlib import Path
 from statistics import median
 
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import FRAME, STAGES
-from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality
+from rle_splat.scene import DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality
 
 from .frames import VIEWS, frame_ms, moved_scenes, whole_call
+from .run import Run, make_parser
 from .scenes import REAL, scenes
 
 PROJECTIONS, COLORS = ("orthographic", "perspective"), ("unshaded", "shaded")
@@ -42,18 +40,15 @@ def measure(volume, tf, quality: Quality, perspective: bool, shaded: bool, size:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench stages", description=__doc__)
-    parser.add_argument("--volume", nargs="*", choices=("shells", *REAL), help="only these")
+    parser = make_parser(
+        "dev.py bench stages", __doc__, volume={"choices": ("shells", *REAL)}, views=len(VIEWS), size=512, threads=0,
+        quality=list(QUALITY_PRESETS), classification=DEFAULT_CLASSIFICATION,
+    )  # fmt: skip
     parser.add_argument("--projection", nargs="*", choices=PROJECTIONS, default=PROJECTIONS)
     parser.add_argument("--colors", nargs="*", choices=COLORS, default=COLORS)
-    parser.add_argument("--views", type=int, default=len(VIEWS), help="number of views")
-    parser.add_argument("--size", type=int, default=512)
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--quality", nargs="*", choices=list(QUALITY_PRESETS), default=list(QUALITY_PRESETS))
-    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     views = VIEWS[: max(options.views, 1)]
+    run = Run("stages", arguments, options.threads, key=("volume", "projection", "colors", "quality"), time="whole")
     print(
         f"Milliseconds, best of {REPEATS} runs per view, median of {len(views)} views; {' and '.join(MADE)}: the "
         f"slowest run.\n'frame' is {', '.join(FRAME)}; 'x' is the whole against that of the first quality of the "
@@ -61,7 +56,6 @@ def main(arguments) -> int:
     )
     print(f"{'volume':<11}{'p':>7}  {'projection':<14}{'colors':<10}{'quality':<10}", end="")
     print("".join(f"{name:>10}" for name in (*SHOWN, "x")))
-    table = []
     for (name, volume, tf), projection, colors in product(
         scenes(options.volume), options.projection, options.colors
     ):  # fmt: skip
@@ -71,10 +65,9 @@ def main(arguments) -> int:
             seen = projection == PROJECTIONS[1], colors == COLORS[1]
             ms = measure(volume, tf, quality, *seen, options.size, views)
             reference = reference or ms["whole"]
-            table.append(dict(volume=name, projection=projection, colors=colors, quality=preset, **ms))
+            run.rows.append(dict(volume=name, projection=projection, colors=colors, quality=preset, **ms))
             print(f"{name:<11}{100 * ms['visible_fraction']:6.1f}%  {projection:<14}{colors:<10}{preset:<10}", end="")
             cells = "".join(f"{ms[stage]:10.1f}" for stage in SHOWN)
             print(cells + f"{ms['whole'] / reference:10.2f}", flush=True)
-    if options.json:
-        options.json.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    run.keep()
     return 0

@@ -9,11 +9,8 @@ busy machine hardly changes.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -30,11 +27,12 @@ from rle_splat.accuracy.probes import (
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import CLASSIFICATIONS, Quality, Scene, truth_of
+from rle_splat.scene import Quality, Scene, truth_of
 
-from .frames import Neighbors, circumstances, describe, time_by_processor
+from .frames import time_by_processor
 from .lamps import LIGHTS, under
 from .planning_scenes import MEASURED_SCANS, measured_scenes
+from .run import Run, make_parser
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
 OTHER_SEED = 20031
@@ -149,18 +147,16 @@ def sentences(found: dict) -> list[str]:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench tolerance", description=__doc__)
-    parser.add_argument("--scene", nargs="*", help=f"only these, such as {', '.join(MEASURED_SCANS)}")
-    parser.add_argument("--classification", nargs="*", choices=CLASSIFICATIONS, default=["post", "pre"])
+    parser = make_parser(
+        "dev.py bench tolerance", __doc__, scene={"help": f"only these, such as {', '.join(MEASURED_SCANS)}"},
+        classification={"nargs": "*", "default": ["post", "pre"]}, threads=0, probes=PROBES,
+    )  # fmt: skip
     parser.add_argument("--light", nargs="*", choices=list(LIGHTS), help="shaded scenes alone, under these lamps")
     parser.add_argument("--tolerance", nargs="*", type=float, default=TOLERANCES)
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--probes", type=int, default=PROBES)
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--minutes", type=float, default=math.inf, help="start no scene after this time")
     options = parser.parse_args(arguments)
-    where, neighbors, began = circumstances(options.threads), Neighbors(), time.perf_counter()
-    print(describe(where))
+    began, key = time.perf_counter(), ("scene", "classification", "tolerance")
+    run = Run("tolerance", arguments, options.threads, key=key, time="ms")
     if options.threads == 1:
         time_by_processor()
     rows = {classification: [] for classification in options.classification}
@@ -186,12 +182,6 @@ def main(arguments) -> int:
         print("\n".join((f"\n{classification}:", *sentences(found))))
     if left_out:
         print(f"Skipped because of the time: {'; '.join(left_out)}.")
-    print(neighbors.describe())
-    where["others_busy_cores"] = neighbors.cores()
-    if options.json:
-        report = {
-            "circumstances": where, "minutes": (time.perf_counter() - began) / 60.0, "left_out": left_out,
-            "verdicts": verdicts, "rows": [row for found in rows.values() for row in found],
-        }  # fmt: skip
-        options.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    run.rows = [row for found in rows.values() for row in found]
+    run.keep(minutes=(time.perf_counter() - began) / 60.0, left_out=left_out, verdicts=verdicts)
     return 0 if all(found["holds"] for found in verdicts.values()) else 1

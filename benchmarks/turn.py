@@ -7,8 +7,6 @@ Small steps are compared with and without fading between the axes.
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
@@ -22,7 +20,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import compiled
-from rle_splat.scene import CLASSIFICATIONS, DEFAULT_CLASSIFICATION, QUALITY_PRESETS, Quality, RleSplatError, truth_of
+from rle_splat.scene import DEFAULT_CLASSIFICATION, Quality, RleSplatError, truth_of
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import axis_shares, dominant_axis
 from rle_splat.volume.volume import Volume
@@ -30,6 +28,7 @@ from rle_splat.volume.volume import Volume
 from .frames import view_scene
 from .phantoms import smooth_shell
 from .plots import IMAGES, turn_plot
+from .run import Run, make_parser
 from .scenes import REAL, scenes
 
 SMOOTH = "smooth"
@@ -161,18 +160,15 @@ def summary(turn, near, step: float) -> list[str]:
 
 
 def main(arguments) -> int:
-    parser = argparse.ArgumentParser(prog="dev.py bench turn", description=__doc__)
-    parser.add_argument("--volume", choices=(SMOOTH, "shells", *REAL), default=SMOOTH)
-    parser.add_argument("--quality", choices=list(QUALITY_PRESETS), default="standard")
-    parser.add_argument("--classification", choices=CLASSIFICATIONS, default=DEFAULT_CLASSIFICATION)
+    parser = make_parser(
+        "dev.py bench turn", __doc__, volume={"nargs": None, "choices": (SMOOTH, "shells", *REAL), "default": SMOOTH},
+        quality={"nargs": None, "default": "standard"}, classification=DEFAULT_CLASSIFICATION, size=256, threads=0,
+        probes=PROBES,
+    )  # fmt: skip
     parser.add_argument("--elevation", type=float, default=20.0)
     parser.add_argument("--step", type=float, default=1.0, help="degrees")
-    parser.add_argument("--size", type=int, default=256)
-    parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--probes", type=int, default=PROBES)
     parser.add_argument("--image", type=Path, default=IMAGES / "turn.png", help="the plot")
     parser.add_argument("--no-image", action="store_true")
-    parser.add_argument("--json", type=Path)
     options = parser.parse_args(arguments)
     if options.volume == SMOOTH:
         volume, tf = smooth()
@@ -183,6 +179,7 @@ def main(arguments) -> int:
     quality = Quality.preset(options.quality, options.classification, threads=options.threads)
     if not compiled():
         print("This takes very long without numba.")
+    run = Run("turn", arguments, options.threads)
     turn = Turn(volume, tf, quality, options.size, options.elevation)
     frames = turn.round(options.step)
     switched = next((row["azimuth"] for row in frames if row["switched"]), 45.0 + 0.5 * options.step)
@@ -191,8 +188,7 @@ def main(arguments) -> int:
     what = f"{options.volume}, {options.classification}, {options.quality}"
     print(f"{what}, elevation {options.elevation:g}, {options.size} x {options.size}")
     print("\n".join(summary(frames, near, options.step)))
-    if options.json:
-        options.json.write_text(json.dumps({"turn": frames, "both_axes": near}, indent=1) + "\n", encoding="utf-8")
+    run.keep(turn=frames, both_axes=near)
     if not options.no_image:
         print(turn_plot(frames, near, options.image))
     return 0

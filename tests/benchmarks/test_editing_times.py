@@ -1,6 +1,5 @@
 """From an edit to the picture, at a tiny size: every edit redoes what it is named for.  No time is asserted."""
 
-import json
 
 import pytest
 
@@ -64,12 +63,11 @@ def test_shells_as_large_as_the_limits_are_stated_for():
     assert shown * 256**3 == pytest.approx(1.6e6, rel=0.15)
 
 
-def test_table_and_report(tmp_path, capsys, classification):
-    report = tmp_path / "editing.json"
+def test_table_and_report(read_rows, capsys, classification):
     arguments = ["--volume", "shells", "--side", "24", "--size", "16", "--quality", "draft", "--edits", "1"]
     arguments += ["--classification", classification]
-    assert editing.main([*arguments, "--threads", "1", "--json", str(report)]) == 0
-    rows = json.loads(report.read_text())["rows"]
+    assert editing.main([*arguments, "--threads", "1"]) == 0
+    rows = read_rows("editing")
     records = (16, 8) if classification == "pre" else (16,)
     edits = (editing.FIRST, *REDONE[classification])
     assert [(row["record"], row["edit"]) for row in rows] == [(record, edit) for record in records for edit in edits]

@@ -1,11 +1,10 @@
 """The prices of effects, at a tiny size: each turns its effect on and nothing else, and off costs nothing."""
 
-import json
-
 import numpy as np
 import pytest
 
 from benchmarks import effects, effects_page
+from benchmarks.frames import circumstances
 from benchmarks.scenes import shells
 from rle_splat.effects.analyze import EFFECTS, analyze
 from rle_splat.scene import Quality
@@ -60,7 +59,7 @@ def test_a_scene_s_table_replaces_its_own_and_no_other(tmp_path):
             "frame_ms": milliseconds, "frame_ratio": 2.5, "own_first_ms": {"mode": 7.0}, "off_ms": 0.0,
             "more_kernels": ["one"], "made_by_a_frame": [],
         }  # fmt: skip
-        where = effects.circumstances(1) | {"others_busy_cores": 0.1}
+        where = circumstances(1) | {"others_busy_cores": 0.1}
         return {"rows": [row], "circumstances": where, "size": 16, "quality": "draft", "classification": "post",
                 "light_pass": None}  # fmt: skip
 
@@ -73,12 +72,11 @@ def test_a_scene_s_table_replaces_its_own_and_no_other(tmp_path):
     assert "222 (2.50)" in smoke and "Off: 0 ms in every row" in plain
 
 
-def test_table_and_report(tmp_path, capsys, monkeypatch):
+def test_table_and_report(read_rows, capsys, monkeypatch):
     monkeypatch.setattr(effects, "settings", lambda: (PLAIN,))
-    report = tmp_path / "effects.json"
-    arguments = ["--size", "16", "--repeats", "1", "--side", "24", "--quality", "draft", "--json", str(report)]
+    arguments = ["--size", "16", "--repeats", "1", "--side", "24", "--quality", "draft"]
     assert effects.main(arguments) == 0
-    rows = json.loads(report.read_text())["rows"]
+    rows = read_rows("effects")
     assert [row["effect"] for row in rows] == ["shading", "clip objects", "all together", "all off by hand"]
     said = capsys.readouterr().out
     assert "Not priced: none." in said and all(row["effect"] in said for row in rows)

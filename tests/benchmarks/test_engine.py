@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import engine, engine_words
-from benchmarks.frames import view_scene
+from benchmarks.frames import circumstances, view_scene
 from benchmarks.peers import ALL, DENSE, NOT_HERE, NOT_THERE, PEERS
 from benchmarks.phantoms import blobs
 from benchmarks.scenes import shells
@@ -112,7 +112,7 @@ def test_a_table_for_the_page():
         "against": {}, "t1": None, "t2": {"rmse": 0.25},
     }  # fmt: skip
     other = {**row, "quality": "standard", "frame_ms": 21.0, "whole_ms": 22.0, "against": {}, "shaded": True}
-    where = {**engine.circumstances(1), "others_busy_cores": 0.0}
+    where = {**circumstances(1), "others_busy_cores": 0.0}
     lines = engine_words.markdown([row, peer, other], where).splitlines()
     assert lines[2] == "|  | p | px | threads | draft | standard | VTK |"  # the whole call comes first
     assert lines[4] == "| shells, perspective, unshaded | 8.8% | 64 | 1 | 8.8 (0.18) | - | 48.0 |"

@@ -1,6 +1,5 @@
 """The benchmark of light's own error: what is wrong without lamps, too, is no error of light."""
 
-import json
 from dataclasses import replace
 from functools import partial
 
@@ -20,12 +19,11 @@ def small(name: str):
     return view_scene(*shells(24), light.VIEW, 24, shaded=False)
 
 
-def test_table_and_report(tmp_path, capsys, monkeypatch):
+def test_table_and_report(read_rows, capsys, monkeypatch):
     monkeypatch.setattr(light, "scan", small)
-    report = tmp_path / "light.json"
     words = ["--scan", "CT head", "--light", "headlight", "sun", "--quality", "standard", "strict", "--probes", "200"]
-    assert light.main([*words, "--json", str(report)]) == 0
-    rows = json.loads(report.read_text())
+    assert light.main(words) == 0
+    rows = read_rows("light")
     assert [(row["light"], row["quality"]) for row in rows] == [
         (lamps, quality) for lamps in ("headlight", "sun") for quality in ("standard", "strict")
     ]

@@ -1,6 +1,5 @@
 """What record sizes cost, at a tiny size: what must hold whatever the machine does.  No time is asserted."""
 
-import json
 
 import pytest
 
@@ -40,11 +39,10 @@ def test_the_thin_medium_is_as_deep_as_it_says():
     assert tf.alpha_at(volume.physical(volume.voxels)) == pytest.approx(records.THIN_ALPHA)
 
 
-def test_table_and_report(tmp_path, capsys, monkeypatch):
+def test_table_and_report(read_rows, capsys, monkeypatch):
     monkeypatch.setattr(records, "fields", lambda: [THIN])
-    report = tmp_path / "records.json"
-    assert records.main(["--data", "--size", "16", "--views", "1", "--probes", "4", "--json", str(report)]) == 0
-    (row,) = json.loads(report.read_text())["rows"]
+    assert records.main(["--data", "--size", "16", "--views", "1", "--probes", "4"]) == 0
+    (row,) = read_rows("records")
     assert row["volume"] == "thin medium" and [entry["record"] for entry in row["records"]] == [16, 8]
     said = capsys.readouterr().out
     assert "8 B against 16" in said and f"{row['records'][1]['against_16']['largest']:.2f}" in said

@@ -1,6 +1,5 @@
 """Scaling and turn at tiny sizes: the synthetic volumes are what they claim, the figures hang together."""
 
-import json
 
 import numpy as np
 import pytest
@@ -28,18 +27,17 @@ def test_boxed_volume_is_the_same_object_in_a_larger_box():
 
 
 @needs_kernels
-def test_steps_write_table_and_report(tmp_path, capsys):
-    report = tmp_path / "scaling.json"
+def test_steps_write_table_and_report(tmp_path, read_rows, capsys):
     code = scaling.main([
         "--sizes", "24", "--size", "16", "--threads", "1", "--frames-ms", "20", "--scratch", str(tmp_path),
-        "--no-image", "--json", str(report),
+        "--no-image",
     ])  # fmt: skip
     assert code == 0
-    rows = json.loads(report.read_text())["rows"]
+    rows = read_rows("scaling")
     assert [row["series"] for row in rows] == list(scaling.SERIES)
     assert all(row["volume_bytes"] == 24**3 for row in rows)
     assert rows[0]["kept_voxels"] == (volume("scaled", 24) > 0).sum()
-    assert [path.name for path in tmp_path.iterdir()] == ["scaling.json"], "the scratch volume stays behind"
+    assert [path.name for path in tmp_path.iterdir()] == ["results"], "the scratch volume stays behind"
     assert "24^3" in capsys.readouterr().out
 
 

@@ -1,6 +1,5 @@
 """The table of stages at a tiny size: the whole call comes first.  No time is asserted."""
 
-import json
 
 import pytest
 
@@ -11,14 +10,13 @@ from rle_splat.runtime.jit import compiled
 pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")
 
 
-def test_table_and_report(tmp_path, capsys, monkeypatch):
+def test_table_and_report(read_rows, capsys, monkeypatch):
     monkeypatch.setattr(stages, "scenes", lambda names: [("shells", *shells(24))])
-    report = tmp_path / "stages.json"
     words = ["--size", "16", "--quality", "draft", "--threads", "1", "--views", "1", "--projection", "orthographic"]
-    assert stages.main([*words, "--json", str(report)]) == 0
-    rows = json.loads(report.read_text())
+    assert stages.main(words) == 0
+    rows = read_rows("stages")
     assert [row["colors"] for row in rows] == ["unshaded", "shaded"]
-    heads, *lines = capsys.readouterr().out.splitlines()[3:]
+    heads, *lines = capsys.readouterr().out.splitlines()[4:-2]
     assert heads.split()[5] == "whole" and len(lines) == len(rows)
     for row, line in zip(rows, lines):
         assert row["whole"] >= row["total"] > row["frame"] > 0.0 and f"{row['whole']:.1f}" in line
