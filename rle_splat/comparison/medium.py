@@ -17,7 +17,6 @@ from ..runtime.steps import Clock
 from ..scene import Quality, RleSplatError, Scene
 from ..view.eye import IndexView, index_view
 from ..view.principal_axis import dominant_axis
-from ..view.ray_intervals import box_depths
 
 CHANNELS = 4  # of a voxel record: extinction * RGB, extinction
 
@@ -117,6 +116,6 @@ def check_plain_view(medium: ShadedScene, title: str) -> None:
     need_kernels(title)
     if not medium.view.is_parallel:
         raise RleSplatError(f"{title} is a method of parallel projection; choose an orthographic camera.")
-    nearest, furthest = box_depths(medium.view, medium.classified.shape_xyz)
+    nearest, furthest = medium.view.box_depths(medium.classified.shape_xyz)
     if nearest < medium.scene.camera.clip_start or furthest > medium.scene.camera.clip_end:
         raise RleSplatError(f"{title} draws whole volumes only; move the clip distances off the volume.")

@@ -9,7 +9,7 @@ from ..scene.changed import change
 from ..view.base_plane import BasePlane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
-from ..view.ray_intervals import box_depths, ray_intervals
+from ..view.ray_intervals import ray_intervals
 from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
@@ -30,7 +30,7 @@ def find_volume_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple
     (nearest, furthest)
         Along the camera's axis, in world units.
     """
-    return box_depths(view, scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
+    return view.box_depths(scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
 
 
 def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:

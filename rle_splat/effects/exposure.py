@@ -106,6 +106,7 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
     for blur in BLURS:
         still = blur.remove(still)
     made, count = [], len(scenes) + 1
+    counted = max(reversed(BLURS), key=lambda one: one.pictures(scene)).name  # the other shares its pictures
     for number, sharp in enumerate((still, *scenes)):
         one = yield from rescale(sharp_steps(sharp), number / count, (number + 1) / count)
         made.append(one.report)
@@ -113,14 +114,13 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
             depth, rgba = one.depth, np.zeros(one.rgba.shape, np.float64)
         else:
             rgba += one.rgba
-    return Rendering((rgba / len(scenes)).astype(np.float32), depth, {**made[0], **_times(scene, made)})
+    return Rendering((rgba / len(scenes)).astype(np.float32), depth, {**made[0], **_times(counted, made)})
 
 
-def _times(scene: Scene, reports: list[dict]) -> dict:
-    """The stages' and the effects' milliseconds in all pictures; those after the first are counted for the blur."""
+def _times(blur: str, reports: list[dict]) -> dict:
+    """The stages' and the effects' milliseconds in all pictures; those after the first are counted for this blur."""
     stages = reports[-1]["stages_ms"]
     extra = stages["total"] - reports[0]["stages_ms"]["total"]
-    blur = max(reversed(BLURS), key=lambda one: one.pictures(scene)).name  # the other shares its pictures
     effects = []
     for rows in zip(*(report["effects"] for report in reports)):
         spent = next((row["ms"] for row in reversed(rows) if row["ms"] is not None), None)

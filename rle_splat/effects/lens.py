@@ -17,7 +17,6 @@ from ..scene import Camera, Quality, Scene
 from ..scene.changed import change
 from ..view.eye import index_view
 from ..view.projection import find_fitted_side
-from ..view.ray_intervals import box_depths
 from .kind import Kind
 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
@@ -148,7 +147,7 @@ def widest_blur(scene: Scene) -> float:
     if camera.aperture_radius == 0.0:
         return 0.0
     view = index_view(camera, scene.index_to_world, scene.width, scene.height)
-    nearest, furthest = box_depths(view, scene.volume.shape_xyz)
+    nearest, furthest = view.box_depths(scene.volume.shape_xyz)
     nearest, furthest = (min(max(d, camera.clip_start), camera.clip_end) for d in (nearest, furthest))
     return max(blur_pixels(camera, scene.width, scene.height, depth) for depth in (nearest, furthest))
 

@@ -11,7 +11,6 @@ from ..view.base_plane import BasePlane, base_plane
 from ..view.eye import IndexView, index_view
 from ..view.footprints import FOOTPRINTS
 from ..view.principal_axis import axis_shares, candidate_pyramids
-from ..view.ray_intervals import box_depths
 from ..warp.warp import warp_reach
 from .source import Source
 
@@ -79,7 +78,7 @@ def choose_view(source: Source, refuse_empty: bool) -> View:
     scene, quality, shape_xyz = source.scene, source.quality, source.scene.volume.shape_xyz
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     footprint = FOOTPRINTS[quality.kernel]
-    nearest, furthest = box_depths(view, shape_xyz, 0.0 if source.scalar_sheets else footprint.radius)
+    nearest, furthest = view.box_depths(shape_xyz, 0.0 if source.scalar_sheets else footprint.radius)
     in_sight = furthest > scene.camera.clip_start and nearest < scene.camera.clip_end
 
     def planes_of(*pyramids):

@@ -60,6 +60,27 @@ class IndexView:
         inverse = np.linalg.inv(self.projection[:, :3])
         return np.stack([row[0] * columns + row[1] * rows + row[2] for row in inverse], axis=-1)
 
+    def box_depths(self, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
+        """Smallest and largest planar depth of a volume's box, with the footprints of its outermost voxels.
+
+        Parameters
+        ----------
+        shape_xyz : (nx, ny, nz)
+        radius : float
+            Radius of the footprint, voxels.
+
+        Returns
+        -------
+        (float, float)
+            World units.
+        """
+        *along, nearest = self.depth.tolist()
+        furthest = nearest
+        for step, count in zip(along, shape_xyz):
+            ends = -radius * step, (count - 1.0 + radius) * step
+            nearest, furthest = nearest + min(ends), furthest + max(ends)
+        return nearest, furthest
+
 
 def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: int) -> IndexView:
     """Express a camera in voxel-index space.

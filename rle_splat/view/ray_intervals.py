@@ -9,33 +9,9 @@ from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from . import reference
 from .base_plane import BasePlane
-from .eye import IndexView
 from .reference import MOST, SAME_SURFACE
 
 NO_LAYER = np.empty((0, 0), np.float32)  # for kernels, so that one serves pictures with and without meshes
-
-
-def box_depths(view: IndexView, shape_xyz, radius: float = 1.0) -> tuple[float, float]:
-    """Smallest and largest planar depth of the volume's box, with the footprints of its outermost voxels.
-
-    Parameters
-    ----------
-    view : IndexView
-    shape_xyz : (nx, ny, nz)
-    radius : float
-        Radius of the footprint, voxels.
-
-    Returns
-    -------
-    (float, float)
-        World units.
-    """
-    *along, nearest = view.depth.tolist()
-    furthest = nearest
-    for step, count in zip(along, shape_xyz):
-        ends = -radius * step, (count - 1.0 + radius) * step
-        nearest, furthest = nearest + min(ends), furthest + max(ends)
-    return nearest, furthest
 
 
 def ray_intervals(

@@ -9,7 +9,6 @@ from ...runtime.steps import announce
 from ...scene import Quality, Scene, truth_of
 from ...view.eye import index_view
 from ...view.footprints import FOOTPRINTS
-from ...view.ray_intervals import box_depths
 from ..lighting import shading_of
 from ..probes import choose_probes, error_summary, probe_errors, truth_tolerance
 from ..truths import truth_steps
@@ -143,7 +142,7 @@ def _free_of_meshes(scene: Scene, quality: Quality) -> np.ndarray:
     if scene.triangles is None or len(scene.triangles) == 0:
         return np.ones((bottom - top, right - left), dtype=bool)
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    furthest = box_depths(view, scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)[1]
+    furthest = view.box_depths(scene.volume.shape_xyz, FOOTPRINTS[quality.kernel].radius)[1]
     reach = PIXELS_FROM_MESHES
     around = (
         max(left - reach, 0), max(top - reach, 0), min(right + reach, scene.width), min(bottom + reach, scene.height)
