@@ -1,4 +1,4 @@
-"""The kernels that travel with the extension: compiled for each Python of a Blender and one level of processors.
+"""The kernels that travel with the extension, for one level of processors: compiled by one Python, packed for each.
 
 They are files of the package, so that a clone uses them as well.  What an earlier run compiled and still fits is not
 compiled again.
@@ -7,7 +7,6 @@ compiled again.
 from __future__ import annotations
 
 import hashlib
-import os
 import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
@@ -31,47 +30,52 @@ def core_of(version: str) -> Environment:
     return Environment(f"Python {version}", ENVIRONMENTS / f"core-{version}", (version,), ("core.txt",))
 
 
-def source_digest(few: bool = False) -> bytes:
-    """A hash of what the kernels are made from: the sources and the pinned packages.
-
-    ``few``: that of the kernels of the first picture alone.
-    """
-    total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes() + b"few" * few)
+def source_digest() -> bytes:
+    """A hash of what the kernels are made from: the sources and the pinned packages."""
+    total = hashlib.sha256((REQUIREMENTS / "core.txt").read_bytes())
     for path in sorted(PACKAGE.rglob("*.py")):
         total.update(path.relative_to(PACKAGE).as_posix().encode())
         total.update(path.read_bytes())
     return total.hexdigest().encode()
 
 
-def is_made(path: Path, few: bool = False) -> bool:
-    """Whether a file holds the kernels of these sources, or at least the first picture's: its comment says so."""
+def is_made(path: Path) -> bool:
+    """Whether a file holds the kernels of these sources: its comment says so."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.comment in [source_digest(), *([source_digest(few)] if few else [])]
+            return archive.comment == source_digest()
     except (OSError, zipfile.BadZipFile):
         return False
 
 
-def _make(version: str, path: Path, few: bool) -> None:
-    """Compile the kernels for a Python, and pack them into a file."""
+def _make(version: str, path: Path, made: str | Path = "") -> None:
+    """Make the file for a Python: compile the kernels, or take those of the file ``made`` for another Python."""
     environ = clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
-    make_file(path, path, [core_of(version).python], environ, few)
+    make_file(path, path, [core_of(version).python], environ, made)
 
 
-def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], few: bool = False) -> None:
-    """Compile the kernels by any Python, and pack them into a file.
+def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], made: str | Path = "") -> None:
+    """Make a file of kernels by any Python: compile them in two processes, or take those of the file ``made``.
 
     ``path``: its name ends with the level of processors.  ``python``: the command that runs it where ``rle_splat`` and
-    ``devtools`` can be imported; it knows the file as ``seen_as``.  ``few``: those of the first picture alone.
+    ``devtools`` can be imported; it knows the file as ``seen_as``.
     """
     level = next(level for level in LEVELS.values() if path.stem.endswith(level))
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
-    said = run_quietly(
-        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest(few).decode(), *["few"] * few],
-        f"The kernels of {path.name} could not be compiled; the words above say why.", cwd=ROOT,
-        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
-    )  # fmt: skip
+
+    def run(*how: str | Path) -> str:
+        return run_quietly(
+            [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode(), *how],
+            f"The kernels of {path.name} could not be made; the words above say why.", cwd=ROOT,
+            env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
+        )  # fmt: skip
+
+    with ThreadPoolExecutor(1) as worker:
+        other_half = None if made else worker.submit(run, "backward")
+        said = run(*[made] * bool(made))
+        if other_half:
+            other_half.result()
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
 
@@ -101,18 +105,21 @@ def made_kernels(pythons=PYTHONS) -> list[Path]:
     return [path for path in _files(pythons) if is_made(path)]
 
 
-def make_kernels(pythons=PYTHONS, few=()) -> list[Path]:
-    """The files for these Pythons and this platform, made side by side where they are missing or of other sources.
+def make_kernels(pythons=PYTHONS) -> list[Path]:
+    """The files for these Pythons and this platform, made where they are missing or of other sources.
 
-    A Python that this machine does not have, and cannot get, has none.  ``few``: those of the Pythons for which the
-    kernels of the first picture are enough.
+    The core's Python compiles; the others take its kernels.  A Python that this machine does not have, and cannot get,
+    has none.
     """
-    files = _files(pythons)
-    made = {path for path, version in files.items() if is_made(path, version in few)}
+    files, compiled = _files(pythons), FOLDER / kernel_file(CORE.version)
+    made = {path for path in files if is_made(path)}
     wanted = {path: version for path, version in files.items() if path in made or _is_ready(version)}
     due = {path: version for path, version in wanted.items() if path not in made}
-    with ThreadPoolExecutor(os.cpu_count()) as workers:
-        list(workers.map(lambda path: _make(due[path], path, due[path] in few), due))
+    if due and not is_made(compiled):
+        _make(CORE.version, compiled)
+    for path, version in due.items():
+        if path != compiled:
+            _make(version, path, compiled)
     for path in FOLDER.glob("*.zip"):
         if not path.name.endswith(kernel_file("").removeprefix("python")):
             path.unlink()

@@ -335,6 +335,7 @@ MUTANTS = (
         "tests/unit/test_ray_light.py",
     ),
     _ray("a brick that counts where all is kept", "np.bitwise_or.reduceat", "np.bitwise_and.reduceat", file="rays.py"),
+    _ray("half absorbed where its slab begins", "thick * np.log(state[:, 3] / HALF) / deep", "0.0 * deep"),
     _ray("rays through what is before the camera", "leave = np.where(straight, leave, np.minimum(leave, both[1]))",
          "leave = np.where(straight, leave, both[1])", file="rays.py"),
     _plain("a peak to noise of amplitudes", "errors", "accuracy/metrics.py", "-10.0 * np.log10",

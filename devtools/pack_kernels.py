@@ -1,14 +1,20 @@
-"""Compile what default pictures need and pack it into a file, in an environment with numba:
+"""Compile the kernels that travel with the extension and pack them into a file, in an environment with numba:
 
-    python -m devtools.pack_kernels FILE COMMENT [few]
+    python -m devtools.pack_kernels FILE COMMENT           compile, and pack
+    python -m devtools.pack_kernels FILE COMMENT backward  compile from the last picture to the first, and pack nothing
+    python -m devtools.pack_kernels FILE COMMENT MADE      pack those of MADE, of another Python, for this one
 
-NUMBA_CPU_NAME names the processor that the kernels are for.  With "few" they are those of the first picture alone.  The
-number of kernels is printed.
+NUMBA_CPU_NAME names the processor that the kernels are for.  Two processes that compile towards each other into one
+cache share the work.  The number of kernels is printed.
+
+Machine code is the same for all Pythons: it calls them by functions of their stable interface alone (a test of
+tests/unit/test_shipped_kernels.py).  The digest of a kernel's sources is not, because it covers Python's instructions.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 import sys
 import zipfile
 from pathlib import Path
@@ -17,11 +23,13 @@ from numba.core.serialize import dumps
 
 from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps, prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
+from rle_splat.runtime.kernel_digest import digest_of
 from rle_splat.runtime.numba_internals import Kernel
 from rle_splat.runtime.shipped_kernels import entry_name
 from rle_splat.runtime.steps import drain
 
 EPOCH = (1980, 1, 1, 0, 0, 0)  # one date, so that the same kernels make the same file
+BACKWARD = "backward"
 
 
 def used_kernels():
@@ -31,19 +39,38 @@ def used_kernels():
     return [kernel for kernel in found.values() if kernel.overloads]
 
 
-def pack(path: Path, comment: bytes) -> int:
-    """Write the versions of kernels that this process has called to a file; returns their number."""
+def _compiled():
+    """Yields each version of a kernel that this process has called: (name, digest, what numba rebuilds it from)."""
+    for kernel in used_kernels():
+        cache, codegen = KernelCache(kernel), kernel.targetctx.codegen()
+        for types, compiled in kernel.overloads.items():
+            key = cache._index_key(types, codegen)
+            if cache._cache_file.load(key) is None:  # another process wrote the index at the same moment
+                cache.save_overload(types, compiled)
+            name = entry_name(kernel.py_func, types, codegen.magic_tuple()[0])
+            yield name, key[-1], dumps(cache._cache_file.load(key))
+
+
+def _made_for_another(path: Path):
+    """Yields what ``_compiled`` does, of a file for another Python."""
+    with zipfile.ZipFile(path) as archive:
+        for entry in archive.infolist():
+            content = archive.read(entry)
+            description = pickle.loads(content)[1]  # it imports the kernel's module
+            kernel = getattr(sys.modules[description.modname], description.qualname)
+            yield entry.filename, digest_of(kernel), content
+
+
+def pack(path: Path, comment: bytes, found=None) -> int:
+    """Write the kernels' versions that this process has called, or those ``found``, to a file; returns their number."""
     path.parent.mkdir(exist_ok=True)
     partial = path.with_suffix(".part")
     with zipfile.ZipFile(partial, "w") as archive:
         archive.comment = comment
-        for kernel in used_kernels():
-            cache, codegen = KernelCache(kernel), kernel.targetctx.codegen()
-            for types in kernel.overloads:
-                key = cache._index_key(types, codegen)
-                entry = zipfile.ZipInfo(entry_name(kernel.py_func, types, codegen.magic_tuple()[0]), EPOCH)
-                entry.comment = key[-1].encode()
-                archive.writestr(entry, dumps(cache._cache_file.load(key)), zipfile.ZIP_DEFLATED, 9)
+        for name, digest, content in found or _compiled():
+            entry = zipfile.ZipInfo(name, EPOCH)
+            entry.comment = digest.encode()
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED, 9)
         count = len(set(archive.namelist()))
         if count != len(archive.namelist()):
             raise RuntimeError("two versions of a kernel have one name in the file")
@@ -51,7 +78,16 @@ def pack(path: Path, comment: bytes) -> int:
     return count
 
 
+def main(path: str, comment: str, how: str = "") -> None:
+    if how == BACKWARD:
+        for picture in reversed(PICTURES):
+            for stored in STORED_TYPES:
+                drain(picture_steps(picture, stored))
+        return
+    if not how:
+        drain(prepare_steps())
+    print(pack(Path(path), comment.encode(), _made_for_another(Path(how)) if how else None))
+
+
 if __name__ == "__main__":
-    few = sys.argv[3:] == ["few"]
-    drain(picture_steps(PICTURES[0], STORED_TYPES[0]) if few else prepare_steps())
-    print(pack(Path(sys.argv[1]), sys.argv[2].encode()))
+    main(*sys.argv[1:])

@@ -78,22 +78,21 @@ def _zip_for(blender: Blender) -> Path:
 
 
 def make_kernels_inside(blender: Blender) -> Path:
-    """The file of kernels for the Python of a small system, compiled in there: this machine may have no such Python."""
+    """The file of kernels for the Python of a small system, made in there: this machine may have no such Python."""
     path = FOLDER / kernel_file(blender.python)
     if is_made(path):
         return path
-    folder = Path(tempfile.mkdtemp(prefix="compiles_kernels_", dir=blender.root))
+    (compiled,) = make_kernels([CORE.version])
+    folder = Path(tempfile.mkdtemp(prefix="packs_kernels_", dir=blender.root))
     for wheel in wheels_for([this_platform()], [blender.python]):
         with zipfile.ZipFile(wheel) as archive:
             archive.extractall(folder)
     for source in (PACKAGE, ROOT / "devtools"):
         shutil.copytree(source, folder / source.name, ignore=shutil.ignore_patterns("__pycache__", FOLDER.name))
-    environ = environ_for(
-        blender, PYTHONPATH=blender.inside(folder), RLE_SPLAT_CACHE=blender.inside(blender.root / "kernels-shipped")
-    )
-    made = folder / path.name
-    make_file(made, blender.inside(made), [*blender.command[:-1], "python3"], environ)
-    path.parent.mkdir(exist_ok=True)
+    shutil.copy(compiled, folder)
+    environ = environ_for(blender, PYTHONPATH=blender.inside(folder), RLE_SPLAT_CACHE=blender.inside(folder / "cache"))
+    made, python = folder / path.name, [*blender.command[:-1], "python3"]
+    make_file(made, blender.inside(made), python, environ, blender.inside(folder / compiled.name))
     shutil.move(made, path)
     shutil.rmtree(folder)
     return path

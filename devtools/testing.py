@@ -12,7 +12,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from threading import Lock
 from typing import Callable
@@ -140,20 +139,19 @@ def _catalogue() -> Stage:
     return Stage("catalogue", passed=1)
 
 
-def _zips(pythons=PYTHONS, few=()) -> Ready:
-    """The extension's zips for this machine; ``few``: the Pythons for which a few kernels are enough."""
+def _zips(pythons=PYTHONS) -> Ready:
+    """The extension's zips for this machine."""
     started = time.monotonic()
-    find_kernels = partial(make_kernels, few=few)
     try:
-        zips = {python: build_here(python, BUILD / "zip-test", find_kernels) for python in pythons}
+        zips = {python: build_here(python, BUILD / "zip-test") for python in pythons}
     except Failure as problem:
         return Ready(broken("extension zips", str(problem)))
     return Ready(Stage("extension zips", passed=1, seconds=time.monotonic() - started), zips)
 
 
-def _make_ready(quick: bool, few=()) -> Ready:
+def _make_ready(quick: bool) -> Ready:
     """The zips, and every environment: one after the other, so that no two of them install what the system lacks."""
-    ready = _zips(_pythons(_versions(quick)), few)
+    ready = _zips(_pythons(_versions(quick)))
     for version in _versions(quick):
         if find_python(BPY[version].pythons[0]) is not None:
             with suppress(Failure):  # its own stage says what is wrong
@@ -163,21 +161,14 @@ def _make_ready(quick: bool, few=()) -> Ready:
     return ready
 
 
-def _compile_first(quick: bool, few=()) -> None:
-    """Make the kernels that zips and tests use, so that no test compiles any of them: for all Pythons at once, that of
-    the real Blender too."""
-
-    def make_for_real_blender() -> None:
-        blender = ensure_blender()
-        if blender.root is not None:  # else its stages compile them, maybe for a Python that is here as well
-            make_kernels_inside(blender)
-
-    jobs = [partial(make_kernels, [*_pythons(_versions(quick)), CORE.version], few)]
-    jobs += [] if quick else [make_for_real_blender]
-    with ThreadPoolExecutor(len(jobs)) as workers:
-        for made in [workers.submit(job) for job in jobs]:
-            with suppress(Failure):  # the stages of the zips and of the real Blender say what is wrong
-                made.result()
+def _compile_first(quick: bool) -> None:
+    """Make the kernels that zips and tests use, so that no test compiles them, while the real Blender is set up."""
+    with ThreadPoolExecutor(1) as worker:
+        found = None if quick else worker.submit(ensure_blender)
+        with suppress(Failure):  # the stages of the zips and of the real Blender say what is wrong
+            make_kernels([*_pythons(_versions(quick)), CORE.version])
+            if found and found.result().root is not None:  # else its Python may be one of these
+                make_kernels_inside(found.result())
 
 
 def _other(name: str) -> Path | Failure:
@@ -198,12 +189,7 @@ def _pythons(versions) -> list[str]:
     return list(dict.fromkeys(BPY_PYTHON[version] for version in versions))
 
 
-def _with_few_kernels(everywhere: bool) -> tuple[str, ...]:
-    """The Pythons for which a few kernels are enough: numpy draws in the older versions of bpy, but with --all."""
-    return () if everywhere else tuple(python for python in PYTHONS if python != BPY_PYTHON[NEWEST])
-
-
-def _bpy(version: str, zips: dict[str, Path], arguments, aside: bool, few=()) -> Stage:
+def _bpy(version: str, zips: dict[str, Path], arguments, aside: bool) -> Stage:
     name = f"bpy {version}"
     wanted = BPY[version].pythons[0]
     if find_python(wanted) is None:
@@ -218,7 +204,6 @@ def _bpy(version: str, zips: dict[str, Path], arguments, aside: bool, few=()) ->
     environ = clean_environ(
         RLE_SPLAT_EXTENSION_ZIP=str(zips[BPY_PYTHON[version]]), BLENDER_USER_RESOURCES=str(user),
         LIBGL_ALWAYS_SOFTWARE="1", RLE_SPLAT_CACHE=str(BPY_KERNELS),
-        RLE_SPLAT_FEW_KERNELS="1" if BPY_PYTHON[version] in few else "",
     )  # fmt: skip
     stage = _pytest(name, python, arguments, environ, aside)
     shutil.rmtree(user, ignore_errors=True)
@@ -251,7 +236,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         words = [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
         return Part(lambda ready, aside: [_core(words, f"core, {folder}", aside)], waits=folder in WANT_BLENDER)
 
-    found, few = {}, _with_few_kernels(everywhere)
+    found = {}
     if not quick:
         found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zips), needs="zip")
     # It waits because it compares its pictures with those of Blender's Pythons.
@@ -261,7 +246,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         marks = [] if everywhere or version == NEWEST else ["-m", EVERY_BLENDER]
         words = [BLENDER_TESTS, *marks, *options]
         found[f"bpy-{version}"] = Part(
-            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside, few)],
+            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
             needs="zip",
         )
     if not quick:
@@ -280,8 +265,7 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     Each part begins as soon as it can: the windows, which take longest, as soon as their Blender is there.
     """
     ensure(CORE)
-    few = _with_few_kernels(everywhere)
-    _compile_first(quick, few)
+    _compile_first(quick)
     found = list(parts(options, quick, everywhere).values())
     pending, stages, lock = list(found), {}, Lock()
 
@@ -303,7 +287,7 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
             stages[part] = part.run(ready, True) if can_run else []
 
     with ThreadPoolExecutor(AT_ONCE) as workers:
-        making = workers.submit(_make_ready, quick, few)  # takes the place of one of the parts meanwhile
+        making = workers.submit(_make_ready, quick)  # takes the place of one of the parts meanwhile
         for worker in [workers.submit(work) for _ in range(AT_ONCE)]:
             worker.result()
     made = [making.result().zip_stage, *(stage for part in found for stage in stages[part])]
@@ -316,7 +300,7 @@ def test_part(name: str, options, everywhere: bool = False) -> int:
         raise Failure(f"The scripts of {name} are not run by pytest and take no arguments; leave out {options[0]}.")
     part = parts(options, everywhere=everywhere)[name]
     pythons = [BPY_PYTHON[name.removeprefix("bpy-")]] if name.startswith("bpy-") else PYTHONS
-    ready = _zips(pythons, _with_few_kernels(everywhere)) if part.needs == "zip" else Ready()
+    ready = _zips(pythons) if part.needs == "zip" else Ready()
     if part.needs in OTHERS:
         ready.pythons[part.needs] = _other(part.needs)
     stages = [ready.zip_stage] if ready.zip_stage else []
@@ -331,17 +315,17 @@ def _not_quick(*more: str) -> list[Stage]:
     return [skipped(name, "left out by --quick") for name in (*others, *more)]
 
 
-def _some(core, blender, options, quick: bool, everywhere: bool) -> list[Stage]:
+def _some(core, blender, options, quick: bool) -> list[Stage]:
     """The tests of these paths, one stage after the other, with their output as it comes."""
     stages = []
     if core:
         stages.append(_core([*core, *_leave_out(*([SLOW] if quick else [])), *options]))
     if blender:
-        versions, few = _versions(quick), _with_few_kernels(everywhere)
-        made = _zips(_pythons(versions), few)
+        versions = _versions(quick)
+        made = _zips(_pythons(versions))
         stages.append(made.zip_stage)
         if made.zips:
-            stages += [_bpy(version, made.zips, [*blender, *options], False, few) for version in versions]
+            stages += [_bpy(version, made.zips, [*blender, *options], False) for version in versions]
         stages += _not_quick() if quick else []
     return stages
 
@@ -353,7 +337,7 @@ def test(arguments, quick: bool = False, everywhere: bool = False) -> int:
     """
     core, blender, options = _split(arguments)
     if core or blender:
-        return summary(_some(core, blender, options, quick, everywhere))
+        return summary(_some(core, blender, options, quick))
     return summary(_everything(options, quick, everywhere))
 
 

@@ -17,8 +17,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 ZIP_VARIABLE = "RLE_SPLAT_EXTENSION_ZIP"
-FEW_VARIABLE = "RLE_SPLAT_FEW_KERNELS"  # set where the zip has no more kernels than KERNEL_TESTS need
-KERNEL_TESTS = ("test_kernels.py",)
 MODULE = "bl_ext.user_default.rle_splat"
 HAS_BPY = util.find_spec("bpy") is not None
 
@@ -121,14 +119,6 @@ def addon(installed):
         bpy.ops.preferences.addon_enable(module=MODULE)
     assert MODULE in bpy.context.preferences.addons
     return import_module(MODULE)
-
-
-@pytest.fixture(autouse=True)
-def few_kernels(addon, request):
-    """Let the numpy reference draw where the zip brings few kernels: elsewhere its kernels are tested."""
-    by_numpy = os.environ.get(FEW_VARIABLE) and request.path.name not in KERNEL_TESTS
-    with import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference(bool(by_numpy)):
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from rle_splat.pipeline import prepare
@@ -20,24 +19,6 @@ from tests.ways import compile_here
 
 ROOT = Path(__file__).resolve().parents[2]
 needs_numba = pytest.mark.skipif(not jit.compiled(), reason="nothing is compiled without numba")
-# What a process that did something has of each kernel that is kept on disk: the types of its arguments, once each.
-VERSIONS = """
-import json, sys
-from rle_splat.runtime.numba_internals import Kernel
-found = [one for module in list(sys.modules.values()) for one in vars(module).values() if type(one) is Kernel]
-print(json.dumps([f"{one.__module__}.{one.__name__} {types}" for one in found for types in one.signatures]))
-"""
-PREPARES = """
-from rle_splat.pipeline.prepare import prepare_steps
-from rle_splat.runtime.steps import drain
-drain(prepare_steps())
-"""
-RENDERS = """
-import json, sys
-from rle_splat.cli.main import main
-for words in json.load(sys.stdin):
-    assert main(words) == 0, words
-"""
 ONE_PICTURE = """
 import sys
 from rle_splat.cli.main import main
@@ -61,40 +42,6 @@ def run(environ, *words, given=None):
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def scan(folder, stored: str, side: int) -> list[str]:
-    """A raw volume of so many voxels a side, as the words that render it."""
-    x = np.linspace(0.0, 250.0, side)
-    path = folder / f"{stored}.raw"
-    np.minimum(np.minimum(x[:, None, None], x[:, None]), x).astype(stored).tofile(path)
-    return ["render", str(path), "--shape", *3 * [str(side)], "--dtype", stored, "-o", str(folder / "p.npy")]
-
-
-def versions(program, given=None) -> set[str]:
-    """The kernels that a program needs, each with the types of its arguments, wherever they were compiled."""
-    return set(json.loads(run(os.environ, "-c", program + VERSIONS, given=given).splitlines()[-1]))
-
-
-@needs_numba
-@pytest.mark.slow
-def test_default_pictures_need_no_other_kernels(tmp_path):
-    """Neither the first one of a scan of the usual size, nor those of other types, views, lights and qualities."""
-    lights = tmp_path / "lights.json"
-    lights.write_text(json.dumps([{"type": "POINT", "energy": 1e7, "matrix_world": np.eye(4).tolist()}]))
-    functions = (
-        [], ["--perspective"], ["--azimuth", "90"], ["--elevation", "80"], ["--azimuth", "30", "--elevation", "20"],
-        ["--lights", str(lights), "--perspective"], ["--lights", str(lights), "--shadows"],
-    )  # fmt: skip
-    modes = ([], ["--quality", "draft"])
-    scans = [[*scan(tmp_path, stored, 80), "--size", "64"] for stored in prepare.STORED_TYPES]
-    renders = [[*words, *function, *mode] for words in scans for function in functions for mode in modes]
-    (tmp_path / "large").mkdir()
-    given = json.dumps([scan(tmp_path / "large", "uint8", 256), *renders])
-    versions(RENDERS, given)  # a process that compiles a kernel lists what is inside it, too
-    needed = versions(RENDERS, given)
-    assert len(needed) > 20 and any("splat_scalar_rows" in one for one in needed)
-    assert needed - versions(PREPARES) == set()
 
 
 @needs_numba

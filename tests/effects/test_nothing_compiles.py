@@ -44,7 +44,7 @@ def noting(name):
     except Compiles:
         compiling.append(name)
 """
-# Every case with each stored type, in small.
+# Every case with each stored type, in small; and one of a scan's usual size.
 DRAW = """
 from dataclasses import replace
 from devtools import reference_pictures
@@ -59,6 +59,11 @@ for case in reference_pictures.effect_cases():
         scene = replace(case.scene, volume=replace(volume, voxels=volume.voxels.astype(stored)))
         with noting(f"{case.name} {stored}"):
             render(scene, replace(case.quality, threads=1))
+voxels = volume.voxels
+for axis, side in enumerate(voxels.shape):
+    voxels = voxels.repeat(-(-256 // side), axis)
+with noting("256 voxels a side"):
+    render(replace(case.scene, volume=replace(volume, voxels=voxels)), replace(case.quality, threads=1))
 """
 # Every two of the effects that are prepared, at once.
 TOGETHER = """

@@ -100,6 +100,17 @@ def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspectiv
         assert np.abs(found - traced(scene, 3)).max() < 2e-5
 
 
+@PROJECTIONS
+def test_where_half_is_absorbed(stage, way, perspective):
+    """To a hundredth of a voxel at most pixels, which is a twentieth of a slab."""
+    scene = stage.on_turntable(waves(), perspective=perspective, size=SIZE, transfer_function=CURVES["wide"], fit=0.9)
+    rgba, depth = truth(scene, "T2", tolerance=1e-8)
+    picture = stage.render(scene, classification="post", rays=1e-6)
+    assert picture.report["rays"]["share"] > 0.9 and picture.report["rays"]["slabs"] == 4
+    error = np.abs(picture.depth.ravel() - depth)[rgba[:, 3] > 0.55]
+    assert len(error) > 400 and np.percentile(error, 90) < 0.012 and error.max() < 0.06
+
+
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     scene = stage.on_turntable(waves(), size=SIZE, transfer_function=CURVES["wide"])
 

@@ -64,30 +64,32 @@ def test_the_zip_holds_what_is_shipped_its_wheels_and_a_manifest_that_names_them
 
 
 def test_kernels_that_are_made_need_no_python(tmp_path, monkeypatch):
-    """As those of 3.14, which the Python of a small system has compiled: this machine may have none."""
+    """As those of 3.14, which the Python of a small system has packed: this machine may have none."""
     monkeypatch.setattr(kernels, "FOLDER", tmp_path)
     asked = []
     monkeypatch.setattr(kernels, "_is_ready", asked.append)
     path = tmp_path / kernels.kernel_file("3.14")
-    comments = b"of other sources", kernels.source_digest(few=True), kernels.source_digest()
-    for comment, whole, few in zip(comments, ([], [], [path]), ([], [path], [path]), strict=True):
+    for comment, wanted in ((b"of other sources", []), (kernels.source_digest(), [path])):
         with zipfile.ZipFile(path, "w") as archive:
             archive.comment = comment
-        assert kernels.make_kernels(["3.14"]) == whole
-        assert kernels.make_kernels(["3.14"], few=["3.14"]) == few, "the first picture's kernels are enough"
-    assert asked == ["3.14"] * 3
+        assert kernels.make_kernels(["3.14"]) == wanted
+    assert asked == ["3.14"]
 
 
 @pytest.mark.parametrize(("platform", "level"), kernels.LEVELS.items())
-def test_kernels_are_compiled_for_the_level_of_their_platform(tmp_path, monkeypatch, platform, level):
+def test_one_python_compiles_kernels_for_the_level_of_their_platform(tmp_path, monkeypatch, platform, level):
+    """In two processes that begin at both ends; the other Pythons take what it has compiled."""
     monkeypatch.setattr(kernels, "this_platform", lambda: platform)
     monkeypatch.setattr(kernels, "FOLDER", tmp_path)
     monkeypatch.setattr(kernels, "ROOT", tmp_path)
     monkeypatch.setattr(kernels, "_is_ready", lambda version: True)
     monkeypatch.setattr(kernels, "core_of", lambda version: SimpleNamespace(python=version))
 
+    asked = []
+
     def compiles(command, sentence, **options):
         assert options["env"]["NUMBA_CPU_NAME"] == level
+        asked.append((command[0], *command[5:]))
         Path(command[3]).write_bytes(b"kernels")
         return "1"
 
@@ -95,6 +97,7 @@ def test_kernels_are_compiled_for_the_level_of_their_platform(tmp_path, monkeypa
     (tmp_path / "of-another-numba.zip").touch()
     made = kernels.make_kernels(["3.11", "3.13"])
     assert sorted(tmp_path.iterdir()) == made and all(path.stem.endswith(f"-{level}") for path in made)
+    assert sorted(asked[:2]) == [("3.13",), ("3.13", "backward")] and asked[2:] == [("3.11", made[1])]
 
 
 def test_each_blender_of_the_tests_takes_one_zip_of_its_python():

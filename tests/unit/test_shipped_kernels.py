@@ -51,12 +51,26 @@ from devtools.pack_kernels import pack
 from pathlib import Path
 print(pack(Path(sys.argv[2]), b""))
 """
+TAKE = """
+import sys
+from devtools.pack_kernels import main
+main(sys.argv[1], "", sys.argv[2])
+"""
 WITHOUT_AVX2 = """
 import llvmlite.binding
 features = llvmlite.binding.get_host_cpu_features()
 features["avx2"] = False
 llvmlite.binding.get_host_cpu_features = lambda: features
 """
+# Functions and objects of Python's stable interface, and two that all versions export with the same meaning.
+OF_ALL_PYTHONS = {
+    "PyArg_UnpackTuple", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_Format", "PyErr_Occurred", "PyErr_SetNone",
+    "PyErr_SetString", "PyEval_RestoreThread", "PyEval_SaveThread", "PyExc_RuntimeError", "PyExc_StopIteration",
+    "PyExc_SystemError", "PyExc_TypeError", "PyExc_ValueError", "PyFloat_AsDouble", "PyLong_AsLongLong",
+    "PyLong_AsUnsignedLongLong", "PyNumber_Float", "PyNumber_Long", "PyObject_Hash", "PyObject_IsTrue",
+    "PyTuple_GetItem", "PyTuple_Pack", "PyTuple_Size", "Py_DecRef", "Py_IncRef", "PyUnicode_FromKindAndData",
+    "_Py_NoneStruct",
+}  # fmt: skip
 OF_OTHERS = "Kernels of this installation are of other sources"
 LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
 
@@ -225,26 +239,63 @@ def test_an_installation_that_brings_no_kernels_has_no_remark(installation, tmp_
     assert called(package, tmp_path / "cache") == f"{COMPILED}  "
 
 
-@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump, which disassembles, is not installed")
-def test_no_kernel_estimates_a_reciprocal_or_a_root(tmp_path):
-    """Such instructions round differently on processors of different makers."""
+@pytest.fixture(scope="module")
+def machine_codes(tmp_path_factory) -> dict[Path, str]:
+    """A file of machine code for each kernel that ``dev.py kernels`` has made of these sources, with its name."""
     path = FOLDER / file_name()
     if not is_made(path):
         pytest.skip("there are no kernels of these sources: dev.py kernels makes them")
-    shipped, found, seen = ShippedKernels(), {}, 0
+    shipped, folder, found = ShippedKernels(), tmp_path_factory.mktemp("machine codes"), {}
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
     for entry in entries:
         (_, _, (machine_code, *_)), description = shipped.load(entry.filename, entry.comment.decode())[:2]
-        (tmp_path / "kernel.o").write_bytes(machine_code)
-        listing = subprocess.run(
-            ["objdump", "-d", "--no-show-raw-insn", tmp_path / "kernel.o"], capture_output=True, text=True, check=True
-        ).stdout
+        file = folder / f"{entry.filename}.o"
+        file.write_bytes(machine_code)
+        found[file] = description.qualname
+    return found
+
+
+def dump(file: Path, *options: str) -> str:
+    return subprocess.run(["objdump", *options, file], capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump, which disassembles, is not installed")
+def test_no_kernel_estimates_a_reciprocal_or_a_root(machine_codes):
+    """Such instructions round differently on processors of different makers."""
+    found, seen = {}, 0
+    for file, name in machine_codes.items():
+        listing = dump(file, "-d", "--no-show-raw-insn")
         seen += len(re.findall(r"\b[vf]sqrt\w*", listing))
         estimates = re.findall(r"\b(?:v?(?:rsqrt|rcp)|frsqrt|frecp)\w*", listing)
         if estimates:
-            found[description.qualname] = estimates
+            found[name] = estimates
     assert found == {} and seen > 10, "they are read, and have roots"
+
+
+@pytest.mark.skipif(shutil.which("objdump") is None, reason="objdump, which lists symbols, is not installed")
+def test_kernels_need_nothing_of_python_that_its_versions_differ_in(machine_codes):
+    """One Python compiles for all: see devtools/pack_kernels.py."""
+    called = set()
+    for file in machine_codes:
+        called |= set(re.findall(r"\*UND\*\s+\w+\s+(_?Py\w+)", dump(file, "-t")))
+    assert "PyArg_UnpackTuple" in called, "they are read"
+    assert called - OF_ALL_PYTHONS == set()
+
+
+def test_a_file_for_another_python_has_the_same_kernels(packed, installation, tmp_path):
+    """Loaded as those that this Python has compiled; a kernel of other sources is not taken for one of these."""
+    package = installation()
+    file = package / "kernels" / file_name()
+    with zipfile.ZipFile(packed) as archive:
+        other = {entry.filename: archive.read(entry) for entry in archive.infolist()}
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        for name, content in other.items():
+            archive.writestr(name, content)  # without its digest, which is the other Python's
+    shutil.copy(tmp_path / "other.zip", file)
+    assert called(package, tmp_path / "cache").startswith(f"{COMPILED} {LEVEL} {OF_OTHERS}")
+    assert run(TAKE, ROOT, tmp_path / "unused", file, tmp_path / "other.zip").split() == ["1"]
+    assert called(package, tmp_path / "cache of others") == LOADED
 
 
 def test_the_file_is_the_one_that_the_tools_make():

@@ -56,8 +56,7 @@ def stages(monkeypatch, tmp_path):
                 begun.set()
             return Stage(name, passed=1)
 
-        def make_ready(quick, few):
-            assert few == (() if everywhere else ("3.11",))
+        def make_ready(quick):
             assert begun.wait(600), "nothing else runs meanwhile"
             made.set()
             pythons = {name: Path(name) for name in testing.OTHERS}
@@ -66,7 +65,7 @@ def stages(monkeypatch, tmp_path):
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
-        monkeypatch.setattr(testing, "_compile_first", lambda quick, few: None)
+        monkeypatch.setattr(testing, "_compile_first", lambda quick: None)
         monkeypatch.setattr(testing, "real_blender_stages", lambda zips: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
         monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)
@@ -106,13 +105,14 @@ def test_everything_runs_everywhere_on_demand(stages):
     assert not any("every_blender" in words for _, words in runs.values())
 
 
-def test_kernels_of_all_pythons_are_compiled_first_and_at_once(monkeypatch):
-    """Those of the real Blender, too, by its own Python; where that has none of its own, its stages make them."""
+def test_kernels_of_all_pythons_are_made_first(monkeypatch):
+    """Meanwhile the real Blender is set up, and then takes them for its own Python; where that has none of its own, its
+    stages do so."""
     both, made = Barrier(2), []
 
-    def make_kernels(pythons, few):
+    def make_kernels(pythons):
         both.wait(600)  # forever, if one waited for the other
-        made.append((sorted(set(pythons)), few))
+        made.append(sorted(set(pythons)))
 
     def ensure_blender(root=Path("root")):
         both.wait(600)
@@ -121,12 +121,12 @@ def test_kernels_of_all_pythons_are_compiled_first_and_at_once(monkeypatch):
     monkeypatch.setattr(testing, "make_kernels", make_kernels)
     monkeypatch.setattr(testing, "make_kernels_inside", made.append)
     monkeypatch.setattr(testing, "ensure_blender", ensure_blender)
-    testing._compile_first(False, ("3.11",))
-    assert (["3.11", "3.13"], ("3.11",)) in made and SimpleNamespace(root=Path("root")) in made
+    testing._compile_first(False)
+    assert made == [["3.11", "3.13"], SimpleNamespace(root=Path("root"))]
     made.clear()
     monkeypatch.setattr(testing, "ensure_blender", lambda: ensure_blender(None))
     testing._compile_first(False)
-    assert made == [(["3.11", "3.13"], ())]
+    assert made == [["3.11", "3.13"]]
 
 
 def test_parts_begin_in_their_order():
@@ -166,7 +166,7 @@ def test_each_part_runs_alone_and_makes_only_what_it_needs(monkeypatch, capsys):
     monkeypatch.setattr(testing, "_other", other)
     monkeypatch.setattr(testing, "parts", lambda *options, **more: {name: part(name) for name in ("", "zip", "bench")})
     for zips, code in (({"3.13": Path("the.zip")}, 0), ({}, 1)):
-        monkeypatch.setattr(testing, "_zips", lambda pythons, few, zips=zips: zip_stage(zips))
+        monkeypatch.setattr(testing, "_zips", lambda pythons, zips=zips: zip_stage(zips))
         assert testing.test_part("zip", []) == code
     assert testing.test_part("", []) == testing.test_part("bench", []) == 0
     assert made == ["zip", "zip", "bench"] and run == [("zip", False), ("", False), ("bench", False)]
