@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from devtools import kernels, testing, windows
-from devtools.places import Failure
+from devtools import build, kernels, testing, windows
+from devtools.places import PYTHONS, Failure
 
 
 @pytest.mark.parametrize("lacking", ["unshare", "mvn"])
@@ -30,7 +30,6 @@ def test_a_skip_with_its_reason_without_root(monkeypatch, tmp_path):
 def archive(monkeypatch, tmp_path):
     """An archive that has been fetched, with one file that is wanted and two that are not."""
     monkeypatch.setattr(windows, "BUILD", tmp_path)
-    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
     path = tmp_path / "java" / "lib-1-windows-x86_64.jar"
     path.parent.mkdir()
     with zipfile.ZipFile(path, "w") as made:
@@ -41,7 +40,7 @@ def archive(monkeypatch, tmp_path):
 
 
 def test_the_wanted_files_of_an_archive_are_unpacked(archive, tmp_path):
-    windows._unpack(archive)
+    windows._unpack(archive, tmp_path / "python")
     assert [(file.name, file.read_text()) for file in (tmp_path / "python").iterdir()] == [("a.dll", "in/a.dll")]
 
 
@@ -49,7 +48,7 @@ def test_another_archive_than_the_pinned_one_is_refused(archive, tmp_path):
     with zipfile.ZipFile(tmp_path / "java" / archive.name, "a") as made:
         made.writestr("in/c.dll", "c")
     with pytest.raises(Failure, match="does not have the pinned checksum"):
-        windows._unpack(archive)
+        windows._unpack(archive, tmp_path / "python")
     assert not (tmp_path / "python").exists()
 
 
@@ -77,16 +76,17 @@ def test_paths_and_commands_of_windows():
     assert command[-5:] == [str(windows.SYSTEM.folder), "/wine/drive_c/rle_splat", "python.exe", "-c", "1"]
 
 
-def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
+@pytest.mark.parametrize("version", PYTHONS)
+def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path, version):
     """Others are compiled in there, by Windows' Python, for the level of most processors."""
-    monkeypatch.setattr(windows, "KERNELS", tmp_path / "made")
+    monkeypatch.setattr(kernels, "BUILD", tmp_path / "made")
     monkeypatch.setattr(windows, "DRIVE", tmp_path)
-    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
-    monkeypatch.setattr(windows, "_packages", lambda environment: tmp_path / "packages")
-    commands = []
+    monkeypatch.setattr(windows, "_inside", lambda: tmp_path)
+    commands, program = [], f"C:\\python{version}\\python.exe"
+    monkeypatch.setattr(windows, "_lend", lambda environment, version: program)
 
     def compiles(command, sentence, **options):
-        commands.append((command[command.index("C:\\python\\python.exe") :], options["env"]["NUMBA_CPU_NAME"]))
+        commands.append((command[command.index(program) :], options["env"]["NUMBA_CPU_NAME"]))
         with zipfile.ZipFile(tmp_path / command[-2].removeprefix("C:\\"), "w") as made:
             made.comment = command[-1].encode()
         return "1"
@@ -94,9 +94,11 @@ def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
     monkeypatch.setattr(kernels, "run_quietly", compiles)
     monkeypatch.setattr(kernels, "ROOT", tmp_path)
     for _ in range(2):
-        path = windows._kernels(tmp_path)
-        assert path.parent == windows.KERNELS and kernels.is_made(path)
-    words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
+        path = windows._kernels(version)
+        assert path == kernels.made_under_wine(version) and kernels.is_made(path)
+    assert build._kernels_of_others("windows-x64", version) == [path]
+    assert build._kernels_of_others("macos-arm64", version) == []
+    words = [program, "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
     assert [(command[:-1], level) for command, level in commands] == [(words, kernels.LEVELS["windows-x64"])]
 
 
