@@ -24,6 +24,7 @@ from devtools.environments import CORE, JUDGES, ensure, ensure_bench
 from devtools.kernels import make_kernels
 from devtools.places import OUT, PYTHONS, ROOT, Failure, clean_environ, say
 from devtools.wheels import TAG_PATTERNS
+from devtools.windows import make_windows_kernels
 
 # nox reports each session after its end, but the last line of a test run is that of its totals.
 logging.getLogger("nox").setLevel(logging.WARNING)
@@ -203,8 +204,12 @@ def build(parser, words) -> int:
 @job
 def kernels(parser, words) -> int:
     """Compile the kernels that travel with the extension, into rle_splat/kernels."""
-    parser.parse_args(words)
-    make_kernels()
+    parser.add_argument("--windows", action="store_true", help="those for Windows under Wine, into build")
+    known = parser.parse_args(words)
+    if known.windows:
+        make_windows_kernels()
+    else:
+        make_kernels()
     return 0
 
 

@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 from .environments import BPY, Environment
-from .kernels import make_kernels
+from .kernels import is_made, made_under_wine, make_kernels
 from .licenses import license_texts
 from .places import BLENDERS, DIST, PYTHONS, ROOT, Failure, run_quietly, say
 from .wheels import TAG_PATTERNS, this_platform, wheels_for
@@ -117,19 +117,26 @@ def zip_name(platform: str, python: str) -> str:
     return f"rle_splat-{version()}-{platform.replace('-', '_')}-{where}.zip"
 
 
+def _kernels_of_others(platform: str, python: str) -> list[Path]:
+    """The kernels that are made here for another platform and a Python."""
+    made = made_under_wine(python)
+    return [made] if platform == "windows-x64" and is_made(made) else []
+
+
 def build(
     platforms=tuple(TAG_PATTERNS), pythons=PYTHONS, output: Path = DIST, find_kernels=make_kernels
 ) -> dict[tuple[str, str], Path]:
     """Make one zip for each platform and Python; returns (platform, Python) -> zip.
 
-    Those of this platform bring the kernels that ``find_kernels`` finds for a list of Pythons.  With the others,
-    kernels are compiled when they are first needed.
+    Those of this platform bring the kernels that ``find_kernels`` finds for a list of Pythons, and those of Windows the
+    ones that ``dev.py kernels --windows`` has made of these sources.  With the others, kernels are compiled when they
+    are first needed.
     """
     made = {}
     for platform in platforms:
         for python in pythons:
             path = output / zip_name(platform, python)
-            kernels = find_kernels([python]) if platform == this_platform() else []
+            kernels = find_kernels([python]) if platform == this_platform() else _kernels_of_others(platform, python)
             pack(platform, python, wheels_for([platform], [python]), path, kernels)
             size = path.stat().st_size
             if size >= LARGEST_ZIP_BYTES:

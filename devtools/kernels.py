@@ -95,6 +95,11 @@ def kernel_file(version: str, platform: str = "") -> str:
     return f"python{version}-numba{packages()['numba']}-{LEVELS[platform or this_platform()]}.zip"
 
 
+def made_under_wine(version: str) -> Path:
+    """The file for a Python on Windows, that its Python under Wine makes here, whether it is made or not."""
+    return BUILD / "kernels-windows" / kernel_file(version, "windows-x64")
+
+
 def _files(pythons) -> dict[Path, str]:
     """The files for these Pythons and this platform, whether they are made or not, with the Python of each."""
     return {FOLDER / kernel_file(version): version for version in pythons}

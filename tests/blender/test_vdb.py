@@ -68,8 +68,8 @@ def test_the_background_fills_the_border(formats, tmp_path):
 
 @pytest.mark.parametrize(
     "kind, value, dtype",
-    [("FloatGrid", 0.1, "float32"), ("DoubleGrid", 0.1, "float64"), ("Int32Grid", -70000, "int32"),
-     ("Int64Grid", -70000, "int32"), ("Int64Grid", 1 << 40, "float64"), ("BoolGrid", True, "uint8")],
+    [("FloatGrid", 0.1, "float32"), ("DoubleGrid", 0.1, "float64"), ("Int32Grid", -70000, "float32"),
+     ("Int64Grid", -70000, "float32"), ("Int64Grid", (1 << 40) + 1, "float64"), ("BoolGrid", True, "uint8")],
 )  # fmt: skip
 def test_every_kind_of_number(formats, tmp_path, kind, value, dtype):
     if not hasattr(openvdb, kind):

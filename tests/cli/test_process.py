@@ -99,7 +99,6 @@ def test_a_reader_that_goes_away_is_no_error(raw, raw_options):
     assert process.wait() == 0 and err == b""
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to one process")
 def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_work(tmp_path, raw, raw_options):
     process = start("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy", "--progress")
     process.stderr.close()
@@ -171,6 +170,7 @@ def test_names_outside_the_encoding_of_the_output_are_escaped(tmp_path, raw, raw
     assert path.is_file()
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to one process")
 def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     """Stopped in the middle of a long picture: exit code 130, one sentence, the old file still there."""
     volume, output = tmp_path / "v.raw", tmp_path / "p.npy"

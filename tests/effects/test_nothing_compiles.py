@@ -95,6 +95,27 @@ for stored in ALL:
         with noting(stored):
             drain(picture_steps(PICTURES[0], stored))
 """
+# Files of every type whose values fit into one that kernels travel for.
+FROM_FILES = """
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from rle_splat.pipeline import prepare
+from rle_splat.pipeline.render import render_steps
+from rle_splat.read.formats import read_volume, write_volume
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Quality
+from rle_splat.volume.volume import STORED_TYPES as ALL
+
+ball = prepare._ball("uint8")
+for stored in ALL:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.nrrd"
+        write_volume(replace(ball, voxels=(ball.voxels // 2).astype(stored)), path)
+        volume = read_volume(path)
+    with noting(stored):
+        drain(render_steps(prepare._scene(prepare.PICTURES[0], volume), Quality.preset("standard")))
+"""
 COMMAND = """
 from tests.cli import every_option
 
@@ -135,6 +156,10 @@ def test_other_stored_types_compile_as_documented(tmp_path):
     page = (ROOT / "docs/explanation/measurements.md").read_text(encoding="utf-8")
     (listed,) = re.findall(r"^Still compiled .*?: volumes of (.*?);", page, re.MULTILINE | re.DOTALL)
     assert compiling == re.findall(r"`(\w+)`", listed)
+
+
+def test_files_of_other_types_with_values_that_fit_compile_nothing(tmp_path):
+    assert find_compiling(FROM_FILES, tmp_path) == (8, [])
 
 
 @pytest.mark.slow

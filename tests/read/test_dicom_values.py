@@ -34,7 +34,7 @@ def test_slices_of_several_types(tmp_path: Path):
         where = phantoms.Geometry("third", AXIAL.row, AXIAL.column, AXIAL.spacing, positions)
         phantoms.write_classic(tmp_path, where, encoding=encoding, series=series, first=100 * number)
     volume = read_volume(tmp_path)
-    assert volume.voxels.dtype == np.int32 and volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
+    assert volume.voxels.dtype == np.int16 and volume.voxels.shape[0] == SLICES and error_of(volume) <= 0.05 + 1e-6
 
 
 def modality_table(first: int, values, bits: int = 16, packed: bool = False) -> Dataset:

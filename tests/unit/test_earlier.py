@@ -115,8 +115,9 @@ def refused(path, **changes):
 
 def test_lying_members_are_refused(tmp_path):
     huge, negative, pickled = claim((10**13, 4)), claim((-1, -4)), npy(np.array([{"a": 1}], dtype=object))
-    for lie in (huge, pickled, negative, None, b"", b"\x93NUMPY\x09\x00garbage", npy(np.zeros((3, 4), np.float32))):
-        refused(tmp_path / "v.rle", **{"z_voxel_data.npy": lie})
+    lies = (huge, pickled, negative, None, b"", b"\x93NUMPY\x09\x00garbage", npy(np.zeros((3, 4), np.float32)))
+    for number, lie in enumerate(lies):  # a file each: on Windows an error that is looked at keeps its file mapped
+        refused(tmp_path / f"{number}.rle", **{"z_voxel_data.npy": lie})
     refused(tmp_path / "v.rle", **{"z_scanline_pointers.npy": npy(np.full((10, 8), 10**6, np.int32))})
 
 
@@ -140,5 +141,5 @@ def test_a_damaged_folder_is_refused(tmp_path):
             with pytest.raises(RleSplatError):
                 assert load(folder).axes
         (folder / name).unlink()
-        with pytest.raises(RleSplatError, match="No such file"):
+        with pytest.raises(RleSplatError, match=f"Cannot read .*{name}: "):
             load(folder)

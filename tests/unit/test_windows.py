@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from devtools import kernels, testing, windows
-from devtools.places import Failure
+from devtools import build, kernels, testing, windows
+from devtools.places import PYTHONS, Failure
 
 
 @pytest.mark.parametrize("lacking", ["unshare", "mvn"])
@@ -30,7 +30,6 @@ def test_a_skip_with_its_reason_without_root(monkeypatch, tmp_path):
 def archive(monkeypatch, tmp_path):
     """An archive that has been fetched, with one file that is wanted and two that are not."""
     monkeypatch.setattr(windows, "BUILD", tmp_path)
-    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
     path = tmp_path / "java" / "lib-1-windows-x86_64.jar"
     path.parent.mkdir()
     with zipfile.ZipFile(path, "w") as made:
@@ -41,7 +40,7 @@ def archive(monkeypatch, tmp_path):
 
 
 def test_the_wanted_files_of_an_archive_are_unpacked(archive, tmp_path):
-    windows._unpack(archive)
+    windows._unpack(archive, tmp_path / "python")
     assert [(file.name, file.read_text()) for file in (tmp_path / "python").iterdir()] == [("a.dll", "in/a.dll")]
 
 
@@ -49,7 +48,7 @@ def test_another_archive_than_the_pinned_one_is_refused(archive, tmp_path):
     with zipfile.ZipFile(tmp_path / "java" / archive.name, "a") as made:
         made.writestr("in/c.dll", "c")
     with pytest.raises(Failure, match="does not have the pinned checksum"):
-        windows._unpack(archive)
+        windows._unpack(archive, tmp_path / "python")
     assert not (tmp_path / "python").exists()
 
 
@@ -78,30 +77,39 @@ def test_paths_and_commands_of_windows():
 
 
 def test_kernels_for_windows_that_are_made_are_taken(monkeypatch, tmp_path):
-    """Others are compiled in there, by Windows' Python, for the level of most processors."""
-    monkeypatch.setattr(windows, "KERNELS", tmp_path / "made")
+    """Others are compiled in there, by Windows' Python of the tests, for the level of most processors; the other Python
+    takes what it has compiled."""
+    monkeypatch.setattr(kernels, "BUILD", tmp_path / "made")
     monkeypatch.setattr(windows, "DRIVE", tmp_path)
-    monkeypatch.setattr(windows, "PYTHON", tmp_path / "python")
-    monkeypatch.setattr(windows, "_packages", lambda environment: tmp_path / "packages")
+    monkeypatch.setattr(windows, "_inside", lambda: tmp_path)
+    monkeypatch.setattr(windows, "_lend", lambda environment, version: f"C:\\python{version}\\python.exe")
     commands = []
 
-    def compiles(command, sentence, **options):
-        words = command[command.index("C:\\python\\python.exe") :]
-        commands.append((words, options["env"]["NUMBA_CPU_NAME"]))
+    def makes(command, sentence, **options):
+        words = command[command.index("-m") - 1 :]
+        commands.append((*words, options["env"]["NUMBA_CPU_NAME"]))
         if words[-1] != "backward":
-            with zipfile.ZipFile(tmp_path / words[-2].removeprefix("C:\\"), "w") as made:
-                made.comment = words[-1].encode()
+            with zipfile.ZipFile(tmp_path / words[3].removeprefix("C:\\"), "w") as made:
+                made.comment = words[4].encode()
         return "1"
 
-    monkeypatch.setattr(kernels, "run_quietly", compiles)
+    monkeypatch.setattr(kernels, "run_quietly", makes)
     monkeypatch.setattr(kernels, "ROOT", tmp_path)
+    (other,) = (version for version in PYTHONS if version != windows.TESTED)
     for _ in range(2):
-        path = windows._kernels(tmp_path)
-        assert path.parent == windows.KERNELS and kernels.is_made(path)
-    words = ["C:\\python\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{path.name}"]
-    words.append(kernels.source_digest().decode())
-    assert {level for _, level in commands} == {kernels.LEVELS["windows-x64"]}
-    assert sorted(command for command, _ in commands) == [words, [*words, "backward"]], "by two processes, once"
+        path = windows._kernels(other)
+        assert path == kernels.made_under_wine(other) and kernels.is_made(path)
+    assert build._kernels_of_others("windows-x64", other) == [path]
+    assert build._kernels_of_others("macos-arm64", other) == []
+    level, digest = kernels.LEVELS["windows-x64"], kernels.source_digest().decode()
+
+    def words(version, *how):
+        name = kernels.made_under_wine(version).name
+        return (f"C:\\python{version}\\python.exe", "-m", "devtools.pack_kernels", f"C:\\{name}", digest, *how, level)
+
+    compiled = words(windows.TESTED), words(windows.TESTED, "backward")
+    taken = words(other, f"C:\\made-{path.name}")
+    assert sorted(commands) == sorted((*compiled, taken)), "once, by two processes"
 
 
 @pytest.mark.parametrize(
