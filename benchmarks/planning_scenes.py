@@ -16,12 +16,12 @@ from devtools.phantom import SPACING_MM, head_phantom
 from rle_splat.classify.presets import fit_preset, preset
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.read.formats import read_volume
-from rle_splat.scene import Camera, Scene
+from rle_splat.scene import Camera, Channel, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
 from .phantoms import binary_shell, blobs, marschner_lobb, smooth_shell, thin_shell
-from .scenes import DATA, shells
+from .scenes import DATA, shells, smoke
 
 RAINBOW = ((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0), (1.0, 0.9, 0.9, 0.8))
 
@@ -228,6 +228,33 @@ def measured_scenes(names=None) -> Iterator[tuple[str, Scene]]:
         for name, make in filter(None, pair):
             if not names or name in names:
                 yield name, make()
+
+
+def _lit_smoke() -> Scene:
+    """A plume of haze without surfaces."""
+    haze = ramp(0.02, 1.0, 0.12, shade=Shade())
+    return View(40.0, 10.0, 224, True, 1.1).of(smoke((72, 72, 112)), haze, True)
+
+
+def _two_channels() -> Scene:
+    """Two channels whose blobs overlap."""
+    volumes = [
+        Volume(np.rint(255.0 * field / field.max()).astype(np.uint8), np.eye(4))
+        for field in (blobs((80, 80, 80), seed, 12, (4.0, 8.0)) for seed in (5, 6))
+    ]
+    soft, hard = (ramp(*values, shade=Shade()) for values in ((20.0, 200.0, 0.2), (60.0, 120.0, 0.8)))
+    first = View(-50.0, 30.0, 224).of(volumes[0], soft, True)
+    return replace(first, channels=(Channel(volumes[1], hard),))
+
+
+def further_lit_scenes(names=None) -> Iterator[tuple[str, Scene]]:
+    """Yield the name and scene of those that tolerances are tested on under lamps alone, as ``measured_scenes``."""
+    head = DATA / MEASURED_SCANS["CT head, perspective"][0]
+    skin = partial(_scan, head.name, dict(spacing=(1.0, 1.0, 2.0)), "ct-skin", True, View(-60.0, 10.0, 256))
+    made = {"smoke": _lit_smoke, "two channels": _two_channels, **({"CT head, skin": skin} if head.exists() else {})}
+    for name, make in made.items():
+        if not names or name in names:
+            yield name, make()
 
 
 def _scan(file: str, options: dict, preset: str, shaded: bool, view: View) -> Scene:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import time
+from itertools import chain
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from rle_splat.scene import Quality, Scene, truth_of
 
 from .frames import time_by_processor
 from .lamps import LIGHTS, under
-from .planning_scenes import MEASURED_SCANS, measured_scenes
+from .planning_scenes import MEASURED_SCANS, further_lit_scenes, measured_scenes
 from .run import Run, make_parser
 
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)
@@ -56,11 +57,12 @@ def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -
 
 
 def lit_scenes(names, lights):
-    """Yield the names and scenes of ``measured_scenes``; with lights, the shaded ones under each of them."""
-    for name, scene in measured_scenes(names):
-        if not lights:
-            yield name, scene
-        elif scene.headlight:
+    """Yield the names and scenes of ``measured_scenes``; with lights, shaded and further ones under each of them."""
+    if not lights:
+        yield from measured_scenes(names)
+        return
+    for name, scene in chain(measured_scenes(names), further_lit_scenes(names)):
+        if scene.headlight:
             yield from ((f"{name}, {light}", under(scene, light)) for light in lights)
 
 

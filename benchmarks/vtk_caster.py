@@ -40,9 +40,11 @@ class VtkCaster:
         Number of threads.
     samples : int
         Samples per smallest voxel spacing along a ray.
+    along : (3,) array_like, optional
+        Where the only lamp, a white parallel one, shines to; left out, it shines along the camera's axis.
     """
 
-    def __init__(self, scene: Scene, shaded: bool, threads: int, samples: int = 1):
+    def __init__(self, scene: Scene, shaded: bool, threads: int, samples: int = 1, along=None):
         volume, tf = scene.volume, scene.transfer_function
         spacing = volume.spacing
         image = vtk.vtkImageData()
@@ -77,6 +79,16 @@ class VtkCaster:
         self._renderer.SetBackground(0.0, 0.0, 0.0)
         self._renderer.SetBackgroundAlpha(0.0)
         self._renderer.AddVolume(actor)
+        placed = scene.index_to_world @ np.diag((*1.0 / spacing, 1.0))
+        actor.SetUserMatrix(_matrix(placed))
+        if along is not None:
+            self._renderer.AutomaticLightCreationOff()
+            lamp = vtk.vtkLight()
+            lamp.SetLightTypeToSceneLight()
+            lamp.PositionalOff()
+            lamp.SetPosition(*(-np.asarray(along, float)))
+            lamp.SetFocalPoint(0.0, 0.0, 0.0)
+            self._renderer.AddLight(lamp)
         self._window = vtk.vtkRenderWindow()
         self._window.SetOffScreenRendering(1)
         self._window.SetMultiSamples(0)
@@ -120,7 +132,7 @@ class VtkCaster:
         self._window.Finalize()
 
     def _aim(self, scene: Scene) -> None:
-        """Set the scene's camera; as for the turntable, the world's axes are the volume's, without its rotation."""
+        """Set the scene's camera."""
         camera, placed = self._renderer.GetActiveCamera(), scene.camera
         matrix = placed.matrix_world
         eye, backwards, up = matrix[:3, 3], matrix[:3, 2], matrix[:3, 1]
@@ -134,6 +146,13 @@ class VtkCaster:
         else:
             camera.ParallelProjectionOff()
             camera.SetViewAngle(np.degrees(2.0 * np.arctan(0.5 * placed.sensor_height / placed.lens)))
+
+
+def _matrix(values):
+    """VTK's form of a (4, 4) matrix."""
+    made = vtk.vtkMatrix4x4()
+    made.DeepCopy(np.asarray(values, float).reshape(-1).tolist())
+    return made
 
 
 def _functions(volume, tf):

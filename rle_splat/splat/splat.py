@@ -21,7 +21,7 @@ from .sheet_buffer import splat_rows
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
 # Pixel-sheets between two chances to report progress or to cancel, a few hundredths of a second's work.
-WORK_AT_ONCE = 60_000_000
+WORK_AT_ONCE = 30_000_000
 BANDS_EACH = 4  # for each thread at once, at least: with fewer, threads wait for one another
 LOADING = None
 

@@ -17,7 +17,7 @@ from . import reference
 
 # Voxels of a block along each axis: small enough to follow a surface, and a whole number of cache lines along x.
 BLOCK_Z, BLOCK_Y, BLOCK_X = 8, 8, 32
-VOXELS_AT_ONCE = 1 << 25  # voxels between two progress reports, at which a user can cancel: some hundredths of a second
+VOXELS_AT_ONCE = 1 << 24  # voxels between two progress reports, at which a user can cancel: 10 to 20 ms
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,283 @@
+"""Pictures of this program, of VTK's CPU ray caster and of Cycles' own volume side by side, with the seconds of each.
+
+Each program draws in the environment that has it, and keeps its pictures; then they are joined to one sheet:
+
+    .venvs/bpy-5.2/bin/python -m benchmarks.side_by_side cycles --seconds 60
+    .venv/bin/python -m benchmarks.side_by_side ours
+    .venvs/bench/bin/python -m benchmarks.side_by_side vtk
+    .venvs/bench/bin/python -m benchmarks.side_by_side join sheet.jpg
+
+Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
+samples per voxel, no shadows, and no light but the sun and what its material adds.  Cycles scatters light in a
+Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
+processor, one thread, from the voxels in memory on, kernels loaded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from rle_splat.classify.presets import fit_preset
+from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.pipeline.render import render
+from rle_splat.read.formats import read_volume
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Light, Quality, Scene
+from rle_splat.view.turntable import turntable
+from rle_splat.volume.volume import Volume
+
+from .lamps import shining
+from .scenes import DATA
+
+FOLDER = Path("out") / "side-by-side"
+SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel, Cycles' bounces and first samples
+WORLD, OCCLUSION = 0.15, 0.8
+LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
+ENERGY = 3.2
+BRIGHT = 0.9  # quantile of what is seen that is made equal
+
+NUCLEI = TransferFunction(
+    "nuclei", None, ((9000.0, 0.0), (20000.0, 0.9)), ((9000.0, 0.15, 0.45, 0.5), (40000.0, 0.6, 0.9, 0.75)), 0.29,
+    Shade(0.15, 0.75, 0.25, 25.0),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scan: its file, how it is read, its preset or transfer function, azimuth and elevation, and the view's fit."""
+
+    file: str
+    function: str | TransferFunction
+    view: tuple
+    fit: float = 1.1
+    options: dict = field(default_factory=dict)
+
+
+SUBJECTS = {
+    "CT head": Subject(
+        "cthead_256x256x113_uint16be.raw.gz", "ct-skin", (30, 10), 0.95, dict(spacing=(1.0, 1.0, 2.0), flip="yz")
+    ),
+    "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
+    "chest angiography": Subject("dicom_ct_chest_cta_512x512x95", "ct-angiography", (20, 20), 1.0),
+    "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (30, 30), 0.95, dict(spacing=(1.0, 1.0, 2.0), flip="yz")),
+    "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
+    "smoke": Subject("smoke_fog.vdb", "smoke", (30, 5), 1.05),
+}
+PROGRAMS = "before", "ours", "vtk", "cycles"
+
+
+def read(subject: Subject) -> Volume:
+    """The subject's volume; an OpenVDB file as Cycles' turn has kept it."""
+    path = DATA / subject.file
+    if path.suffix != ".vdb":
+        return read_volume(path, **subject.options)
+    kept = FOLDER / "smoke.npz"
+    if not kept.exists():
+        volume = read_volume(path)
+        upright = np.ascontiguousarray(volume.voxels.transpose(1, 0, 2)[:, ::-1])  # in the file Y points up
+        np.savez(kept, voxels=upright, affine=np.diag((*volume.spacing[[0, 2, 1]], 1.0)))
+    with np.load(kept) as found:
+        return Volume(found["voxels"], found["affine"])
+
+
+def scene_of(subject: Subject) -> Scene:
+    """The subject under a sun from above on the left of the camera, in a dim world."""
+    volume = read(subject)
+    function = subject.function if isinstance(subject.function, TransferFunction) else fit_preset(
+        subject.function, volume
+    )[0]  # fmt: skip
+    if function.shade is None:
+        function = replace(function, shade=Shade())
+    camera, matrix = turntable(volume, *subject.view, subject.fit, True, 25.0, SIZE, SIZE)
+    sun = Light(energy=ENERGY, matrix_world=shining(camera.matrix_world[:3, :3] @ LAMP))
+    return Scene(
+        volume, function, camera, SIZE, SIZE, matrix, lights=(sun,), headlight=False, volume_shadows=True,
+        world=(WORLD,) * 3, ambient_occlusion=OCCLUSION,
+    )  # fmt: skip
+
+
+def draw_ours(scene: Scene, _) -> tuple:
+    """(rgba, seconds): at ``fine``, the first picture of a volume in memory."""
+    quality = Quality.preset("fine", threads=1)
+    render(replace(scene, width=32, height=32), quality)  # loads the kernels
+    began = time.process_time()
+    return render(scene, quality).rgba, time.process_time() - began
+
+
+def draw_vtk(scene: Scene, _) -> tuple:
+    """(rgba, seconds): with the sun, without shadows."""
+    from .vtk_caster import VtkCaster
+
+    began = time.process_time()
+    caster = VtkCaster(scene, True, 1, SAMPLES, -scene.lights[0].matrix_world[:3, 2])
+    rgba, _ = caster.draw(scene)
+    spent = time.process_time() - began
+    caster.close()
+    return rgba, spent
+
+
+def draw_cycles(scene: Scene, seconds: float) -> tuple:
+    """(rgba, seconds): Cycles for about so many seconds of the processor, loading the grid included."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    path = FOLDER.resolve() / "medium.vdb"
+    _write_medium(scene, path)
+    data = bpy.data.volumes.new("medium")
+    data.filepath = str(path)
+    data.materials.append(_scattering_material(bpy))
+    blender = bpy.context.scene
+    blender.collection.objects.link(bpy.data.objects.new("medium", data))
+    _place(bpy, scene)
+    blender.render.engine, blender.render.film_transparent = "CYCLES", True
+    blender.render.resolution_x, blender.render.resolution_y = SIZE, SIZE
+    blender.render.threads_mode, blender.render.threads = "FIXED", 1
+    cycles = blender.cycles
+    cycles.device, cycles.use_denoising, cycles.volume_bounces = "CPU", False, BOUNCES
+    cycles.use_adaptive_sampling = False
+    image = blender.render.image_settings
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
+    blender.render.filepath = str(path.with_suffix(".exr"))
+
+    def rendered(samples: int) -> float:
+        cycles.samples = samples
+        began = time.process_time()
+        bpy.ops.render.render(write_still=True)
+        return time.process_time() - began
+
+    rendered(1)  # loads the grid and Cycles' kernels
+    pilot = rendered(PILOT)
+    spent = rendered(max(round(PILOT * seconds / pilot), 1))
+    print(f"  {cycles.samples} samples")
+    loaded = bpy.data.images.load(blender.render.filepath)
+    rgba = np.empty(SIZE * SIZE * 4, np.float32)
+    loaded.pixels.foreach_get(rgba)
+    return rgba.reshape(SIZE, SIZE, 4)[::-1].copy(), spent
+
+
+def _write_medium(scene: Scene, path: Path) -> None:
+    """The extinction and unlit colors of the scene as OpenVDB grids, in its world."""
+    from rle_splat.pipeline.medium_grid import medium_steps
+    from rle_splat.read.vdb_medium import MediumFile
+
+    unlit = replace(
+        scene, transfer_function=replace(scene.transfer_function, shade=None), lights=(), world=None,
+        volume_shadows=False, ambient_occlusion=0.0,
+    )  # fmt: skip
+    made = MediumFile()
+    drain(medium_steps(unlit, Quality(threads=1), (1, 1, 1), made.add), None)
+    made.save(path, scene.index_to_world)
+
+
+def _scattering_material(bpy):
+    """A Principled Volume of the file's extinction and of emission over extinction, its color."""
+    material = bpy.data.materials.new("medium")
+    tree = material.node_tree
+    tree.nodes.clear()
+    density, emission = (tree.nodes.new("ShaderNodeAttribute") for _ in range(2))
+    density.attribute_name, emission.attribute_name = "density", "emission"
+    divide, principled, output = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("VectorMath", "VolumePrincipled", "OutputMaterial")
+    )
+    divide.operation = "DIVIDE"
+    principled.inputs["Density Attribute"].default_value = ""  # else it would be multiplied in once more
+    tree.links.new(emission.outputs["Vector"], divide.inputs[0])
+    tree.links.new(density.outputs["Fac"], divide.inputs[1])
+    tree.links.new(density.outputs["Fac"], principled.inputs["Density"])
+    tree.links.new(divide.outputs["Vector"], principled.inputs["Color"])
+    tree.links.new(principled.outputs[0], output.inputs["Volume"])
+    return material
+
+
+def _place(bpy, scene: Scene) -> None:
+    """The scene's camera, sun and world in Blender."""
+    from mathutils import Matrix
+
+    blender, given = bpy.context.scene, scene.camera
+    lens = bpy.data.cameras.new("camera")
+    lens.lens, lens.sensor_fit, lens.sensor_height = given.lens, given.sensor_fit, given.sensor_height
+    lens.sensor_width, lens.clip_start, lens.clip_end = given.sensor_width, given.clip_start, given.clip_end
+    sun = bpy.data.lights.new("sun", "SUN")
+    sun.energy, sun.angle = scene.lights[0].energy, 0.0
+    for data, matrix in ((lens, given.matrix_world), (sun, scene.lights[0].matrix_world)):
+        placed = bpy.data.objects.new(data.name, data)
+        blender.collection.objects.link(placed)
+        placed.matrix_world = Matrix(matrix.tolist())
+        if data is lens:
+            blender.camera = placed
+    blender.world = bpy.data.worlds.new("world")
+    blender.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*scene.world, 1.0)
+
+
+DRAW = {"before": draw_ours, "ours": draw_ours, "vtk": draw_vtk, "cycles": draw_cycles}
+TITLES = {"before": "before", "ours": "RLE Splat", "vtk": "VTK", "cycles": "Cycles"}
+
+
+def draw(program: str, names, seconds: float) -> None:
+    """Draw the subjects of some names, and keep pictures and seconds."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if program == "cycles":
+        import bpy
+
+        bpy.utils.expose_bundled_modules()  # OpenVDB
+    for name in names:
+        rgba, spent = DRAW[program](scene_of(SUBJECTS[name]), seconds)
+        np.savez(FOLDER / f"{name}-{program}.npz", rgba=np.asarray(rgba, np.float32), seconds=spent)
+        print(f"{name}, {program}: {spent:.2f} s", flush=True)
+
+
+def _shown(rgba, as_bright_as):
+    """(H, W, 3) uint8 on a dark ground, sRGB; ``as_bright_as``: a picture whose brightness it is given, or None."""
+    if as_bright_as is not None:
+        bright, own = (np.quantile(one[one[..., 3] > 0.1, :3].max(axis=-1), BRIGHT) for one in (as_bright_as, rgba))
+        rgba = rgba * np.array((*(bright / max(own, 1e-9),) * 3, 1.0))
+    linear = np.clip(rgba[..., :3] + (1.0 - rgba[..., 3:]) * 0.008, 0.0, 1.0)
+    return np.round(255.0 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+
+
+def join(names, programs, path: Path, quality: int) -> None:
+    """Join the pictures that were kept: a row for each subject, a column for each program, seconds above each."""
+    from PIL import Image, ImageDraw
+
+    title = 18
+    sheet = Image.new("RGB", (SIZE * len(programs), (SIZE + title) * len(names)), "white")
+    pen, table = ImageDraw.Draw(sheet), {}
+    for row, name in enumerate(names):
+        found = {}
+        for program in programs:
+            with np.load(FOLDER / f"{name}-{program}.npz") as kept:
+                found[program] = kept["rgba"], float(kept["seconds"])
+        for column, (program, (rgba, seconds)) in enumerate(found.items()):
+            left, top = column * SIZE, row * (SIZE + title)
+            shown = _shown(rgba, found["ours"][0] if program == "cycles" else None)
+            sheet.paste(Image.fromarray(shown.astype(np.uint8)), (left, top + title))
+            text = f"{name}: {TITLES[program]}" + ("" if program == "before" else f", {seconds:.3g} s")
+            pen.text((left + 4, top + 3), text, fill="black")
+        table[name] = {program: seconds for program, (_, seconds) in found.items()}
+    sheet.save(path, quality=quality)
+    print(json.dumps(table, indent=1))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("program", choices=(*PROGRAMS, "join"))
+    parser.add_argument("path", type=Path, nargs="?", default=FOLDER / "sheet.png", help="of the sheet")
+    parser.add_argument("--subject", nargs="*", choices=list(SUBJECTS), default=list(SUBJECTS))
+    parser.add_argument("--column", nargs="*", choices=PROGRAMS, default=PROGRAMS)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--jpeg-quality", type=int, default=80)
+    given = parser.parse_args()
+    if given.program == "join":
+        join(given.subject, given.column, given.path, given.jpeg_quality)
+    else:
+        draw(given.program, given.subject, given.seconds)
+
+
+if __name__ == "__main__":
+    main()
