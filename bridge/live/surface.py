@@ -18,6 +18,7 @@ from ..messages import sentence_of
 from ..pictures import outdated
 from ..scene import render_scene
 from ..scene.glass import has_glass
+from ..scene.lights import is_any_lit
 from ..volumes import encoded
 from . import shown
 from .floor import without_floor
@@ -126,7 +127,7 @@ class BlenderSurface:
     def _casts_shadows(self) -> bool:
         """Whether meshes count beside the depth at which they end rays."""
         held = self._scene.rle_splat
-        return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
+        return (held.use_shadows and is_any_lit(self._scene)) or held.ambient_occlusion > 0.0
 
     def _contents_or_problem(self, owner, matrix, surfaces: dict) -> Contents | str:
         """Of a volume that cannot be shown a sentence, so that the others are shown."""

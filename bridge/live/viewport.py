@@ -18,7 +18,9 @@ from ..messages import sentence_of
 from .frames import Contents, RegionPicture, Shot, picture_steps, shot_of
 from .view import Matrices, ViewportView, differ, eye_of
 
-BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
+# Seconds of work at a time: in a redraw, with all that it looks at, and in a timer.  A step of a draft may take 10 ms,
+# and a redraw is to take 30 at most.
+IN_REDRAW, BITE = 0.02, 0.03
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
 # For how long pictures of another view are shown while the next ones are made: seconds, or times as long as the last
 # draft took, whichever is more; or slow drafts would alternate with nothing.
@@ -217,7 +219,7 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        self._advance(now + BITE)
+        self._advance(now + IN_REDRAW)
 
     def work(self) -> bool:
         """Work for a bite, from a timer; return whether there is a new picture to draw."""

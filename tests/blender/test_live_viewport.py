@@ -180,21 +180,42 @@ def test_a_change_cancels_the_refinement(live, made):
     assert viewport.counts["refinements"] == 1
 
 
-def test_a_slow_draft_ends_although_the_view_moves_on(live, made, monkeypatch):
-    viewport, clock, surface = made
+@pytest.fixture
+def slow_steps(live, made, monkeypatch):
+    """``slow_steps(seconds)``: each step of a picture takes so long on the clock."""
+    _viewport, clock, _surface = made
     make = live.viewport.picture_steps
 
-    def slow_steps(*arguments):
-        steps = make(*arguments)
-        while True:
-            clock.now += 0.02  # so that a bite is two steps
-            try:
-                step = next(steps)
-            except StopIteration as finished:
-                return finished.value
-            yield step
+    def slow_down(seconds):
+        def steps(*arguments):
+            running = make(*arguments)
+            while True:
+                clock.now += seconds
+                try:
+                    step = next(running)
+                except StopIteration as finished:
+                    return finished.value
+                yield step
 
-    monkeypatch.setattr(live.viewport, "picture_steps", slow_steps)
+        monkeypatch.setattr(live.viewport, "picture_steps", steps)
+
+    return slow_down
+
+
+def test_a_redraw_takes_less_than_30_ms_where_a_step_takes_9(live, made, slow_steps):
+    viewport, clock, surface = made
+    slow_steps(0.009)
+    for n in range(20):
+        before = clock.now
+        viewport.redraw(request_of(live, 30.0 + 0.1 * n), 1, surface)
+        assert 0.0 < clock.now - before < 0.03
+    finish(viewport, clock)
+    assert viewport.counts["drafts"] and viewport.is_refined
+
+
+def test_a_slow_draft_ends_although_the_view_moves_on(live, made, slow_steps):
+    viewport, clock, surface = made
+    slow_steps(0.02)  # so that a bite is two steps
     seen = []
     for n in range(60):
         viewport.redraw(request_of(live, 30.0 + 0.1 * n), 1, surface)
