@@ -169,18 +169,19 @@ def among_meshes(meter):
         bpy.ops.object.light_add(type="SUN", rotation=(0.7, 0.3, 0.0))
     settings = bpy.context.scene.rle_splat
     volume = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
-    volume.rle_splat.lighting, settings.use_shadows = "SCENE", True
+    settings.lighting, settings.use_shadows = "SCENE", True  # of all volumes
     bpy.context.view_layer.objects.active = volume
     yield from settled()
     meter.calls.clear()
     for _ in range(2):  # the first time, kernels are loaded
         yield from turn(meter, "draft redraw among 100,352 triangles, scene lights and shadows")
         yield from settled()
-    looks = meter.calls.clear(), viewport().counts.copy()
+    meter.calls.clear()
+    before = viewport().counts.copy()
     for _ in range(REDRAWS):
         viewport()._checked = -np.inf  # as half a second after the last look
         redrawn()
-    meter.table("look at unchanged triangles", viewport().counts - looks[1], lambda call: "contents" in call)
+    meter.table("look at unchanged triangles", viewport().counts - before, lambda call: "contents" in call)
 
 
 def follow_an_edit(volume):
