@@ -47,6 +47,7 @@ PARTS = (
     ("drawing", "texture_of", "upload"), ("drawing", "draw", "quads"),
 )  # fmt: skip
 _redraws: list = []  # (seconds of processor time that are ours, and the driver's, parts, what the user does) of each
+_steps: list = []  # (seconds of processor time, function) of each call of the one timer
 _parts: dict = {}  # of the redraw that runs: name -> seconds of processor time
 _doing = [""]  # what the user does
 
@@ -81,6 +82,22 @@ def watch_redraws():
     live.unregister()
     live._before, after, live._after = timed(live._before, "before"), timed(live._after, "after"), note_redraw
     live.register()
+
+
+def watch_steps():
+    """Note what each call of the one timer takes, and whom it calls."""
+    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    tick = timer._tick
+
+    def timed_tick():
+        function = min(timer._due, key=timer._due.get, default=tick)
+        began = time.thread_time()
+        again = tick()
+        _steps.append((time.thread_time() - began, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"))
+        return again
+
+    timer.stop_all()
+    timer._tick = timed_tick
 
 
 def time_driver():
@@ -240,6 +257,7 @@ def scenario():
     yield from new_file()
     yield from time_driver()
     watch_redraws()
+    watch_steps()
     until_then, number, seen = time.monotonic() + 60.0 * MINUTES, 0, 0
     while time.monotonic() < until_then or number < 1:
         yield from new_file()
@@ -267,7 +285,9 @@ def scenario():
         print(f"round {number}: {resident:.0f} MiB at most, {allocated:.0f} allocated, {held:.0f} held by us, "
               f"{sys.getallocatedblocks()} blocks of Python; {len(ours)} redraws, {seen} above {1e3 * SLOW:.0f} ms, "
               f"median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
-              f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above", flush=True)
+              f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above; {len(_steps)} steps, "
+              f"{sum(spent > SLOW for spent, _ in _steps)} above, longest {1e3 * max(_steps)[0]:.0f} ms, "
+              f"{max(_steps)[1]}", flush=True)
     passed("the tour")
 
 
