@@ -4,6 +4,7 @@ import bpy
 from bpy.app.translations import pgettext_iface
 
 from ..bridge.data import accuracy
+from ..bridge.data.properties import QUALITY_ITEMS
 from ..bridge.translations import OURS
 from .places import RenderTab, Sidebar, paragraph
 
@@ -29,7 +30,7 @@ class AccuracyPanel:
                 box = layout.box().column(align=True)
                 _draw_cells(box, "Plan", ("ms", "RMSE", "Max"))
             cells = (_short(row.frame_ms, 0), _short(row.rmse, 2), _short(row.largest, 2))
-            name, is_current = _title(settings, row.name), accuracy.is_current(context.scene, row)
+            name, is_current = _title(row.name), accuracy.is_current(context.scene, row)
             _draw_cells(box, name, cells, index, is_current, row.on_front)
         if settings.accuracy_note:
             paragraph(context, layout, settings.accuracy_note)
@@ -39,10 +40,10 @@ class AccuracyPanel:
             paragraph(context, layout, settings.error_note)
 
 
-def _title(settings, name: str) -> str:
+def _title(name: str) -> str:
     """What the panels call a plan; the heading of its list says which edges it has."""
-    items, quality = settings.bl_rna.properties["quality"].enum_items, name.rpartition(" ")[2]
-    return pgettext_iface(items[quality].name, OURS) if quality in items else name
+    quality = name.rpartition(" ")[2]
+    return next((pgettext_iface(label, OURS) for item, label, _ in QUALITY_ITEMS if item == quality), name)
 
 
 def _short(value: float, decimals: int) -> str:

@@ -21,7 +21,6 @@ from ..scene.glass import has_glass
 from ..scene.lights import is_any_lit
 from ..volumes import encoded
 from . import shown
-from .floor import without_floor
 from .frames import Contents
 from .view import Matrices, ViewportView, ray_ends
 from .viewport import Habits, Request
@@ -51,9 +50,9 @@ def request_of(context, volumes: tuple) -> Request:
     shading = space.shading
     drawn = (
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
-        shading.show_xray_wireframe, _draws_floor(space.overlay),
+        shading.show_xray_wireframe,
     )
-    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()))
+    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()), _draws_floor(space.overlay))
 
 
 def _draws_floor(overlay) -> bool:
@@ -167,10 +166,7 @@ class BlenderSurface:
         self._waits[:] = [*self._waits, perf_counter() - began][-MOST_WAITS:]
         if not buffer.any():  # nothing has been drawn into it
             return None
-        found = ray_ends(view, buffer, part)
-        if self._request.drawn[-1]:
-            without_floor(view, found, part)
-        return found
+        return ray_ends(view, buffer, part)
 
 
 def _are_slow(waits: list) -> bool:

@@ -6,7 +6,6 @@ A job of its own, which takes RLE_SPLAT_TOUR minutes, ten if that is not set.  N
 the memory after each round, and the parts of each redraw that took us longer than 30 ms of processor time.
 """
 
-import ctypes
 import gc
 import os
 import resource
@@ -43,7 +42,7 @@ SIDE, SLOW = 24, 0.03  # voxels; seconds of a redraw
 PARTS = (
     ("surface", "request_of", "request"), ("surface", "BlenderSurface.contents", "contents"),
     ("surface", "BlenderSurface.ends", "depth"), ("surface", "ray_ends", "ray ends"),
-    ("surface", "without_floor", "floor"), ("viewport", "shot_of", "cut"), ("viewport", "Viewport._advance", "draft"),
+    ("viewport", "shot_of", "cut"), ("viewport", "Viewport._advance", "draft"),
     ("drawing", "texture_of", "upload"), ("drawing", "draw", "quads"),
 )  # fmt: skip
 _redraws: list = []  # (seconds of processor time that are ours, and the driver's, parts, what the user does) of each
@@ -66,13 +65,16 @@ def watch_redraws():
 
         return call
 
+    def begin_redraw():
+        _parts.clear()  # of the timer's work since the last redraw
+        before()
+
     def note_redraw():
         drawn = live.calls["drawn"]
         after()
         if live.calls["drawn"] > drawn:
-            driver = _parts.get("depth", 0.0) - _parts.get("ray ends", 0.0) - _parts.get("floor", 0.0)
+            driver = _parts.get("depth", 0.0) - _parts.get("ray ends", 0.0)
             _redraws.append((_parts["before"] + _parts["after"] - driver, driver, dict(_parts), _doing[0]))
-        _parts.clear()
 
     for module, name, called in PARTS:
         place = import_module(f"{MODULE}.bridge.live.{module}")
@@ -80,7 +82,8 @@ def watch_redraws():
         place = getattr(place, owner[0]) if owner else place
         setattr(place, name, timed(getattr(place, name), called))
     live.unregister()
-    live._before, after, live._after = timed(live._before, "before"), timed(live._after, "after"), note_redraw
+    before, after = timed(live._before, "before"), timed(live._after, "after")
+    live._before, live._after = begin_redraw, note_redraw
     live.register()
 
 
@@ -124,23 +127,11 @@ def time_driver():
           f"longest {1e3 * max(spent):.0f} ms", flush=True)
 
 
-class _Heap(ctypes.Structure):
-    """What mallinfo2 of the C library returns."""
-
-    _fields_ = [(name, ctypes.c_size_t) for name in (
-        "arena", "ordblks", "smblks", "hblks", "mapped", "usmblks", "fsmblks", "used", "free", "keepcost")]
-
-
 def memory() -> tuple:
-    """MiB: resident at most so far, allocated now by the process, and held by the extension's store and stages."""
-    library = ctypes.CDLL("libc.so.6")
-    library.mallinfo2.restype = _Heap
-    gc.collect()
-    heap = library.mallinfo2()
+    """MiB: resident at most so far, and held by the extension's store and stages."""
     held = import_module(f"{MODULE}.bridge.scene.render_scene").KEPT.nbytes
     held += import_module(f"{MODULE}.bridge.loop.store").nbytes()
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most / 1024.0, (heap.used + heap.mapped) / 2.0**20, held / 2.0**20
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, held / 2.0**20
 
 
 def add_volume(name: str, radius: float, labels: int):
@@ -275,14 +266,15 @@ def scenario():
         _doing[0] = "save_elsewhere"
         yield from save_elsewhere(number)
         number += 1
-        resident, allocated, held = memory()
+        gc.collect()
+        resident, held = memory()
         ours = np.array([one[0] for one in _redraws])
         slow = [one for one in _redraws if one[0] > SLOW]
         for spent, driver, parts, doing in slow[seen:]:
             listed = ", ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items())
             print(f"slow: {1e3 * spent:.0f} ms and the driver {1e3 * driver:.0f}, {doing}: {listed}", flush=True)
         seen = len(slow)
-        print(f"round {number}: {resident:.0f} MiB at most, {allocated:.0f} allocated, {held:.0f} held by us, "
+        print(f"round {number}: {resident:.0f} MiB at most, {held:.0f} held by us, "
               f"{sys.getallocatedblocks()} blocks of Python; {len(ours)} redraws, {seen} above {1e3 * SLOW:.0f} ms, "
               f"median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
               f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above; {len(_steps)} steps, "

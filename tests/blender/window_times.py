@@ -32,7 +32,6 @@ PARTS = {
     "contents": ("surface", "BlenderSurface", "contents"),
     "depth": ("surface", "BlenderSurface", "ends"),
     "depth to ray ends": ("surface", "", "ray_ends"),
-    "lines of the floor": ("surface", "", "without_floor"),
     "compare depths": ("viewport", "", "differ"),
     "place": ("viewport", "", "shot_of"),
     "coarser depths": ("frames", "", "furthest_of_blocks"),
