@@ -22,7 +22,6 @@ import rle_splat
 from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS
 from rle_splat.read.formats import FORMATS
-from rle_splat.scene import KNOB_TEXTS
 
 from .licenses import bundled
 from .places import ROOT
@@ -195,8 +194,9 @@ def _value(node, constants: dict):
     """What an expression of literals and names of literals is worth; None for any other."""
     if isinstance(node, ast.Name):
         node = constants.get(node.id, node)
-    if isinstance(node, ast.Call) and len(node.args) == 1 and isinstance(node.args[0], ast.Constant):
-        return KNOB_TEXTS.get(node.args[0].value)  # _knob("...") of bridge/data/properties.py
+    if isinstance(node, ast.Subscript):  # PLAIN_TEXTS["..."] of bridge/data/properties.py
+        table, key = _value(node.value, constants), _value(node.slice, constants)
+        return table.get(key) if isinstance(table, dict) else None
     try:
         return ast.literal_eval(node)
     except ValueError:

@@ -19,7 +19,7 @@ CT_WINDOWS = {
     "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0),
 }
 ITEMS = [
-    ("CUSTOM", "Custom", "Use the level and window below"),
+    ("CUSTOM", "As Below", "Use the level and window below"),
     ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
 ] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
 KEEPING = "Span the smallest to the largest value of the volume, and redraw the curves so that the picture stays"

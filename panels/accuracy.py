@@ -1,8 +1,11 @@
 """The Accuracy panel: measured times and errors of several plans, the choice of a plan, and the error map."""
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..bridge.data import accuracy
+from ..bridge.data.properties import QUALITY_ITEMS
+from ..bridge.translations import OURS
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.485  # of a row's width that the plan's name takes
@@ -27,13 +30,20 @@ class AccuracyPanel:
                 box = layout.box().column(align=True)
                 _draw_cells(box, "Plan", ("ms", "RMSE", "Max"))
             cells = (_short(row.frame_ms, 0), _short(row.rmse, 2), _short(row.largest, 2))
-            _draw_cells(box, row.name, cells, index, accuracy.is_current(context.scene, row), row.on_front)
+            name, is_current = _title(row.name), accuracy.is_current(context.scene, row)
+            _draw_cells(box, name, cells, index, is_current, row.on_front)
         if settings.accuracy_note:
             paragraph(context, layout, settings.accuracy_note)
         layout.operator("rle_splat.error_map", icon="IMAGE_DATA")
         if settings.error_image is not None:
             layout.prop(settings, "error_image", text="")
             paragraph(context, layout, settings.error_note)
+
+
+def _title(name: str) -> str:
+    """What the panels call a plan; the heading of its list says which edges it has."""
+    quality = name.rpartition(" ")[2]
+    return next((pgettext_iface(label, OURS) for item, label, _ in QUALITY_ITEMS if item == quality), name)
 
 
 def _short(value: float, decimals: int) -> str:

@@ -33,7 +33,8 @@ class ScenePanel:
         row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
         row.prop(settings, "indirect_light", text="Indirect")
         layout.prop(settings, "use_mist")
-        layout.prop(settings, "meshes_occlude")
+        row = layout.row(heading="Meshes")  # the name in one would be cut off
+        row.prop(settings, "meshes_occlude", text="Hide Volume")
         layout.prop(settings, "scene_scale")
 
 

@@ -56,8 +56,8 @@ def note_sweep(settings, report: dict, what: str) -> None:
         row.rmse, row.largest = entry["error"]["rmse"], entry["error"]["largest"]
     image, probes = report["image"], report["probes"]
     settings.accuracy_note = (
-        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are levels "
-        f"(1/255) at {probes['random']} random and {probes['steep']} steep pixels."
+        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are gray levels "
+        f"of 255 at {probes['random']} random and {probes['steep']} steep pixels."
     )
 
 

@@ -15,7 +15,7 @@ _TEXTS = {
     "off": ("Off", "Show exactly what lies on the ray of each pixel"),
     "widen": ("Widen", "Enlarge voxels that are smaller than a pixel"),
     "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
-    "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels, after R. Keys"),
+    "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels"),
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
     "extinction": ("Extinction", "Add the extinctions of voxels that overlap"),
     "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),

@@ -89,10 +89,6 @@ PLAIN_TEXTS = {
 }
 
 
-def _knob(name: str) -> str:
-    return PLAIN_TEXTS[name]
-
-
 def _rescale_boxes(settings, context):
     evaluate_anew(settings, context)
     for volume_object in settings.id_data.objects:
@@ -154,34 +150,36 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))
     classification: EnumProperty(
-        name="Edges", description=_knob("classification"), items=CLASSIFICATION_ITEMS,
+        name="Edges", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)
     depth_rule: KnobEnum(
-        name="Layers", description=_knob("depth_rule"), default=USUAL.depth_rule,
+        name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,
         items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
     kernel: KnobEnum(
-        name="Voxel Shape", description=_knob("kernel"), items=knob_items.items(tables.FOOTPRINTS),
+        name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
         default=USUAL.kernel)
     minification: KnobEnum(
-        name="When Small", description=_knob("minification"), items=knob_items.items(tables.MINIFICATIONS),
+        name="When Small", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)
     warp_filter: LiveEnum(
-        name="Final Filter", description=_knob("warp_filter"), items=knob_items.items(tables.WARP_FILTERS),
+        name="Final Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),
         default=USUAL.warp_filter)
     model: KnobEnum(
-        name="Overlap", description=_knob("model"), items=knob_items.items(tables.MODELS), default=USUAL.model)
+        name="Overlap", description=PLAIN_TEXTS["model"], items=knob_items.items(tables.MODELS), default=USUAL.model)
     record: KnobEnum(
-        name="Voxel Memory", description=_knob("record"), items=knob_items.RECORD_ITEMS, default=str(USUAL.record))
+        name="Voxel Memory", description=PLAIN_TEXTS["record"], items=knob_items.RECORD_ITEMS,
+        default=str(USUAL.record))
     sheet_density: LiveFloat(
-        name="Pixel Density", description=_knob("sheet_density"), default=USUAL.sheet_density, min=0.0,
+        name="Pixel Density", description=PLAIN_TEXTS["sheet_density"], default=USUAL.sheet_density, min=0.0,
         max=tables.MOST_SHEET_DENSITY)
     termination: LiveFloat(
-        name="Opaque Below", description=_knob("termination"), default=USUAL.termination, min=0.0, max=0.499,
+        name="Opaque Below", description=PLAIN_TEXTS["termination"], default=USUAL.termination, min=0.0, max=0.499,
         precision=5)
     axis_fade: LiveFloat(
-        name="Blend Angle", description=_knob("axis_fade"), default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE)
+        name="Blend Angle", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0,
+        max=tables.MOST_FADE)
     rays: LiveFloat(
-        name="Exact Pixels", description=_knob("rays"), default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
+        name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
     threads: LiveInt(
         name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
     use_all_cores: BoolProperty(

@@ -245,8 +245,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Sharpness of the highlights; higher is smaller and sharper")
     highlight: LiveEnum(
         name="Formula", description="Formula of the highlights", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera (Blinn-Phong)"),
-               ("PHONG", "Mirror", "Use the mirror direction of the light (Phong)")))
+        items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera"),
+               ("PHONG", "Mirror", "Use the mirror direction of the light")))
     smoothness: LiveFloat(
         name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "

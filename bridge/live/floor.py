@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...rle_splat.runtime.steps import Progress
 from .view import ViewportView
 
 PIXELS = 1.5  # by which a line may lie beside its pixel's center, which changes the floor's depth
@@ -18,46 +19,55 @@ BEHIND = 0.03  # of the depth: Blender 5.2 draws lines behind the floor, in pers
 SHARE = 1e-5  # of the depth, since the buffer is rounded
 THIN = 5  # pixels across which a line, or lines side by side, are less
 ROWS = 4  # one row of so many is looked at first
+BAND = 64  # rows at a time, whose depths stay in the processor's cache, and after which a redraw may end
 
 
-def without_floor(view: ViewportView, ends: np.ndarray, part) -> None:
-    """Let no ray end at thin lines in the plane z = 0.
+def without_floor_steps(view: ViewportView, ends: np.ndarray, part):
+    """Generator: depths that end no ray at thin lines in the plane z = 0; yields Progress after each band of rows.
 
     Parameters
     ----------
     view : ViewportView
     ends : (height, width) ndarray of float32
-        As of ``view.ray_ends``; changed in place. A line takes the furthest depth beside it. A mesh in that plane is no
-        line and stays.
+        As of ``view.ray_ends``.
     part : (left, top, right, bottom)
         The part that holds depths.
+
+    Returns
+    -------
+    (height, width) ndarray of float32
+        A line takes the furthest depth beside it. A mesh in that plane is no line and stays.
     """
     left, top, right, bottom = part
-    found = ends[top:bottom, left:right]
+    cleared = ends.copy()
+    drawn, found = ends[top:bottom, left:right], cleared[top:bottom, left:right]
     floor = _Floor.of(view, part)
-    rows, _ = floor.near(found[::ROWS], ROWS)
+    rows = np.flatnonzero(floor.is_near(drawn[::ROWS], slice(None, None, ROWS)).any(axis=1)) * ROWS
     if not len(rows):
-        return
-    some = slice(max(int(rows[0]) - ROWS, 0), int(rows[-1]) + ROWS)  # all else has no line
-    rows, columns = floor.near(found[some], 1, some.start)
-    if len(rows):
-        around = slice(max(int(columns.min()) - THIN, 0), int(columns.max()) + THIN)
-        at = rows - some.start, columns - around.start
-        found[some, around][at] = _closed(found[some, around])[at]
+        return cleared
+    first, last = max(int(rows[0]) - ROWS, 0), min(int(rows[-1]) + ROWS, len(drawn))  # all else has no line
+    for begin in range(first, last, BAND):
+        band, above = slice(begin, min(begin + BAND, last)), min(begin, THIN)
+        near = floor.is_near(drawn[band], band)
+        columns = np.flatnonzero(near.any(axis=0))
+        if len(columns):
+            across = slice(max(int(columns[0]) - THIN, 0), int(columns[-1]) + 1 + THIN)
+            closed = _closed(drawn[begin - above : band.stop + THIN, across])[above : above + len(near)]
+            np.copyto(found[band, across], closed, where=near[:, across])
+        yield Progress((band.stop - first) / (last - first), "Reading the depth of meshes")
+    return cleared
 
 
 @dataclass(frozen=True, eq=False)
 class _Floor:
     """The depth of the plane z = 0 in the pixels of a part of a view.
 
-    ``by_row``, ``by_column``: float32; a pixel's depth is ``above / (by_row - by_column)`` in perspective and
-    ``(by_row + by_column) / above`` in a parallel view.  ``slope``: how much the denominator, or the sum, changes from
-    a pixel to the next.
+    ``by_row``, ``by_column``: float32; their sum is a pixel's depth in a parallel view, and in perspective its
+    reciprocal.  ``slope``: how much the sum changes from a pixel to the next.
     """
 
     by_row: np.ndarray
     by_column: np.ndarray
-    above: np.float32
     slope: np.float32
     parallel: bool
 
@@ -71,35 +81,30 @@ class _Floor:
         middle = -window[:2, 3] if parallel else window[:2, 2]
         columns = 2.0 * (np.arange(left, right) + 0.5) / view.width - 1.0
         rows = 1.0 - 2.0 * (np.arange(top, bottom) + 0.5) / view.height
-        by_column = (across / window[0, 0] * (columns + middle[0])).astype(np.float32)
-        by_row = (up / window[1, 1] * (rows + middle[1])).astype(np.float32)
+        by_column = across / window[0, 0] * (columns + middle[0])
+        by_row = up / window[1, 1] * (rows + middle[1])
         slope = 2.0 * abs(across) / (view.width * window[0, 0]) + 2.0 * abs(up) / (view.height * window[1, 1])
-        if parallel:
-            change = np.float32(slope / max(abs(back), 1e-12))
-            return cls(by_row + np.float32(eye), by_column, np.float32(back), change, True)
-        change = np.float32(slope / max(abs(eye), 1e-12))
-        return cls(np.float32(back) - by_row, by_column, np.float32(eye), change, False)
+        by_row = by_row + eye if parallel else by_row - back
+        over = (back if parallel else -eye) or 1e-12  # of a view along the plane
+        by_row, by_column = ((one / over).astype(np.float32) for one in (by_row, by_column))
+        return cls(by_row, by_column, np.float32(slope / abs(over)), parallel)
 
-    def near(self, found: np.ndarray, step: int, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Rows and columns of the part, in the order of the rows, whose depths are those of the plane.
+    def is_near(self, found: np.ndarray, rows: slice) -> np.ndarray:
+        """Whether depths are those of the plane, (n, columns) bool.
 
-        ``found``: (n, columns) float32, of every ``step``-th row from ``first`` on.  Only pixels in which something was
-        drawn are looked at, since that is a small share of most views.
+        ``found``: (n, columns) float32, of these rows of the part.
         """
-        rows, columns = np.divmod(np.flatnonzero(found.ravel() < np.inf), found.shape[1])
-        depths, rows = found[rows, columns], rows * step + first
         with np.errstate(all="ignore"):
-            if self.parallel:
-                floor = (self.by_row[rows] + self.by_column[columns]) / self.above
-                change = self.slope
-            else:
-                floor = self.above / (self.by_row[rows] - self.by_column[columns])
-                change = floor * floor * self.slope
-            before = np.minimum(np.float32(PIXELS) * change, np.float32(MOST) * floor) + np.float32(SHARE) * floor
-            behind = depths - floor
-            near = (behind >= -before) & (behind <= np.maximum(before, np.float32(BEHIND) * floor))
-            near &= (floor > 0.0) & (floor < np.inf)
-        return rows[near], columns[near]
+            plane = self.by_row[rows, np.newaxis] + self.by_column
+            behind = found / plane if self.parallel else found * plane
+            behind -= np.float32(1.0)  # as a share of the depth
+            before = np.divide(np.float32(PIXELS) * self.slope, plane, out=plane)
+            np.minimum(before, np.float32(MOST), out=before)
+            before += np.float32(SHARE)
+            near = before > SHARE  # before the eye
+            near &= behind <= np.maximum(before, np.float32(BEHIND))
+            near &= behind >= np.negative(before, out=before)
+        return near
 
 
 def _closed(depths: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
 from ..pictures.drafts import draft_of
+from .floor import without_floor_steps
 from .view import Matrices, ViewportView, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap
@@ -39,6 +40,36 @@ class Contents:
     quality: Quality
     digest: str
     corners: np.ndarray
+
+
+@dataclass(eq=False)
+class Ends:
+    """Where the rays of a view end by a viewport's depth.
+
+    Attributes
+    ----------
+    drawn : (height, width) ndarray of float32
+        Depths as ``view.ray_ends`` returns them.
+    view : ViewportView
+    part : (left, top, right, bottom)
+        The region's pixels that hold depths.
+    has_floor : bool
+        Whether the lines of the floor may be among them, at which no ray ends.
+    """
+
+    drawn: np.ndarray
+    view: ViewportView
+    part: tuple[int, int, int, int]
+    has_floor: bool = False
+    _found: np.ndarray | None = None
+
+    def steps(self):
+        """Generator: the depths at which rays end, (height, width) float32; yields Progress the first time."""
+        if self._found is None:
+            if not self.has_floor:
+                return self.drawn
+            self._found = yield from without_floor_steps(self.view, self.drawn, self.part)
+        return self._found
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +155,13 @@ def shot_of(matrices: Matrices, contents) -> Shot:
     return Shot(matrices, view, ordered, pixels, tuple(group for group in seen if group))
 
 
-def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | None):
+def picture_steps(shot: Shot, drawn: Ends | None, cache, coarseness: int | None):
     """Generator: make the pictures of a view; yields Progress, returns a list of RegionPicture, the furthest first.
 
     Parameters
     ----------
     shot : Shot
-    ends : (height, width) ndarray of float32 or None
+    drawn : Ends or None
         Depths at which rays end, of the whole region; None where none is known.
     cache : StageCache
     coarseness : int or None
@@ -140,6 +171,7 @@ def picture_steps(shot: Shot, ends: np.ndarray | None, cache, coarseness: int | 
     width, height, block = shot.view.width, shot.view.height, 2 if coarseness else 1
     halvings = max(coarseness - 1, 0) if coarseness else 0
     view = shot.view
+    ends = None if drawn is None else (yield from drawn.steps())
     if block > 1:
         view = resized(view, -(-width // block), -(-height // block))
         ends = None if ends is None else furthest_of_blocks(ends, block)

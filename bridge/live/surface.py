@@ -18,9 +18,9 @@ from ..messages import sentence_of
 from ..pictures import outdated
 from ..scene import render_scene
 from ..scene.glass import has_glass
+from ..scene.lights import is_any_lit
 from ..volumes import encoded
 from . import shown
-from .floor import without_floor
 from .frames import Contents
 from .view import Matrices, ViewportView, ray_ends
 from .viewport import Habits, Request
@@ -50,9 +50,9 @@ def request_of(context, volumes: tuple) -> Request:
     shading = space.shading
     drawn = (
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
-        shading.show_xray_wireframe, _draws_floor(space.overlay),
+        shading.show_xray_wireframe,
     )
-    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()))
+    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()), _draws_floor(space.overlay))
 
 
 def _draws_floor(overlay) -> bool:
@@ -126,7 +126,7 @@ class BlenderSurface:
     def _casts_shadows(self) -> bool:
         """Whether meshes count beside the depth at which they end rays."""
         held = self._scene.rle_splat
-        return (held.lighting == "SCENE" and held.use_shadows) or held.ambient_occlusion > 0.0
+        return (held.use_shadows and is_any_lit(self._scene)) or held.ambient_occlusion > 0.0
 
     def _contents_or_problem(self, owner, matrix, surfaces: dict) -> Contents | str:
         """Of a volume that cannot be shown a sentence, so that the others are shown."""
@@ -166,10 +166,7 @@ class BlenderSurface:
         self._waits[:] = [*self._waits, perf_counter() - began][-MOST_WAITS:]
         if not buffer.any():  # nothing has been drawn into it
             return None
-        found = ray_ends(view, buffer, part)
-        if self._request.drawn[-1]:
-            without_floor(view, found, part)
-        return found
+        return ray_ends(view, buffer, part)
 
 
 def _are_slow(waits: list) -> bool:

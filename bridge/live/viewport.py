@@ -14,11 +14,14 @@ from typing import Protocol
 
 import numpy as np
 
+from ...rle_splat.runtime.steps import drain
 from ..messages import sentence_of
-from .frames import Contents, RegionPicture, Shot, picture_steps, shot_of
+from .frames import Contents, Ends, RegionPicture, Shot, picture_steps, shot_of
 from .view import Matrices, ViewportView, differ, eye_of
 
-BITE = 0.03  # seconds of work at a time, in a redraw and in a timer
+# Seconds of work at a time: in a redraw, with all that it looks at, and in a timer.  A step of a draft may take 10 ms,
+# and a redraw is to take 30 at most.
+IN_REDRAW, BITE = 0.02, 0.03
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
 # For how long pictures of another view are shown while the next ones are made: seconds, or times as long as the last
 # draft took, whichever is more; or slow drafts would alternate with nothing.
@@ -62,12 +65,15 @@ class Request:
     drawn : tuple
         How the viewport draws its objects, because their depth depends on it.
     habits : Habits
+    has_floor : bool
+        Whether the viewport draws lines in the plane z = 0.
     """
 
     matrices: Matrices
     volumes: tuple = ()
     drawn: tuple = ()
     habits: Habits = Habits()
+    has_floor: bool = False
 
 
 class DrawnSurface(Protocol):
@@ -121,7 +127,7 @@ class Viewport:
         self._contents: dict[str, Contents] = {}  # of Request.volumes
         self._has_triangles = False
         self._shot: Shot | None = None
-        self._ends: np.ndarray | None = None
+        self._ends: Ends | None = None
         self._checked, self._changed, self._due = -np.inf, -np.inf, None
         self._left = np.inf  # when the view became another one than that of the pictures
         self._work: Generator | None = None
@@ -188,11 +194,13 @@ class Viewport:
         ends = None
         if surface.hides() and shot.part is not None and not self._has_triangles:
             self.counts["depths"] += 1
-            ends = surface.ends(shot.view, shot.part)
-            if ends is None:
+            drawn = surface.ends(shot.view, shot.part)
+            if drawn is not None:
+                ends = Ends(drawn, shot.view, shot.part, request.has_floor)
+            else:
                 self._read(request, surface, True)
                 shot, changed = shot_of(request.matrices, [*self._contents.values()]), True
-        changed = changed or _ends_differ(ends, self._ends, shot.part)
+        changed = changed or _ends_differ(ends, self._ends)
         if changed:
             self._request, self._shot, self._ends = request, shot, ends
         return changed
@@ -217,7 +225,7 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        self._advance(now + BITE)
+        self._advance(now + IN_REDRAW)
 
     def work(self) -> bool:
         """Work for a bite, from a timer; return whether there is a new picture to draw."""
@@ -326,10 +334,17 @@ class Viewport:
         self.version += 1
 
 
-def _ends_differ(ends: np.ndarray | None, others: np.ndarray | None, part) -> bool:
-    """Whether rays end elsewhere than before, in the part that was read; None is no depth at all."""
-    if ends is None or others is None or ends.shape != others.shape:
+def _ends_differ(ends: Ends | None, others: Ends | None) -> bool:
+    """Whether rays end elsewhere than before, in the part that was read; None is no depth at all.
+
+    Lines of the floor do not count; they are looked for only where the depths with them differ.
+    """
+    if ends is None or others is None or ends.drawn.shape != others.drawn.shape:
         return ends is not others
-    left, top, right, bottom = part
+    left, top, right, bottom = ends.part
     inside = slice(top, bottom), slice(left, right)
-    return differ(ends[inside], others[inside], CHANGED * ends.size / ends[inside].size)
+
+    def differs(one: np.ndarray, other: np.ndarray) -> bool:
+        return differ(one[inside], other[inside], CHANGED * one.size / one[inside].size)
+
+    return differs(ends.drawn, others.drawn) and differs(drain(ends.steps()), drain(others.steps()))

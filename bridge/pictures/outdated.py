@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import weakref
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ...rle_splat.runtime.array_hash import hash_array
 from ...rle_splat.scene import RleSplatError, Scene
 from ...rle_splat.volume.volume import Volume
 from ..data import settings
 from ..look import transfer
 from ..scene import render_scene
-from ..scene.meshes import is_known
 from ..volumes import loading, volumes
 from . import backdrop, pictures
 
@@ -48,7 +47,6 @@ class MadeFrom(NamedTuple):
 
 
 _made_from: dict[int, MadeFrom] = {}  # by session id of the image
-_hashes: list = []  # (weak reference, hash) of arrays of surfaces that may be asked for again
 _out_of_date: set[int] = set()  # session ids of the images that the last ``update_status`` found outdated
 
 
@@ -218,18 +216,8 @@ def _feed(total, value) -> None:
         _feed(total, [getattr(value, entry.name) for entry in fields(value)])
     elif isinstance(value, np.ndarray):
         total.update(f"{value.dtype.str}{value.shape}".encode())
-        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else _hash_of(value))
+        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else hash_array(value))
     elif isinstance(value, dict):
         _feed(total, sorted(value.items()))
     else:
         total.update(f"{value!r};".encode())
-
-
-def _hash_of(array: np.ndarray) -> bytes:
-    """Hash of a large array; of surfaces that have not changed it is the one made before."""
-    found = next((value for held, value in _hashes if held() is array), None)
-    if found is None:
-        found = hashlib.blake2b(np.ascontiguousarray(array), digest_size=16).digest()
-        if is_known(array):
-            _hashes[:] = [(weakref.ref(array), found), *(one for one in _hashes if one[0]() is not None)]
-    return found

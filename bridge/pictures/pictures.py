@@ -225,7 +225,7 @@ def _error_lines(report: dict) -> list[str]:
     error = report.get("error", {})
     if error.get("truth") not in TRUTH_TEXTS:
         return []
-    against = f"against {error['truth']}, {TRUTH_TEXTS[error['truth']]}"
+    against = f"against {TRUTH_TEXTS[error['truth']]}"
     if error["tolerance"] is None:
         return [f"Error not measured; it would be {against}"]
     measured = f"Error in gray levels of 255: {error['sentence']}, {against}"

@@ -119,7 +119,7 @@ def _has_surface(one) -> bool:
 def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
     """``read_surfaces``, which in a viewport reads again only the meshes that an event has named.
 
-    The arrays are the same ones for as long as no surface differs.
+    The arrays are the same ones for as long as no surface differs, and read-only, so that each is hashed once.
     """
     instead = instead or {}
     if depsgraph.mode == "RENDER":
@@ -136,11 +136,6 @@ def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
         surfaces = view.surfaces if view is not None and view.pieces == pieces else _join(read)
         _Read.known[of] = view = _View(by, pieces, surfaces)
     return view.surfaces
-
-
-def is_known(array) -> bool:
-    """Whether an array is one of those that ``known_surfaces`` returns again, so that it is hashed once."""
-    return any(array is one for view in _Read.known.values() for one in view.surfaces)
 
 
 def forget() -> None:
@@ -211,9 +206,12 @@ def _join(pieces: list) -> Surfaces:
         return Surfaces(np.empty((0, 3, 3), dtype=np.float64), None, None)
     world, shares = np.concatenate(placed), np.concatenate(passing)
     finite, glass = np.isfinite(world).all(axis=(1, 2)), shares.any(axis=1)
-    if not (finite & glass).any():
-        return Surfaces(world[finite & ~glass], None, None)
-    return Surfaces(world[finite & ~glass], world[finite & glass], shares[finite & glass])
+    opaque, panes = world[finite & ~glass], finite & glass
+    found = Surfaces(opaque, world[panes], shares[panes]) if panes.any() else Surfaces(opaque, None, None)
+    for array in found:
+        if array is not None:
+            array.flags.writeable = False
+    return found
 
 
 def seen_meshes(depsgraph, without=()):

@@ -18,6 +18,7 @@ from .kind import Kind
 from .mesh_depth import mesh_depth
 from .ray_pass import RayEffect, RayPass
 
+SPARSE = 64  # one triangle of so many
 BEHIND = "no mesh is in or in front of the volume"
 
 
@@ -134,13 +135,20 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
         nearest = float(np.min(scene.ray_ends[top:bottom, left:right]))
         if nearest != nearest:
             raise RleSplatError("The scene's ray ends hold a value that is not a number; give inf for no end.")
-    if scene.triangles is not None and len(scene.triangles) > 0:  # beside ray ends they cast shadows
-        row = depth_row(scene.camera)
-        nearest = min(nearest, float((np.asarray(scene.triangles, np.float64) @ row[:3]).min() + row[3]))
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
-    if nearest > find_volume_depths(scene, view, quality)[1]:
-        return False, BEHIND
-    return True, "meshes are in or in front of the volume"
+    furthest = find_volume_depths(scene, view, quality)[1]
+    # Beside ray ends triangles cast shadows.
+    if nearest <= furthest or _any_before(scene.triangles, depth_row(scene.camera), furthest):
+        return True, "meshes are in or in front of the volume"
+    return False, BEHIND
+
+
+def _any_before(triangles, row: np.ndarray, depth: float) -> bool:
+    """Whether a corner of (n, 3, 3) triangles is nearer than a depth; few are looked at first, as most often one is."""
+    if triangles is None or len(triangles) == 0:
+        return False
+    corners = np.asarray(triangles, np.float64)
+    return any((some @ row[:3]).min() + row[3] <= depth for some in (corners[::SPARSE], corners))
 
 
 MESH_OCCLUSION = Kind(

@@ -8,7 +8,6 @@ means of it.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
@@ -20,6 +19,7 @@ from ..encode.encode import fetch_chunks
 from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_tables
 from ..encode.tables import RunTables
+from ..runtime.array_hash import hash_array
 from ..runtime.steps import map_steps
 from ..shade.light_nodes import lit_nodes_steps, read_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
@@ -78,7 +78,7 @@ class Occluders:
     @cached_property
     def key(self) -> tuple:
         """Identifies everything that shadows depend on, except the light."""
-        triangles = () if self.triangles is None else hashlib.blake2b(self.triangles.tobytes()).digest()
+        triangles = () if self.triangles is None else hash_array(self.triangles)
         clips = tuple((clip.kind, clip.keep, clip.matrix_world.tobytes()) for clip in self.clips)
         return self.medium_key, self.matrix.tobytes(), triangles, clips, self.boxed
 

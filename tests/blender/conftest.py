@@ -172,6 +172,12 @@ def volume_object(phantom):
     return bpy.context.view_layer.objects.active
 
 
+@pytest.fixture
+def library(addon, tmp_path):
+    """The path of a library, see ``linking.make_library``."""
+    return import_module("tests.blender.linking").make_library(tmp_path)
+
+
 def contents() -> dict:
     """How many datablocks of each kind there are, and what is active: what a failed operator must leave alone."""
     kinds = ("objects", "meshes", "collections", "node_groups", "images", "cameras", "actions")

@@ -3,17 +3,20 @@
     python3 dev.py blender --photograph tests/blender/long_tour.py --size 1600x1000
 
 A job of its own, which takes RLE_SPLAT_TOUR minutes, ten if that is not set.  Nothing may print a traceback.  It prints
-how many redraws of ours took longer than 30 ms of processor time, and the largest resident memory until each round.
+the memory after each round, and the parts of each redraw that took us longer than 30 ms of processor time.
 """
 
+import gc
 import os
 import resource
+import sys
 import tempfile
 import time
 from importlib import import_module
 from pathlib import Path
 
 import bpy
+import gpu
 import numpy as np
 
 from tests.blender import scenes
@@ -34,25 +37,101 @@ from tests.blender.window_driver import (
 MINUTES = float(os.environ.get("RLE_SPLAT_TOUR", "10"))
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_tour_"))
 SIDE, SLOW = 24, 0.03  # voxels; seconds of a redraw
-_redraws: list = []  # seconds of processor time of each redraw of ours
+# What a redraw consists of: module of bridge.live, name, and what it is called in a line.  What is left of "depth" is
+# the driver's: reading waits until it has drawn what Blender asked for, on a software driver in the same thread.
+PARTS = (
+    ("surface", "request_of", "request"), ("surface", "BlenderSurface.contents", "contents"),
+    ("surface", "BlenderSurface.ends", "depth"), ("surface", "ray_ends", "ray ends"),
+    ("viewport", "shot_of", "cut"), ("viewport", "Viewport._advance", "draft"),
+    ("drawing", "texture_of", "upload"), ("drawing", "draw", "quads"),
+)  # fmt: skip
+_redraws: list = []  # (seconds of processor time that are ours, and the driver's, parts, what the user does) of each
+_steps: list = []  # (seconds of processor time, function) of each call of the one timer
+_parts: dict = {}  # of the redraw that runs: name -> seconds of processor time
+_doing = [""]  # what the user does
 
 
 def watch_redraws():
-    """Note what each redraw of a viewport takes in its handler."""
-    viewports = import_module(f"{MODULE}.bridge.live.viewport")
-    redraw = viewports.Viewport.redraw
+    """Note what each redraw of a viewport takes in our two draw handlers, in processor time of its thread."""
+    live = import_module(f"{MODULE}.bridge.live")
 
-    def timed(self, *arguments):
+    def timed(function, name):
+        def call(*arguments):
+            began = time.thread_time()
+            try:
+                return function(*arguments)
+            finally:
+                _parts[name] = _parts.get(name, 0.0) + time.thread_time() - began
+
+        return call
+
+    def begin_redraw():
+        _parts.clear()  # of the timer's work since the last redraw
+        before()
+
+    def note_redraw():
+        drawn = live.calls["drawn"]
+        after()
+        if live.calls["drawn"] > drawn:
+            driver = _parts.get("depth", 0.0) - _parts.get("ray ends", 0.0)
+            _redraws.append((_parts["before"] + _parts["after"] - driver, driver, dict(_parts), _doing[0]))
+
+    for module, name, called in PARTS:
+        place = import_module(f"{MODULE}.bridge.live.{module}")
+        *owner, name = name.split(".")
+        place = getattr(place, owner[0]) if owner else place
+        setattr(place, name, timed(getattr(place, name), called))
+    live.unregister()
+    before, after = timed(live._before, "before"), timed(live._after, "after")
+    live._before, live._after = begin_redraw, note_redraw
+    live.register()
+
+
+def watch_steps():
+    """Note what each call of the one timer takes, and whom it calls."""
+    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    tick = timer._tick
+
+    def timed_tick():
+        function = min(timer._due, key=timer._due.get, default=tick)
         began = time.thread_time()
-        redraw(self, *arguments)
-        _redraws.append(time.thread_time() - began)
+        again = tick()
+        _steps.append((time.thread_time() - began, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"))
+        return again
 
-    viewports.Viewport.redraw = timed
+    timer.stop_all()
+    timer._tick = timed_tick
 
 
-def resident() -> float:
-    """MiB that this process had in memory at most."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+def time_driver():
+    """Print what reading depth waits for in a file without a volume, while the view turns."""
+    spent = []
+
+    def read():
+        region = bpy.context.region
+        buffer = gpu.types.Buffer("FLOAT", (region.height, region.width))
+        began = time.thread_time()
+        framebuffers[-1].read_depth(0, 0, region.width, region.height, data=buffer)
+        spent.append(time.thread_time() - began)
+
+    framebuffers = []
+    space = bpy.types.SpaceView3D
+    handles = [space.draw_handler_add(lambda: framebuffers.append(gpu.state.active_framebuffer_get()), (), "WINDOW",
+                                      "PRE_VIEW"), space.draw_handler_add(read, (), "WINDOW", "POST_VIEW")]
+    with in_the_view():
+        bpy.ops.mesh.primitive_uv_sphere_add()
+    yield from orbit()
+    for handle in handles:
+        space.draw_handler_remove(handle, "WINDOW")
+    print(f"the driver without a volume: {len(spent)} redraws, median {1e3 * np.median(spent):.0f} ms, "
+          f"longest {1e3 * max(spent):.0f} ms", flush=True)
+
+
+def memory() -> tuple:
+    """MiB: resident at most so far, and held by the extension's store and stages."""
+    held = import_module(f"{MODULE}.bridge.scene.render_scene").KEPT.nbytes
+    held += import_module(f"{MODULE}.bridge.loop.store").nbytes()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, held / 2.0**20
 
 
 def add_volume(name: str, radius: float, labels: int):
@@ -166,23 +245,41 @@ def save_elsewhere(number: int):
 
 
 def scenario():
+    yield from new_file()
+    yield from time_driver()
     watch_redraws()
-    until_then, number, memory = time.monotonic() + 60.0 * MINUTES, 0, []
+    watch_steps()
+    until_then, number, seen = time.monotonic() + 60.0 * MINUTES, 0, 0
     while time.monotonic() < until_then or number < 1:
         yield from new_file()
         region_of(area_of("VIEW_3D"), "WINDOW")
+        _doing[0] = "look"
         first, second = yield from look(number)
+        _doing[0] = "edit"
         yield from edit(second)
+        _doing[0] = "split"
         yield from split()
+        _doing[0] = "f12"
         yield from f12(first)
         if number == 0:
             yield from photograph("tour")
+        _doing[0] = "save_elsewhere"
         yield from save_elsewhere(number)
         number += 1
-        memory.append(resident())
-        slow = sum(spent > SLOW for spent in _redraws)
-        print(f"round {number}: {memory[-1]:.0f} MiB, {len(_redraws)} redraws, {slow} above {1e3 * SLOW:.0f} ms, "
-              f"median {1e3 * np.median(_redraws):.1f}, longest {1e3 * max(_redraws):.0f} ms", flush=True)
+        gc.collect()
+        resident, held = memory()
+        ours = np.array([one[0] for one in _redraws])
+        slow = [one for one in _redraws if one[0] > SLOW]
+        for spent, driver, parts, doing in slow[seen:]:
+            listed = ", ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items())
+            print(f"slow: {1e3 * spent:.0f} ms and the driver {1e3 * driver:.0f}, {doing}: {listed}", flush=True)
+        seen = len(slow)
+        print(f"round {number}: {resident:.0f} MiB at most, {held:.0f} held by us, "
+              f"{sys.getallocatedblocks()} blocks of Python; {len(ours)} redraws, {seen} above {1e3 * SLOW:.0f} ms, "
+              f"median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
+              f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above; {len(_steps)} steps, "
+              f"{sum(spent > SLOW for spent, _ in _steps)} above, longest {1e3 * max(_steps)[0]:.0f} ms, "
+              f"{max(_steps)[1]}", flush=True)
     passed("the tour")
 
 

@@ -86,13 +86,16 @@ def test_guesses_fill_what_is_left_out(tmp_path, bridge):
     np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(active()).voxels, voxels)
 
 
-def test_several_files_at_once(tmp_path):
+def test_several_files_at_once(tmp_path, capfd):
+    """What is to be known of them is one message: of several a window shows the last alone."""
     for name in ("one_4x4x4_uint8.raw", "two_5x4x3_uint8.raw"):
         n = 64 if "one" in name else 60
         (tmp_path / name).write_bytes(bytes(range(n)))
     import_volume(directory=str(tmp_path), files=[{"name": "one_4x4x4_uint8.raw"}, {"name": "two_5x4x3_uint8.raw"}])
     shapes = sorted(tuple(o.rle_splat.shape) for o in bpy.data.objects if o.rle_splat.is_volume)
     assert shapes == [(4, 4, 4), (5, 4, 3)]
+    (message,) = [line for line in capfd.readouterr().out.splitlines() if line.startswith(("Warning:", "Info:"))]
+    assert "No spacing was given" in message and all(name in message for name in ("one_4x4x4", "two_5x4x3"))
 
 
 def test_one_bad_file_of_several_imports_none(tmp_path, refused):

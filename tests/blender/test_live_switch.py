@@ -208,6 +208,21 @@ def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
     assert looked.contents(request, True)[request.volumes[0]].digest != found.digest
 
 
+@pytest.mark.parametrize("lit, counts", [(("HEADLIGHT", "BOTH"), 12), (("SCENE", "SCENE"), 12), (("NONE",) * 2, None)])
+def test_meshes_cast_shadows_on_every_volume_that_the_scenes_lights_shine_on(
+        volume_object, phantom, bridge, lit, counts):
+    bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", preset="x-ray")
+    second = bpy.context.view_layer.objects.active
+    bpy.ops.mesh.primitive_cube_add()
+    volume_object.rle_splat.lighting, second.rle_splat.lighting = lit
+    update()
+    looked = bridge("live.surface").BlenderSurface(bpy.context, None, None, [])
+    request = bridge("live.viewport").Request(None, (bridge("loop.index").key_of(second),))
+    (found,) = looked.contents(request, False).values()
+    triangles = found.plain.triangles
+    assert (triangles if triangles is None else len(triangles)) == counts
+
+
 def test_depth_is_not_expected_where_engines_leave_none(bridge):
     surface, viewport = bridge("live.surface"), bridge("live.viewport")
 

@@ -208,7 +208,7 @@ def test_an_end_where_there_was_none_is_a_difference(view):
 
 
 @pytest.mark.parametrize("settings", [{"lens": 35.0}, {"type": "ORTHO", "ortho_scale": 6.0}])
-def test_lines_of_the_floor_end_no_ray_but_meshes_do(settings, bridge, view, to_pixel):
+def test_lines_of_the_floor_end_no_ray_but_meshes_do(settings, bridge, core, view, to_pixel, monkeypatch):
     """Lines and a square in the plane z = 0, and a thin needle that passes through it, drawn point by point."""
     camera = add_camera((3.0, -5.0, 4.0), (0.95, 0.1, 0.5), **settings)
     bpy.context.view_layer.update()
@@ -229,8 +229,11 @@ def test_lines_of_the_floor_end_no_ray_but_meshes_do(settings, bridge, view, to_
     draw(np.column_stack((x.ravel(), y.ravel(), 0.0 * x.ravel())), 2)
     draw(np.column_stack((0.3 * along - 1.0, 0.1 * along, 0.4 * along)), 3)
     assert min((kind == number).sum() for number in (1, 2, 3)) > 100
-    cleared = ends.copy()
-    bridge("live.floor").without_floor(found, cleared, (0, 0, *SIZE))
+    floor, drawn, drain = bridge("live.floor"), ends.copy(), core("runtime.steps").drain
+    cleared = drain(floor.without_floor_steps(found, ends, (0, 0, *SIZE)))
+    np.testing.assert_array_equal(ends, drawn)
+    monkeypatch.setattr(floor, "BAND", 7)
+    np.testing.assert_array_equal(drain(floor.without_floor_steps(found, ends, (0, 0, *SIZE))), cleared)
     beside = np.zeros_like(kind, bool)  # of a square or a needle, whose depth a line beside them takes
     for down in range(-2, 3):
         for right in range(-2, 3):

@@ -180,21 +180,42 @@ def test_a_change_cancels_the_refinement(live, made):
     assert viewport.counts["refinements"] == 1
 
 
-def test_a_slow_draft_ends_although_the_view_moves_on(live, made, monkeypatch):
-    viewport, clock, surface = made
+@pytest.fixture
+def slow_steps(live, made, monkeypatch):
+    """``slow_steps(seconds)``: each step of a picture takes so long on the clock."""
+    _viewport, clock, _surface = made
     make = live.viewport.picture_steps
 
-    def slow_steps(*arguments):
-        steps = make(*arguments)
-        while True:
-            clock.now += 0.02  # so that a bite is two steps
-            try:
-                step = next(steps)
-            except StopIteration as finished:
-                return finished.value
-            yield step
+    def slow_down(seconds):
+        def steps(*arguments):
+            running = make(*arguments)
+            while True:
+                clock.now += seconds
+                try:
+                    step = next(running)
+                except StopIteration as finished:
+                    return finished.value
+                yield step
 
-    monkeypatch.setattr(live.viewport, "picture_steps", slow_steps)
+        monkeypatch.setattr(live.viewport, "picture_steps", steps)
+
+    return slow_down
+
+
+def test_a_redraw_takes_less_than_30_ms_where_a_step_takes_9(live, made, slow_steps):
+    viewport, clock, surface = made
+    slow_steps(0.009)
+    for n in range(20):
+        before = clock.now
+        viewport.redraw(request_of(live, 30.0 + 0.1 * n), 1, surface)
+        assert 0.0 < clock.now - before < 0.03
+    finish(viewport, clock)
+    assert viewport.counts["drafts"] and viewport.is_refined
+
+
+def test_a_slow_draft_ends_although_the_view_moves_on(live, made, slow_steps):
+    viewport, clock, surface = made
+    slow_steps(0.02)  # so that a bite is two steps
     seen = []
     for n in range(60):
         viewport.redraw(request_of(live, 30.0 + 0.1 * n), 1, surface)
@@ -236,18 +257,22 @@ def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
     assert abs(viewport.pictures[0].rgba.shape[0] - 2 * coarse[0]) <= 2
 
 
-def test_depths_are_compared_where_they_were_read(live):
+def test_depths_are_compared_where_they_were_read(live, bridge):
     """Of a small part of a view a change must not be too small a share of all pixels to count."""
+
+    def differ(*depths):
+        found = [None if one is None else bridge("live.frames").Ends(one, None, part) for one in depths]
+        return live.viewport._ends_differ(*found)
+
     ends = np.full((40, 50), np.inf, np.float32)
     other = ends.copy()
     part = 10, 10, 20, 20
     other[12:15, 12:15] = 3.0
-    assert live.viewport._ends_differ(ends, other, part)
-    assert not live.viewport._ends_differ(ends, ends.copy(), part)
-    assert live.viewport._ends_differ(ends, None, part) and not live.viewport._ends_differ(None, None, None)
+    assert differ(ends, other) and not differ(ends, ends.copy())
+    assert differ(ends, None) and not differ(None, None)
     one = ends.copy()
     one[12, 12] = 3.0
-    assert not live.viewport._ends_differ(ends, one, part), "a pixel in 2000 is what an engine's samples move"
+    assert not differ(ends, one), "a pixel in 2000 is what an engine's samples move"
 
 
 def test_depth_ends_rays_and_without_one_triangles_do(live, made):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.blender import scenes
+from tests.blender.linking import bring
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -192,3 +193,18 @@ def test_an_animated_mode_of_a_scene_leaves_a_sentence(addon, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=saved)
     bpy.ops.wm.open_mainfile(filepath=saved)
     assert "belong to each volume now" in bpy.context.scene.rle_splat.message
+
+
+@pytest.mark.parametrize("how", ["link", "override"])
+def test_an_earlier_scenes_mode_reaches_overrides_and_a_linked_volume_leaves_a_sentence(library, how, tmp_path):
+    name = bring(library, how).name
+    bpy.context.scene.rle_splat["mode"] = 2  # mip, as earlier versions stored it
+    saved = str(tmp_path / "earlier.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    for _again in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        found = [one for one in bpy.context.scene.objects if one.rle_splat.is_volume]
+        message = bpy.context.scene.rle_splat.message
+        assert [one.rle_splat.mode for one in found] == ["composite" if how == "link" else "mip"]
+        assert ("make a library override" in message and repr(name) in message) == (how == "link")
+        bpy.ops.wm.save_as_mainfile(filepath=saved)

@@ -6,8 +6,10 @@ import re
 from pathlib import Path
 
 import bpy
+import numpy as np
+import pytest
 
-from tests.blender import layout_recorder
+from tests.blender import layout_recorder, scenes
 
 # A class of the sources that Blender registers.  (A tool is none in its data.)
 WRITTEN = re.compile(r"^class (\w+)\(.*\bbpy\.types\.(?!WorkSpaceTool)\w+", re.MULTILINE)
@@ -113,6 +115,29 @@ def test_disabling_with_a_volume_in_the_file_and_enabling_again_keeps_it(volume_
     again = bpy.data.objects[volume_object.name]
     assert again.rle_splat.is_volume and again.rle_splat.data_key == key
     assert bridge("volumes.volumes").load_volume(again).shape_xyz == (7, 6, 5)
+
+
+@pytest.mark.parametrize("leave", ["disable", "load"])
+def test_disabling_and_another_file_leave_no_voxels_labels_and_stages(
+        leave, volume_object, bridge, core, addon, tmp_path):
+    labels = np.zeros((5, 6, 7), np.uint8)
+    labels[2:] = 3
+    labels.tofile(tmp_path / "labels.raw")
+    volume_object.rle_splat.label_file = str(tmp_path / "labels.raw")
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    scenes.add_camera((3.0, 5.0, 40.0), type="ORTHO", ortho_scale=14.0)
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 24
+    scenes.activate(volume_object)
+    with core("runtime.jit").use_reference():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    store, stages = bridge("loop.store"), bridge("scene.render_scene").KEPT
+    assert len(store._entries) == 2 and stages.contents, "voxels, labels and stages"
+    if leave == "disable":
+        addon.unregister()
+        addon.register()
+    else:
+        bpy.ops.wm.read_homefile(use_empty=True)
+    assert not store._entries and not store._wanted and not stages.contents
 
 
 def test_operators_and_properties_are_described(addon):

@@ -99,6 +99,13 @@ def test_cubes_apart_and_one_that_is_hidden(cubes, tmp_path):
     assert "'red' is not in the picture: it is hidden from renders" in bpy.context.scene.rle_splat.render_problem
 
 
+def test_including_a_volume_says_which_others_renders_show(cubes, capfd):
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert "red is now included in every render. " in said
+    assert "Also included: blue. To leave a volume out, hide it from renders in the Outliner." in said
+
+
 @pytest.mark.parametrize("bad", ["file", "scale"])
 def test_a_volume_that_cannot_be_drawn_is_left_out_and_named(bad, cubes, bridge, tmp_path):
     cubes["red"].location.z = 12.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 
 from tests.blender import panel_states, scenes
-from tests.blender.user_steps import live, middle, settled, simulate
+from tests.blender.user_steps import live, middle, settled, simulate, viewport
 from tests.blender.window_driver import (
     MODULE,
     area_of,
@@ -76,6 +76,9 @@ def check_a_bad_volume_in_f12():
     bpy.app.handlers.render_complete.pop()
     print(scene.rle_splat.render_problem, flush=True)
     assert scene.rle_splat.render_problem.startswith("'bad' is left out of the picture: The file of 'bad'")
+    yield from settled()
+    assert viewport().problem.startswith("The file of 'bad'"), viewport().problem
+    assert any(one.rgba[..., 3].max() > 0.5 for one in viewport().pictures), "the other is in the viewport, too"
     area_of("PROPERTIES").type = "IMAGE_EDITOR"
     area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
     yield from photograph("a bad volume is left out")
