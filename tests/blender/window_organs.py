@@ -5,6 +5,7 @@ dev.py test runs it.  The files are written with pydicom, which the extension br
 """
 
 import os
+import shutil
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -195,6 +196,7 @@ def check_pet(ct):
     ct.hide_set(True)
     yield from settled()
     yield from photograph("pet")
+    yield from show_on_white(pet)
     ct.hide_set(False)
     scenes.activate(ct)
     pet.select_set(True)
@@ -204,6 +206,31 @@ def check_pet(ct):
     yield from settled()
     yield from photograph("pet_over_ct")
     assert ct.rle_splat.channels[0].source == pet
+
+
+def show_on_white(pet):
+    """MIP of a PET begins with inverted grays; one click makes the viewport white, and a turntable is on white."""
+    pet.rle_splat.display = "mip"
+    pet.rle_splat.window_center, pet.rle_splat.window_width = 5.0, 10.0
+    with in_the_view():
+        bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
+    yield from settled()
+    yield from photograph("pet_mip")
+    liver, beside = color_at("pet_mip", pet, ORGANS["liver"]), color_at("pet_mip", pet, (1, 24, 1))
+    print("pet_mip", liver, beside, flush=True)
+    assert beside.min() > 0.97 and liver.max() < 0.6, (liver, beside)
+    path = FOLDER / "pet_turn"
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = 320, 240
+    with in_the_view():
+        bpy.ops.rle_splat.turntable("EXEC_DEFAULT", filepath=str(path), frames=2, output="PNG", background="WHITE")
+    yield from until(lambda: (FOLDER / "pet_turn_0002.png").exists() and not bpy.app.is_job_running("RENDER"))
+    shown = scenes.load_pixels(FOLDER / "pet_turn_0002.png")[..., :3]
+    assert shown[[0, -1], [0, -1]].min() > 0.97 and shown.min() < 0.6
+    shutil.copy(FOLDER / "pet_turn_0002.png", Path(os.environ[SHOTS]) / "pet_turn.png")
+    pet.rle_splat.display = "composite"
+    with in_the_view():
+        bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
 
 
 def scenario():
