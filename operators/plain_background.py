@@ -3,11 +3,9 @@
 import bpy
 
 from ..bridge.look import transfer
-from ..bridge.translations import translate
 from ..bridge.volumes import volumes
 
 NOT_SOLID = "Only Solid shading has a background of its own; other shading shows the world"
-LABELS = {False: "Black Background", True: "White Background"}
 
 
 def wants_white(owner) -> bool:
@@ -48,7 +46,7 @@ def draw_button(layout, shading, owner) -> None:
     """The button of a viewport, with the color that suits a volume."""
     white = wants_white(owner)
     layout.operator(
-        "rle_splat.plain_background", text=translate(LABELS[white]), translate=False,
+        "rle_splat.plain_background", text="White Background" if white else "Black Background",
         depress=is_plain(shading, white), icon="SHADING_SOLID")
 
 
