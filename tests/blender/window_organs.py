@@ -156,12 +156,19 @@ def from_the_front() -> None:
 
 def color_at(name: str, owner, index) -> np.ndarray:
     """What the photograph of this name shows at a voxel, RGB in [0, 1]."""
+    return around(name, owner, index, 0.0)[0, 0]
+
+
+def around(name: str, owner, index, voxels: float = 1.5 * RADIUS) -> np.ndarray:
+    """(2 n + 1, 2 n + 1, 3) what the photograph of this name shows around a voxel, by so many voxels to each side."""
     pixels = scenes.load_pixels(Path(os.environ[SHOTS]) / f"{name}.png")[..., :3]
     region, view = region_of(area_of("VIEW_3D"), "WINDOW"), area_of("VIEW_3D").spaces.active.region_3d
     corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
     axes = corners[[1, 2, 4]] - corners[0]
-    place = location_3d_to_region_2d(region, view, Vector(corners[0] + np.array(index) / (N - 1.0) @ axes))
-    return pixels[len(pixels) - 1 - int(region.y + place.y), int(region.x + place.x)]
+    places = (Vector(corners[0] + np.array(at) / (N - 1.0) @ axes) for at in (index, index + np.array((voxels, 0, 0))))
+    place, beside = (location_3d_to_region_2d(region, view, at) for at in places)
+    row, column, n = len(pixels) - 1 - int(region.y + place.y), int(region.x + place.x), int((beside - place).length)
+    return pixels[row - n : row + n + 1, column - n : column + n + 1]
 
 
 def check_structures(ct):
@@ -205,7 +212,18 @@ def check_pet(ct):
     yield from until(lambda: len(ct.rle_splat.channels) == 1 and is_idle())
     yield from settled()
     yield from photograph("pet_over_ct")
-    assert ct.rle_splat.channels[0].source == pet
+    (channel,) = ct.rle_splat.channels
+    assert channel.source == pet
+    channel.show = False
+    yield from settled()
+    yield from photograph("without_pet")
+    channel.show = True
+    both = "pet_over_ct", "without_pet"
+    liver, spleen = ([around(name, ct, middle) for name in both] for middle in ORGANS.values())
+    hot, cold = (np.abs(one - other).max(axis=-1) for one, other in (liver, spleen))
+    print("pet over ct", np.quantile(hot, 0.5), np.quantile(cold, (0.5, 0.99)), flush=True)
+    assert np.quantile(hot, 0.5) > 0.15, "uptake shows within its segment"
+    assert np.quantile(cold, 0.99) < 0.1, "segments have the boundaries that they have without a channel"
 
 
 def show_on_white(pet):
