@@ -185,7 +185,8 @@ def organs(stage, shade=None, size=(30, 28), **more):
     scene = stage.on_turntable(np.zeros(volume.voxels.shape), 25.0, 20.0, False, size, 1.1)
     given = Labels(Volume(labels, np.eye(4)), functions)
     own = function(70.0, 140.0, 0.5, (0.8, 0.8, 0.7), shade)
-    return replace(scene, volume=volume, transfer_function=own, labels=given, headlight=shade is not None, **more)
+    fields = {"headlight": shade is not None, **more}
+    return replace(scene, volume=volume, transfer_function=own, labels=given, **fields)
 
 
 def of_labels(scene, at):
