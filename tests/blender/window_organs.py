@@ -201,10 +201,12 @@ def check_pet(ct):
     assert (own.window_center, own.window_width) == (5.0, 10.0), (own.window_center, own.window_width)
     assert abs(own.value_high - HOT) < 0.02 * HOT, own.value_high
     ct.hide_set(True)
+    ct.hide_render = True
     yield from settled()
     yield from photograph("pet")
     yield from show_on_white(pet)
     ct.hide_set(False)
+    ct.hide_render = False
     scenes.activate(ct)
     pet.select_set(True)
     with in_the_view():
@@ -239,6 +241,7 @@ def show_on_white(pet):
     assert beside.min() > 0.97 and liver.max() < 0.6, (liver, beside)
     path = FOLDER / "pet_turn"
     scene = bpy.context.scene
+    scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 320, 240
     with in_the_view():
         bpy.ops.rle_splat.turntable("EXEC_DEFAULT", filepath=str(path), frames=2, output="PNG", background="WHITE")
