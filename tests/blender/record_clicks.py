@@ -34,18 +34,18 @@ from tests.blender.window_driver import (
 DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
 STEP, EDGE = 8, 30  # pixels between places that are hovered over, and from the right edge to a row's last button
-window_driver.PAUSE = 0.03  # seconds; it counts in what is measured
+window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
 READ, ANATOMY = "bpy.ops.rle_splat.read_labels(", "bpy.ops.rle_splat.color_anatomy("
 # Name, entry of File > Import, scan, labels or None, buttons that are pressed afterwards.
 CASES = (
     ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", None, ()),
     ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
-     "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", ()),
+     "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", (ANATOMY,)),
     ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", None, ()),
     ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", ()),
     ("CT with RTSTRUCT", FOLDER, "dicom_ct_chest_512x512x46", "rt_utils_chest.dcm", (ANATOMY,)),
     ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif",
-     "fluorescence/nuclei_labels_256x256x60_uint32.tif", ()),
+     "fluorescence/nuclei_labels_256x256x60_uint32.tif", (ANATOMY,)),
 )  # fmt: skip
 
 
@@ -80,6 +80,7 @@ def found(place: str):
     for y in range(region.y + region.height - STEP, region.y, -STEP):
         for x in columns:
             simulate("MOUSEMOVE", "NOTHING", (x, y))
+            yield
             yield
             bpy.context.window_manager.clipboard = ""
             with bpy.context.temp_override(window=window_driver.window(), area=area, region=region):
