@@ -12,17 +12,19 @@ from ..rle_splat.scene import RleSplatError
 
 
 class Held:
-    """A reference to one object, scene or image by its session id.
+    """A reference to one object, scene, image or world by its session id.
 
     Parameters
     ----------
-    datablock : bpy.types.Object, bpy.types.Scene or bpy.types.Image
+    datablock : bpy.types.Object, bpy.types.Scene, bpy.types.Image or bpy.types.World
         The datablock.
     """
 
     def __init__(self, datablock):
         self.name = datablock.name
-        self._kind = {"OBJECT": "objects", "SCENE": "scenes", "IMAGE": "images"}[datablock.id_type]
+        self._kind = {
+            "OBJECT": "objects", "SCENE": "scenes", "IMAGE": "images", "WORLD": "worlds",
+        }[datablock.id_type]
         self._session_uid = datablock.session_uid
 
     def find(self):

@@ -45,6 +45,7 @@ EFFECT_SCENES = {
     "gradient opacity": ("gradient opacity", "shading"),
     "labels": ("labels", "clip plane"),
     "channels": ("channels", "shading"),
+    "channels with labels": ("channels", "labels", "shading"),
     "x-ray": ("mode xray", "clipping"),
     "mip": ("mode mip",),
     "minip": ("mode minip",),

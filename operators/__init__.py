@@ -8,7 +8,6 @@ from . import (
     add_slice,
     apply_preset,
     bake_volume,
-    black_background,
     change_segment,
     channels,
     choose_object,
@@ -34,6 +33,7 @@ from . import (
     live_view,
     own_presets,
     own_transfer,
+    plain_background,
     probe,
     read_labels,
     reload,
@@ -60,7 +60,7 @@ MODULES = (
     frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
     drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
-    change_segment, export_segments, scroll_slice, four_up, black_background, fit_clip, clear_labels, show_tab,
+    change_segment, export_segments, scroll_slice, four_up, plain_background, fit_clip, clear_labels, show_tab,
     update_world_light, hide_mesh,
 )
 

@@ -2,18 +2,23 @@
 
 import bpy
 
+from ..bridge.held import Held
+from ..bridge.loop.jobs import READ_BUDGET, StepwiseOperator
 from ..bridge.volumes import labels, loading, volumes
-from ..rle_splat.scene import RleSplatError
-from .reading import LoadsFirst
-from .refusal import has_editable_values, refuse
+from .reading import TOO_LARGE
+from .refusal import has_editable_values
 
 
-class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
     """List the segments in the label file. Each can be hidden, or get its own color and opacity"""
 
     bl_idname = "rle_splat.read_labels"
     bl_label = "Read Segments"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
+
+    is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
+    time_budget = READ_BUDGET
+    out_of_memory = TOO_LARGE
 
     @classmethod
     def poll(cls, context):
@@ -27,17 +32,17 @@ class RLE_SPLAT_OT_read_labels(LoadsFirst, bpy.types.Operator):
     def loading(self, context):
         return loading.missing_steps(volumes.volume_object(context), with_labels=True)
 
-    def execute(self, context):
+    def prepare(self, context):
         owner = volumes.volume_object(context)
-        try:
-            count, further, remarks = labels.list_labels(owner, volumes.load_volume(owner))
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        self._owner = Held(owner)
+        return labels.listed_steps(owner, volumes.load_volume(owner))
+
+    def commit(self, _context, result):
+        count, further, remarks = labels.list_labels(self._owner.get(), result)
         for remark in remarks:
             self.report({"INFO"}, remark)
         self.report({"INFO"}, f"{count} segments" + (
             f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))
-        return {"FINISHED"}
 
 
 CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -12,6 +12,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from bpy_extras.io_utils import ExportHelper
 
 from ..bridge.held import Held
+from ..bridge.look import transfer
 from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.messages import sentence_of
 from ..bridge.render import camera_path
@@ -72,6 +73,11 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         min=-89.0, max=89.0)
     perspective: BoolProperty(
         name="Perspective", description="Use a perspective camera; else an orthographic one", default=True)
+    background: EnumProperty(
+        name="Background", description="What is seen behind the volume", options={"SKIP_SAVE"},
+        items=[("SCENE", "Scene", "The world of the scene, with its view transform"),
+               ("BLACK", "Black", "Black, and colors as they are, without a view transform"),
+               ("WHITE", "White", "White, as behind a PET, and colors as they are, without a view transform")])
     output: EnumProperty(
         name="Output", description="What is written",
         items=[(MOVIE, "MP4", "One movie, with the codec H.264"),
@@ -97,7 +103,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         turns = self.path == TURN
-        for name in ("path", *(("frames", "angle", "azimuth", "elevation", "perspective") if turns else ()), "output"):
+        of_turn = ("frames", "angle", "azimuth", "elevation", "perspective") if turns else ()
+        for name in ("path", *of_turn, "background", "output"):
             layout.prop(self, name)
         problem = why_no_movie(context.scene.render)
         for line in textwrap.wrap(problem, LETTERS):
@@ -111,6 +118,9 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         self._is_confirmed = True
         if self.output == MOVIE and why_no_movie(context.scene.render):
             self.output = PNG  # and the dialog says why
+        is_chosen = self.properties.is_property_set("background")
+        if not is_chosen and transfer.is_dark(volumes.volume_object(context).rle_splat):
+            self.background = "WHITE"
         if not self.filepath:
             name = bpy.path.clean_name(f"{volumes.volume_object(context).name} Turntable", replace=" ")
             self.filepath = free_path(name, EXTENSIONS[self.output], lambda path: not os.path.exists(path))
@@ -141,6 +151,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             self._include(context)
             if self.path == TURN:
                 look_through(scene, camera, frames)
+            if self.background != "SCENE":
+                self._kept.show_before(float(self.background == "WHITE"))
             return self._watch(context) if in_window else self._render_through(context)
         except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
             self._finish(context)

@@ -6,7 +6,7 @@ from ..bridge.look import transfer_nodes
 from ..bridge.scene import clip_objects
 from ..bridge.translations import with_unit
 from ..bridge.volumes import encoded, volumes
-from ..operators.black_background import is_black
+from ..operators import plain_background
 from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume, paragraph
 
@@ -27,10 +27,15 @@ class DisplayPanel:
         properties = owner.rle_splat
         layout.prop(properties, "display")
         if properties.mode != MODES[0]:
-            layout.prop(properties, "use_grays")
-            if getattr(context.space_data, "type", "") == "VIEW_3D":
-                is_on = is_black(context.space_data.shading)
-                layout.operator("rle_splat.black_background", depress=is_on, icon="SHADING_SOLID")
+            row = layout.row(heading="Grays")
+            row.prop(properties, "use_grays", text="")
+            row = row.row()
+            row.active = properties.use_grays and properties.mode != "xray"
+            row.prop(properties, "use_inverted_grays")
+        in_view = getattr(context.space_data, "type", "") == "VIEW_3D"
+        if in_view and (properties.mode != MODES[0] or plain_background.wants_white(owner)):
+            plain_background.draw_button(layout, context.space_data.shading, owner)
+        if properties.mode != MODES[0]:
             if properties.mode == "minip" and not clip_objects.clip_objects(context.scene):
                 paragraph(context, layout, MINIP, icon="INFO")
         is_encoded = encoded.is_of(owner)

@@ -9,6 +9,7 @@ import bpy
 
 from ...rle_splat import scene as tables
 from ..look import mode_window
+from ..look.preset_entries import modality_of
 from ..look.transfer_nodes import is_transfer_tree
 from ..loop import index
 from ..translations import OURS
@@ -103,6 +104,7 @@ def _choose_mode(group, index: int) -> None:
     was_shaded = group.mode == tables.MODES[0]
     group.mode = SHOWN[index]
     group.use_grays = group.mode != tables.MODES[0]
+    group.use_inverted_grays = modality_of(group) == "PT"
     if was_shaded:
         group.shaded_window = group.window_center, group.window_width, group.preset_center
     if group.use_grays:
@@ -220,6 +222,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Grays", default=False,
         description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
         "in the mode Shaded")
+    use_inverted_grays: LiveBool(
+        name="Inverted", default=False,
+        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray")
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
         "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,

@@ -14,6 +14,8 @@ from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA
 
+INVERTED = 1.0, 0.0  # grays of the low and the high end of the window
+
 
 def window_of(properties) -> tuple[float, float]:
     """The window of a volume.
@@ -173,9 +175,9 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     Returns
     -------
     TransferFunction
-        With grays, the value at the low end of the window is black, and that at the high end white. In the mode X-ray
-        it has the opacity XRAY_ALPHA per smallest spacing. All modes but MinIP show black as transparent: the smallest
-        value is that of air in most lines.
+        With grays, the value at the low end of the window is black, and that at the high end white; inverted, the other
+        way round. In the mode X-ray the latter has the opacity XRAY_ALPHA per smallest spacing. All modes but MinIP
+        show the low end as transparent: the smallest value is that of air in most lines.
 
     Raises
     ------
@@ -188,10 +190,26 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     if not properties.use_grays or mode == MODES[0] or encoded.is_of(volume_object):
         return own
     low, high = window_of(properties)
-    opacity, color = ((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)), ((low, 1.0, 1.0, 1.0),)
+    first, last = gray_ends(properties)
+    opacity, color = ((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)), ((low, last, last, last),)
     if mode == "minip":
-        opacity, color = ((low, 1.0),), ((low, 0.0, 0.0, 0.0), (high, 1.0, 1.0, 1.0))
+        opacity, color = ((low, 1.0),), ((low, first, first, first), (high, last, last, last))
     return TransferFunction(name=f"{own.name}, gray", unit=own.unit, opacity=opacity, color=color)
+
+
+def gray_ends(properties) -> tuple[float, float]:
+    """The grays of the low and the high end of the window; what absorbs in an X-ray is always white."""
+    return INVERTED if properties.use_inverted_grays and properties.mode != "xray" else (0.0, 1.0)
+
+
+def is_dark(properties) -> bool:
+    """Whether a volume shows its highest values black, for a white background; reads properties only."""
+    if properties.mode != MODES[0] and properties.use_grays:
+        return gray_ends(properties) == INVERTED
+    tree = properties.transfer
+    if tree is None or not nodes.is_transfer_tree(tree) or properties.use_shading:
+        return False
+    return not any(nodes.color_ramp(tree).elements[-1].color[:3])
 
 
 def evaluate_anew(volume_object) -> None:

@@ -10,6 +10,7 @@ import bpy
 from ...rle_splat.scene import RleSplatError
 from .. import versions
 from ..held import Held
+from ..scene import world_nodes
 from ..scene.camera import image_size
 from ..translations import filled
 from ..volumes.source_paths import check_is_no_scan
@@ -18,23 +19,37 @@ MOVIE, PNG, EXR = "MP4", "PNG", "EXR"
 EXTENSIONS = {MOVIE: ".mp4", PNG: ".png", EXR: ".exr"}
 DIGITS = "_####"  # Blender puts the number of the frame here
 OF_SCENE = ("frame_start", "frame_end", "frame_step")
-OF_RENDER = ("filepath", "use_file_extension", "use_overwrite", "use_placeholder")
+OF_RENDER = ("filepath", "use_file_extension", "use_overwrite", "use_placeholder", "film_transparent")
 WITHIN_RENDER = ("image_settings", "ffmpeg")
+OF_VIEW = {"view_transform": "Standard", "look": "None", "exposure": 0.0, "gamma": 1.0, "use_curve_mapping": False}
 
 
 class KeptOutput:
-    """Remembers the output settings of a scene, its camera, frames and the cameras of its markers."""
+    """Remembers the output settings of a scene, its camera, world, frames and the cameras of its markers."""
 
     def __init__(self, scene):
         self._scene = Held(scene)
         self._values = [(path, name, getattr(owner, name)) for path, owner, name in _settings(scene)]
-        self._camera = _held(scene.camera)
+        self._camera, self._world = _held(scene.camera), _held(scene.world)
+        self._backdrop = None
         self._markers = [(marker.name, marker.frame, _held(marker.camera)) for marker in scene.timeline_markers]
 
     def adopt_camera(self, camera, always: bool) -> None:
         """Have ``restore`` set this camera if there was none, or ``always``."""
         if always or self._camera is None:
             self._camera = Held(camera)
+
+    def show_before(self, color: float) -> None:
+        """Have renders show the volume before black (0) or white (1), with the colors as they are.
+
+        The light of the world stays: what the camera sees of it is replaced alone.
+        """
+        scene = self._scene.get()
+        scene.render.film_transparent = False
+        for name, value in OF_VIEW.items():
+            setattr(scene.view_settings, name, value)
+        self._backdrop = Held(world_nodes.seen_as(scene.world, color))
+        scene.world = self._backdrop.get()
 
     def restore(self) -> None:
         """Put everything back; nothing is done if the scene was removed."""
@@ -45,14 +60,17 @@ class KeptOutput:
             owner = _owner(scene, path)
             if getattr(owner, name) != value:
                 setattr(owner, name, value)
-        scene.camera = _found(self._camera)
+        scene.camera, backdrop = _found(self._camera), _found(self._backdrop)
+        if backdrop is not None:
+            scene.world = _found(self._world)
+            bpy.data.worlds.remove(backdrop)
         for marker, (name, frame, camera) in zip(scene.timeline_markers, self._markers):
             if (marker.name, marker.frame) == (name, frame):
                 marker.camera = _found(camera)
 
 
-def _held(camera) -> Held | None:
-    return None if camera is None else Held(camera)
+def _held(datablock) -> Held | None:
+    return None if datablock is None else Held(datablock)
 
 
 def _found(held: Held | None):
@@ -69,6 +87,7 @@ def _settings(scene) -> list:
     """(path, owner, name) of each setting; in the order in which Blender can set them again."""
     found = [("", scene, name) for name in OF_SCENE]
     found += [("render", scene.render, name) for name in OF_RENDER]
+    found += [("view_settings", scene.view_settings, name) for name in OF_VIEW]
     for group in WITHIN_RENDER:
         owner = getattr(scene.render, group)
         names = [entry.identifier for entry in owner.bl_rna.properties if not entry.is_readonly]

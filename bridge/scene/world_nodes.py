@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bpy
 import numpy as np
 from mathutils import Euler
 
@@ -16,9 +17,14 @@ LINEAR = ("Linear Rec.709", "Linear", "Non-Color")  # color spaces whose numbers
 
 def surface_of(tree):
     """The node at the Surface of a world's active output; None where nothing is linked."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    output = _output_of(tree)
     links = output.inputs["Surface"].links if output is not None else ()
     return links[0].from_node if links else None
+
+
+def _output_of(tree):
+    """A world's active output; None without one."""
+    return tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
 
 
 def plain_color(world) -> tuple | None:
@@ -43,6 +49,26 @@ def plain_color(world) -> tuple | None:
         return None
     color = np.array(node.inputs["Color"].default_value[:3], np.float64)
     return tuple(np.maximum(color * node.inputs["Strength"].default_value, 0.0).tolist())
+
+
+def seen_as(world, gray: float):
+    """A copy of a world, or a new one without light, of which the camera sees a gray instead; light of it stays."""
+    copy = bpy.data.worlds.new("RLE Splat Background") if world is None else world.copy()
+    copy.color = (gray,) * 3
+    if not versions.world_is_nodes(copy):
+        copy.use_nodes = True
+        own = (0.0, 0.0, 0.0) if world is None else tuple(world.color)
+        surface_of(copy.node_tree).inputs["Color"].default_value = (*own, 1.0)
+    tree = copy.node_tree
+    output = _output_of(tree) or tree.nodes.new("ShaderNodeOutputWorld")
+    mix, path, plain = (tree.nodes.new(f"ShaderNode{name}") for name in ("MixShader", "LightPath", "Background"))
+    plain.inputs["Color"].default_value = (gray, gray, gray, 1.0)
+    for link in output.inputs["Surface"].links:
+        tree.links.new(link.from_socket, mix.inputs[1])
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+    tree.links.new(plain.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], output.inputs["Surface"])
+    return copy
 
 
 def light_of(world) -> tuple | None:

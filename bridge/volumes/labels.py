@@ -43,6 +43,7 @@ FUNCTION_ITEMS = [
     item for item in IMPORT_ITEMS if item[0] != SUGGESTED
 ]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
+FIRST = 0.5  # share of the time until the first of several frames is read
 PURPOSE = "labels"  # see ``store.Wish``
 
 
@@ -197,8 +198,38 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
 
 
-def list_labels(owner, volume) -> tuple[int, int, tuple]:
+def listed_steps(owner, volume):
+    """Generator of Progress: the LabelMap of a volume object's label file, with the values of all its frames.
+
+    Raises
+    ------
+    RleSplatError
+        If the file is no label map on the volume's grid.
+    """
+    file, wish = file_of(owner), store.wish_of(owner, None, PURPOSE)
+    found, numbers = yield from rescale(load_steps(wish, file, volume), 0.0, FIRST)
+    check_grid(found, volume)
+    frames = found.frames if changes_with_time(found) else 1
+    for frame in range(1, frames + 1):  # a segment may be in some frames only
+        if frame != file.frame:
+            steps, share = _read_steps(file._replace(frame=frame), volume), (1.0 - FIRST) / frames
+            others = yield from rescale(steps, FIRST + share * (frame - 1), FIRST + share * frame)
+            numbers = np.union1d(numbers, others.values)
+    if len(numbers) > MOST_LABELS:
+        raise RleSplatError(
+            f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
+            "label map, not a scan."
+        )
+    return LabelMap(found, numbers)
+
+
+def list_labels(owner, listed: LabelMap) -> tuple[int, int, tuple]:
     """Update the list of labels from the label file; rows that were listed from a file of this name stay as they are.
+
+    Parameters
+    ----------
+    listed : LabelMap
+        Of ``listed_steps``.
 
     Returns
     -------
@@ -208,24 +239,9 @@ def list_labels(owner, volume) -> tuple[int, int, tuple]:
         Number of rows that are not in the file but belong to the library of an override, which cannot remove them.
     remarks : tuple of str
         Sentences on how the label file was brought onto the volume's grid.
-
-    Raises
-    ------
-    RleSplatError
-        If the file is no label map on the volume's grid.
     """
-    file = file_of(owner)
-    found, numbers = drain(load_steps(store.wish_of(owner, None, PURPOSE), file, volume))
-    check_grid(found, volume)
+    (found, numbers), file = listed, file_of(owner)
     owner.rle_splat.label_frames = found.frames if changes_with_time(found) else 1
-    for frame in range(1, owner.rle_splat.label_frames + 1):  # a segment may be in some frames only
-        if frame != file.frame:
-            numbers = np.union1d(numbers, drain(_read_steps(file._replace(frame=frame), volume)).values)
-    if len(numbers) > MOST_LABELS:
-        raise RleSplatError(
-            f"The file has {len(numbers)} different values, but at most {MOST_LABELS} labels are possible; choose a "
-            "label map, not a scan."
-        )
     rows, file_name = owner.rle_splat.labels, os.path.basename(file.path)
     is_other = owner.rle_splat.labels_of not in ("", file_name)  # "": listed by an earlier version
     unused = [index for index, row in enumerate(rows) if is_other or row.label not in numbers]

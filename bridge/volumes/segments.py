@@ -166,7 +166,7 @@ def show(owner, volume: Volume, made: MadeSegment, hide: str = "") -> None:
     properties.label_file = made.path
     properties.labels_of = os.path.basename(labels.file_of(owner).path)  # rows stay as they are: they are of this map
     store.put(store.wish_of(owner, None, labels.PURPOSE), labels.file_of(owner).key(volume), made.found)
-    labels.list_labels(owner, volume)
+    labels.list_labels(owner, made.found)
     for index, row in enumerate(properties.labels):
         if row.label == made.number:
             properties.active_label, row.show = index, True

@@ -24,7 +24,7 @@ LABEL_EDGES = ("smooth", "voxels")
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
     group = parser.add_argument_group(
-        "labels and channels", "further volumes on the same grid; labels with channels are rendered pre-classified")
+        "labels and channels", "further volumes on the same grid")
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
         "--label-functions", metavar="FILE.json",

@@ -1,14 +1,10 @@
-"""Labels and channels: whether a scene has any that change its picture, and the classification that they need."""
+"""Labels and channels: whether a scene has any that change its picture."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from ..scene import MODES, NO_RAYS, Quality, RleSplatError, Scene
+from ..scene import MODES, Quality, Scene
 from ..scene.changed import change
 from .kind import Kind
-
-BY_PRE = "Labels with channels are classified voxel by voxel, so the classification is pre."
 
 
 def is_mixed(scene: Scene) -> bool:
@@ -33,17 +29,7 @@ def only_hides(scene: Scene) -> bool:
 
 def is_sampled(scene: Scene) -> bool:
     """Whether, post-classified, each sample of a scene looks up which label it belongs to."""
-    return scene.labels is not None and not scene.channels and not only_hides(scene)
-
-
-def _fit_to_labels(scene: Scene, quality: Quality) -> tuple[Quality, str]:
-    """The quality for labels: any, but one of classified voxels where there are further channels, too."""
-    if quality.classification == "pre" or not scene.channels:
-        return quality, ""
-    try:
-        return quality.classified("pre"), BY_PRE
-    except RleSplatError:  # a depth rule that only post has, chosen by hand
-        return replace(quality, classification="pre", depth_rule=None, rays=NO_RAYS), BY_PRE
+    return scene.labels is not None and not only_hides(scene)
 
 
 def _obstacle(scene: Scene) -> str:
@@ -79,7 +65,6 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 LABELS = Kind(
     "gives each label its own transfer function, or hides it", _labels_called_for,
     lambda scene: change(scene, labels=None), stage="mixing",
-    fitted=_fit_to_labels,
 )  # fmt: skip
 CHANNELS = Kind(
     "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,

@@ -54,9 +54,7 @@ def _indirect_light(scene: Scene, quality: Quality) -> tuple[bool, str]:
         reason = "indirect light is turned off"
     if reason is None and not _shadows(scene, quality)[0]:
         reason = "only light that casts shadows is scattered, and none does"
-    # Labels with channels make a quality pre-classified.
-    mixed = scene.labels is not None and bool(scene.channels)
-    if reason is None and (quality.classification == "pre" or mixed):
+    if reason is None and quality.classification == "pre":
         reason = "the volume is pre-classified"
     return reason is None, reason or f"amount {scene.indirect_light:g}"
 

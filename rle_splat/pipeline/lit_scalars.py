@@ -109,8 +109,9 @@ class LitScalars:
         """Generator of fractions done: as ``extinction``."""
         kind = self.volume.voxels.dtype
         if self.labels is not None:
-            return self.labels.extinction(self.voxels, kind, self.infinite)
-        found = yield from extinction_steps(self.transfer, self.voxels.stored, kind, self.infinite)
+            found = self.labels.extinction(self.voxels, kind, self.infinite)
+        else:
+            found = yield from extinction_steps(self.transfer, self.voxels.stored, kind, self.infinite)
         for channel in self.channels:
             found += yield from map_steps(channel.extinction_steps(), lambda _: 1.0)
         return found

@@ -86,6 +86,10 @@ PICTURES = (
     SyntheticPicture("channels, unlit", 16.1, 0.0, scene="unlit channels"),
     SyntheticPicture("channels, hard walls", 2.8, 0.0, quality="fine", scene="channels"),
     SyntheticPicture("channels, hard walls, unlit", 0.0, 0.0, quality="fine", scene="unlit channels"),
+    SyntheticPicture("labels and channels", 40.0, 0.0, scene="labels channels"),
+    SyntheticPicture("labels and channels, unlit", 25.0, 0.0, scene="unlit labels channels"),
+    SyntheticPicture("labels and channels, hard walls", 3.0, 0.0, quality="fine", scene="labels channels"),
+    SyntheticPicture("labels and channels, hard walls, unlit", 0.0, 0.0, quality="fine", scene="unlit labels channels"),
     SyntheticPicture("channels, pre-classified", 0.1, 0.0, classification="pre", scene="channels"),
     SyntheticPicture("pre-classified", 0.3, 0.4, classification="pre"),
     SyntheticPicture("pre-classified, sideways", 3.5, 0.0, classification="pre", azimuth=90.0, perspective=True),
@@ -126,8 +130,8 @@ def prepare_steps():
       headlight; by lamps and the world's light, without shadows, and with shadows without and with meshes that hide the
       volume.
     - at "standard", by lamps with shadows that are traced, as "strict" does and pictures for a tolerance.
-    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels, and
-      with channels.
+    - at "fine", whose kernels "standard" needs for rough media (``preset_plan``): by the headlight, with labels, with
+      channels, and with both.
     - at "standard" and "draft", by the headlight: with gradient opacity; with clip objects; with labels; with channels;
       as an X-ray and in each other mode.
     - at "standard", "draft" and "fine", unshaded, also with labels, with channels and with gradient opacity.

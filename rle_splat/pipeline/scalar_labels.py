@@ -13,6 +13,7 @@ from ..classify.label_edges import beside_any
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.reference import pack
 from ..classify.relevant import Reach
+from ..classify.shown_nearby import mean_extinction
 from ..classify.transfer_function import TransferFunction
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import read_only
@@ -147,6 +148,14 @@ class ScalarLabels:
         for number in np.unique(numbers):
             own = numbers == number
             found[own] = extinction_of(self.tables[number], voxels.stored[own], kind, infinite)
+        return found
+
+    def mean_extinction(self, voxels: VisibleVoxels, nearby: np.ndarray) -> np.ndarray:
+        """(m,) float32 as ``shown_nearby.mean_extinction``, of each voxel's own function."""
+        numbers, found = self.cells.of_rows(voxels.row_start, voxels.column), np.empty(len(voxels), np.float32)
+        for number in np.unique(numbers):
+            own = numbers == number
+            found[own] = mean_extinction(self.tables[number], nearby[:, own])
         return found
 
     def place_steps(self, surfaces: Surfaces, voxels: VisibleVoxels, volume, matrix, faces, extinction, *,

@@ -79,19 +79,26 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     normals_key = surfaces_key, array_key(matrix), cuts, array_key(*ranges), shaded, weighted_by
 
     def place():
-        faces, found = faces_of(scene.clips, matrix), []
-        if scalars.labels is not None:
-            (part,), (volume,), ((surface, _),) = parts, volumes, surfaces
-            given = surface, part.voxels, volume, matrix, faces, scalars.extinction()
-            return Placed(*(yield from scalars.labels.place_steps(*given, with_points=shaded, threads=threads)))
+        faces, found, labels = faces_of(scene.clips, matrix), [], scalars.labels
         for part, volume, (surface, _) in zip(parts, volumes, surfaces, strict=True):
-            given = surface, part.voxels, volume, part.function, matrix, faces
-            steps = place_steps(*given, with_points=shaded, threads=threads)
+            if labels is not None and not found:
+                own = labels.extinction(part.voxels, scene.volume.voxels.dtype, part.infinite)
+                given = surface, part.voxels, volume, matrix, faces, own
+                steps = labels.place_steps(*given, with_points=shaded, threads=threads)
+            else:
+                given = surface, part.voxels, volume, part.function, matrix, faces
+                steps = place_steps(*given, with_points=shaded, threads=threads)
             if len(parts) == 1:
                 return Placed(*(yield from steps))
             found.append(steps)
-        weights = (mean_extinction(part.transfer, nearby) for part, (_, nearby) in zip(parts, surfaces))
-        return (yield from _mean_steps(found, weights))
+        return (yield from _mean_steps(found, map(weigh, range(len(parts)))))
+
+    def weigh(number):
+        """How much a channel shows around each voxel, (m,) float32."""
+        part, (_, nearby) = parts[number], surfaces[number]
+        if scalars.labels is not None and number == 0:
+            return scalars.labels.mean_extinction(part.voxels, nearby)
+        return mean_extinction(part.transfer, nearby)
 
     with clock.stage("shade"):
         placed = yield from announce(job.steps("normals", normals_key, place), 0.1, 0.1, "Finding surfaces")

@@ -341,8 +341,8 @@ class ScalarSource(Source):
         if scene.mode != "composite":
             return 1.0
         shine = (1.0, 0.0) if light is None else (light.most_light, light.most_highlight)
-        tables = [each.transfer for each in (lit, *lit.channels)] if lit.labels is None else lit.labels.tables
-        most_color = max(table.most_color for table in tables)
+        own = (lit.transfer,) if lit.labels is None else lit.labels.tables
+        most_color = max(table.most_color for table in (*own, *lit.further_tables))
         brightest = refuse_too_bright(most_color * shine[0] + shine[1])
         return max(brightest, *mist_color(scene.mist))
 

@@ -24,12 +24,11 @@ def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, resu
     # Of each channel: where its values are among the planes of a voxel, its ranges that are shown, its lookup.
     parts, further = [(0, voxels.shown, lookup)], voxels.further
     for n in range(0 if further is None else further.values.shape[1]):
-        first, last = channels.begins[n + 1 : n + 3]
-        own = channels.tables[first:last], channels.sums[first:last], *channels.numbers[n + 1], (last - first) // 4 - 1
-        parts.append((channels.planes[n + 1], further.shown[further.begins[n] : further.begins[n + 1]], own))
+        number = channels.own + n
+        shown = further.shown[further.begins[n] : further.begins[n + 1]]
+        parts.append((channels.planes[number], shown, _lookup_at(channels, number)))
     if labels is not None:
-        ends = zip(channels.begins, channels.begins[1:], channels.numbers)
-        functions = [(channels.tables[a:b], channels.sums[a:b], *n, (b - a) // 4 - 1) for a, b, n in ends]
+        functions = [_lookup_at(channels, number) for number in range(channels.own)]
     out, half, work = results
     work[:] = 0
     if min(voxels.shape) < 2:
@@ -59,12 +58,18 @@ def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, resu
         light_of = None if light is None else partial(_light_of, light, falling, mine)
         classify = partial(_classify_parts, parts)
         if labels is not None:
-            classify = partial(_classify_labels, functions, labels, cell[kept])
+            classify = partial(_classify_labels, functions, parts[1:], labels, cell[kept])
         state[mine], half[mine] = _composite(
             state[mine], half[mine], corners[kept][..., :-1], *stretch, classify, light_of, planes, slabs, least
         )
         live = live[(here[live] < rays.leave[live]) & (state[live, 3] >= least)]
     out[:, :3], out[:, 3] = state[:, :3], 1.0 - state[:, 3]
+
+
+def _lookup_at(channels, number: int) -> tuple:
+    """As ``scalar_slab.lookup_at``."""
+    first, last = channels.begins[number : number + 2]
+    return channels.tables[first:last], channels.sums[first:last], *channels.numbers[number], (last - first) // 4 - 1
 
 
 def _dense(voxels) -> np.ndarray:
@@ -142,8 +147,12 @@ def _classify_parts(parts, whole, there, here, before, after):
     )
 
 
-def _classify_labels(functions, labels, cell, whole, there, here, before, after):
-    """As ``_classify_parts``, by the functions of labels; ``before``, ``after``: (n, 3) in the ``cell``."""
+def _classify_labels(functions, further, labels, cell, whole, there, here, before, after):
+    """As ``_classify_parts`` of ``further`` channels and of the volume itself, by the functions of labels.
+
+    ``before``, ``after``: (n, 3) in the ``cell``.
+    """
+    added = _classify_parts(further, whole, there, here, before, after)
     before, way = before + cell, after - before
     near, far = labels_at(labels, before), labels_at(labels, after + cell)
     share = share_of_near(near, far, lambda share: labels_at(labels, before + share[:, None] * way))
@@ -152,7 +161,7 @@ def _classify_labels(functions, labels, cell, whole, there, here, before, after)
     for number in np.unique((near, far)):
         part = (near == number) * share + (far == number) * (1.0 - share)
         found += part[:, None] * _classify_slab(functions[number], there[:, 0], here[:, 0])
-    return found
+    return np.where(whole[:, [0]], found, 0.0) + added
 
 
 def _composite(state, half, corners, first, step, a, b, length, classify, light_of, light_planes, slabs, least):

@@ -255,7 +255,7 @@ def _add_channels(further, channels, cubics, begin, end, r, g, bl, sigma):
         for n in range(further.values.shape[1]):
             c0, c1, c2, c3 = cubics[0, n], cubics[1, n], cubics[2, n], cubics[3, n]
             if c0 > NO_VALUE:
-                lookup = lookup_at(channels, n + 1)
+                lookup = lookup_at(channels, channels.own + n)
                 before = min(max(((c3 * begin + c2) * begin + c1) * begin + c0, lookup.nearest), lookup.furthest)
                 here = min(max(((c3 * end + c2) * end + c1) * end + c0, lookup.nearest), lookup.furthest)
                 more_r, more_g, more_bl, more = _classify_slab(lookup, before, here)
@@ -417,9 +417,9 @@ def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, scra
     (n, 2) int32.
 
     ``voxels``: RowVoxels; ``rays``: RayList; ``light``: RayLight, or None for rays that nothing lights, whose voxels
-    have no codes then.  ``lookup``, ``channels``, ``least``: as ``splat_scalar_rows`` has them; extinctions of
-    ``channels`` are added to those of ``lookup``.  ``labels``: a CellField, which says where each of ``channels``
-    classifies in place of ``lookup``, or None.  ``slabs``: that a voxel's depth is cut into, at least.  ``scratch``:
-    (n, POWERS + 1, channels of codes and further channels) float64.
+    have no codes then.  ``lookup``, ``channels``, ``least``: as ``splat_scalar_rows`` has them; extinctions of further
+    ``channels`` are added to those of the volume itself.  ``labels``: a CellField, which says where each of the
+    ``channels`` of the volume's own values classifies in place of ``lookup``, or None.  ``slabs``: that a voxel's depth
+    is cut into, at least.  ``scratch``: (n, POWERS + 1, channels of codes and further channels) float64.
     """
     share_out(_trace, scratch.shape[0], (voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results))

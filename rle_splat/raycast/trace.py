@@ -33,10 +33,8 @@ def trace(
     """
     lookup, least = kernel_lookup(table, center), max(quality.termination, OPAQUE)
     voxels = voxels._replace(codes=None) if light is None else voxels
-    channels = channel_lookups(lookup, further, centers, voxels.codes)
-    field = None
-    if labels is not None:
-        channels, field = labels.lookups(center), cell_field(labels.cells)
+    channels = channel_lookups(lookup, further, centers, voxels.codes, labels, center)
+    field = None if labels is None else cell_field(labels.cells)
     out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
     results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
     if not compiled():

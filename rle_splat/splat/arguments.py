@@ -247,12 +247,14 @@ class Lookup(NamedTuple):
 
 
 class ChannelLookups(NamedTuple):
-    """The Lookup of each of several channels, the volume's own first; one entry of each array per channel.
+    """The Lookups of several channels; one entry of each array per Lookup.
 
     Attributes
     ----------
+    own : int
+        How many there are of the volume's own values, which come first: one, or one for each function of labels.
     planes : (n,) int64
-        The plane of a sheet that holds the channel's values.
+        The plane of a sheet that holds the values.
     begins : (n + 1,) int64
         Where its rows begin in ``tables`` and ``sums``, counted in numbers, and the last one ends.
     tables, sums : (begins[n],) float32
@@ -260,6 +262,7 @@ class ChannelLookups(NamedTuple):
         origin, rate, least, low, high, nearest and furthest.
     """
 
+    own: int
     planes: np.ndarray
     begins: np.ndarray
     tables: np.ndarray
@@ -267,14 +270,14 @@ class ChannelLookups(NamedTuple):
     numbers: np.ndarray
 
     @classmethod
-    def of(cls, lookups, first: int) -> ChannelLookups:
-        """Of Lookups; ``first``: the plane of the second one's values."""
+    def of(cls, own, further, first: int) -> ChannelLookups:
+        """Of the volume's ``own`` Lookups and those of ``further`` channels, whose planes begin with ``first``."""
+        lookups = [*own, *further]
         begins = np.cumsum([0, *(len(each.table) for each in lookups)])
-        planes = np.arange(first - 1, first - 1 + len(lookups))
-        planes[0] = 0
+        planes = np.concatenate((np.zeros(len(own), np.int64), np.arange(first, first + len(further))))
         tables, sums = (np.concatenate(each) for each in zip(*((one.table, one.sums) for one in lookups)))
         numbers = np.array([each[2:9] for each in lookups], np.float32)
-        return cls(*map(read_only, (planes, begins, tables, sums, numbers)))
+        return cls(len(own), *map(read_only, (planes, begins, tables, sums, numbers)))
 
 
 class CodePlanes(NamedTuple):

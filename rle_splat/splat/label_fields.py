@@ -1,6 +1,6 @@
 """Which label's function classifies a point, in kernels: ``classify.label_cells`` as they take it.
 
-The functions' lookup tables are ChannelLookups, all of the volume's own values.
+The functions' lookup tables are the first of ChannelLookups, those of the volume's own values.
 """
 
 from __future__ import annotations

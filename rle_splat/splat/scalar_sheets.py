@@ -51,7 +51,7 @@ class ScalarMedium(NamedTuple):
     channels : ChannelLookups or None
         Of several channels, which then classify in place of ``lookup``.
     labels : LabelField or None
-        Which of ``channels``, all of the volume's own values, classifies where.
+        Which of the ``channels`` of the volume's own values classifies where.
     grouped : True or None
         True where sheets are handled in groups (``scalar_group``), which needs ``sign``, ``absorbs`` and ``channels``
         to be None, no mist, whole rays, no thinning, and sheets with slabs of their own.
@@ -209,7 +209,7 @@ def _clear_line(medium, line):
 def _clear_channels(channels, numbers, stride, first, last):
     """Voxels [first, last) of a line, or pixels of a block, have no value in any further channel."""
     if channels is not None:
-        for number in range(1, channels.planes.size):
+        for number in range(channels.own, channels.planes.size):
             plane = stride * channels.planes[number]
             numbers[plane + first : plane + last] = NOT_KEPT
 

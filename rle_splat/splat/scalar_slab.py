@@ -140,25 +140,6 @@ def _find_span(lamps, lookup, here, there, block):
 
 
 @inner_loop
-def _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block):
-    """Classify a block of a slab by each channel's own table and add up, to ``block.samples`` and ``block.shares``; 0
-    where nothing is seen."""
-    block.mixed[:] = np.float32(0.0)
-    seen = 0
-    for number in range(channels.planes.size):
-        lookup, plane = lookup_at(channels, number), channels.planes[number]
-        own, own_before = _moved(here, plane), _moved(there, plane)
-        found = _look_up(intervals, lookup, kind, is_shortened, begin, end, own, own_before, pixels, block)
-        seen |= found
-        _classify(lookup.table, lookup.sums, found, block)
-        if kind != OWN:
-            _find_span(lamps, lookup, own, own_before, block)
-        add_samples(block.samples, block.shares, block.mixed)
-    finish_mixing(block.mixed, block.samples, block.shares)
-    return seen
-
-
-@inner_loop
 def _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there, pixels, block):
     """As ``_look_up``, each pixel by the table that ``note_looks`` has noted."""
     sheet, upper, lower, down = here
@@ -226,26 +207,57 @@ def _mix_labels(
 
 
 @inner_loop
-def _mix(labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block):
-    if labels is None:
-        return _mix_channels(intervals, lamps, channels, kind, is_shortened, begin, end, here, there, pixels, block)
-    return _mix_labels(
+def _mix_channels(
+    labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+):  # fmt: skip
+    """Classify a block of a slab by each channel's own table, the volume itself by those of labels if there are any,
+    and add up, to ``block.samples`` and ``block.shares``; 0 where nothing is seen."""
+    seen, first = 0, 0
+    if labels is not None:
+        seen, first = _mix_labels(
+            labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+        ), channels.own  # fmt: skip
+    block.mixed[:] = np.float32(0.0)
+    if labels is not None:
+        add_samples(block.samples, block.shares, block.mixed)
+    for number in range(first, channels.planes.size):
+        lookup, plane = lookup_at(channels, number), channels.planes[number]
+        own, own_before = _moved(here, plane), _moved(there, plane)
+        found = _look_up(intervals, lookup, kind, is_shortened, begin, end, own, own_before, pixels, block)
+        seen |= found
+        _classify(lookup.table, lookup.sums, found, block)
+        if kind != OWN:
+            _find_span(lamps, lookup, own, own_before, block)
+        add_samples(block.samples, block.shares, block.mixed)
+    finish_mixing(block.mixed, block.samples, block.shares)
+    return seen
+
+
+@inner_loop
+def _mix(
+    values, labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+):  # fmt: skip
+    if values is None:
+        return _mix_labels(
+            labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+        )  # fmt: skip
+    return _mix_channels(
         labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
     )  # fmt: skip
 
 
 @inner_loop
 def _classified(
-    labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there, pixels,
-    block,
+    values, labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there,
+    pixels, block,
 ):  # fmt: skip
-    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels or labels; 0
-    where nothing is seen."""
+    """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels and labels;
+    0 where nothing is seen.  ``values``: of further channels, or None."""
     if channels is None:
         _classify(lookup.table, lookup.sums, seen, block)
         return seen
     return _mix(
-        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+        values, labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
     )  # fmt: skip
 
 
@@ -399,8 +411,8 @@ def composite_slab(
         )
         return LIVE
     seen = _classified(
-        labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin, end, here, there,
-        pixels, block,
+        medium.tables.values, labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin,
+        end, here, there, pixels, block,
     )  # fmt: skip
     if seen == 0:
         return LIVE

@@ -40,9 +40,7 @@ def scalar_splat_steps(
     place of ``table``, or None.
     """
     lookup = kernel_lookup(table, encoded.center)
-    channels = channel_lookups(lookup, further, encoded.centers, encoded.codes)
-    if labels is not None:
-        channels = labels.lookups(encoded.center)
+    channels = channel_lookups(lookup, further, encoded.centers, encoded.codes, labels, encoded.center)
     if absorbs:
         extinctions, sums = (np.ascontiguousarray(each[:, 3]) for each in (table.entries, table.sums))
         lookup = lookup._replace(table=extinctions, sums=sums)
@@ -95,15 +93,17 @@ def kernel_lookup(table: LookupTable, center: float) -> Lookup:
     )  # fmt: skip
 
 
-def channel_lookups(lookup: Lookup, further, centers, codes) -> ChannelLookups | None:
-    """The ChannelLookups of a volume's own Lookup and of LookupTables; None without any of these.
+def channel_lookups(lookup: Lookup, further, centers, codes, labels, center: float) -> ChannelLookups | None:
+    """The ChannelLookups of a volume's own Lookup, or of a LabelLook, and of LookupTables; None of a Lookup alone.
 
-    ``centers``: of their values.  ``codes``: (m, channels) of the voxels, or None.
+    ``further``, ``centers``: LookupTables, and what was taken from the values of each.  ``codes``: (m, channels) of the
+    voxels, or None.  ``labels``: None without.  ``center``: what was taken from the volume's own values.
     """
-    if not further:
+    if not further and labels is None:
         return None
-    lookups = [lookup, *(kernel_lookup(table, center) for table, center in zip(further, centers, strict=True))]
-    return ChannelLookups.of(lookups, 1 + _columns(codes))
+    own = [lookup] if labels is None else [kernel_lookup(table, center) for table in labels.tables]
+    others = [kernel_lookup(table, each) for table, each in zip(further, centers, strict=True)]
+    return ChannelLookups.of(own, others, 1 + _columns(codes))
 
 
 class LabelLook(NamedTuple):
@@ -111,11 +111,6 @@ class LabelLook(NamedTuple):
 
     cells: LabelCells
     tables: tuple[LookupTable, ...]
-
-    def lookups(self, center: float) -> ChannelLookups:
-        """The functions as kernels take them, for stored values less ``center``."""
-        found = ChannelLookups.of([kernel_lookup(table, center) for table in self.tables], 0)
-        return found._replace(planes=read_only(np.zeros(len(self.tables), np.int64)))
 
 
 def _columns(array) -> int:

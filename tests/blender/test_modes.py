@@ -191,14 +191,47 @@ def test_shaded_has_its_own_window_again(body):
     assert (properties.window_center, properties.window_width) == chosen
 
 
-def test_a_black_background_is_one_of_a_viewport(volume):
+def test_a_plain_background_is_one_of_a_viewport(volume):
+    """Black, or white where high values are black."""
     area = next(one for one in bpy.context.screen.areas if one.type == "VIEW_3D")
     shading = area.spaces.active.shading
+    volume.rle_splat.display = "mip"
     with bpy.context.temp_override(area=area, space_data=area.spaces.active):
-        for expected in ("VIEWPORT", "THEME"):
-            assert bpy.ops.rle_splat.black_background() == {"FINISHED"}
-            assert shading.background_type == expected
-        assert tuple(shading.background_color) == (0.0, 0.0, 0.0)
+        for inverted, color in ((False, 0.0), (True, 1.0)):
+            volume.rle_splat.use_inverted_grays = inverted
+            for expected in ("VIEWPORT", "THEME"):
+                assert bpy.ops.rle_splat.plain_background() == {"FINISHED"}
+                assert shading.background_type == expected
+            assert tuple(shading.background_color) == (color,) * 3
+        volume.rle_splat.display = "composite"
+        assert bpy.ops.rle_splat.apply_preset(preset="pet") == {"FINISHED"}
+        assert bpy.ops.rle_splat.plain_background() == {"FINISHED"}
+        assert shading.background_type == "VIEWPORT" and tuple(shading.background_color) == (1.0, 1.0, 1.0)
         shading.type = "MATERIAL"
         with pytest.raises(RuntimeError, match="Only Solid shading"):
-            bpy.ops.rle_splat.black_background()
+            bpy.ops.rle_splat.plain_background()
+
+
+@pytest.mark.parametrize("mode", ("mip", "minip", "average"))
+def test_inverted_grays_are_the_negative_on_white(body, mode):
+    """Of light: what is seen over white is one less what is seen over black."""
+    body.rle_splat.display = mode
+    assert not body.rle_splat.use_inverted_grays
+    plain = picture()[0].astype(np.float64)
+    body.rle_splat.use_inverted_grays = True
+    inverted = picture()[0].astype(np.float64)
+    over_white = inverted[..., 0] + 1.0 - inverted[..., 3]
+    assert plain[..., 0].max() > 0.1 or mode == "minip"
+    inside = plain[..., 3] > 0.99 if mode == "minip" else plain[..., 3] >= 0.0  # of a MinIP nothing is transparent
+    np.testing.assert_allclose(over_white[inside], 1.0 - plain[..., 0][inside], atol=1e-5)
+
+
+def test_a_pet_begins_with_inverted_grays(body):
+    properties = body.rle_splat
+    properties.value_unit, properties.facts = "", "Modality: PT"
+    properties.display = "mip"
+    assert properties.use_grays and properties.use_inverted_grays
+    properties.value_unit = "HU"
+    properties.display = "composite"
+    properties.display = "mip"
+    assert properties.use_grays and not properties.use_inverted_grays

@@ -297,6 +297,12 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, ref
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert [row.label for row in owner.rle_splat.labels] == ([0, 1, 5] if frames > 1 else [0, 1])
     labels, loading = bridge("volumes.labels"), bridge("volumes.loading")
+    store, volume = bridge("loop.store"), bridge("volumes.volumes").load_volume(owner)
+    for forget in (store.forget_all, lambda: None):  # also where the frame that is shown is in memory
+        forget()
+        done = [step.fraction for step in labels.listed_steps(owner, volume)]
+        between = {int(frames * (2.0 * fraction - 1.0)) for fraction in done if 0.5 <= fraction < 1.0}
+        assert done == sorted(done) and (frames == 1 or len(between) >= frames - 1), "each frame shows progress"
     found, keys = [], set()
     for frame in (1, 2, 3, 4, 1):
         bpy.context.scene.frame_set(frame)

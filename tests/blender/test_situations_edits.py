@@ -147,7 +147,7 @@ PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_ma
 # Of which nothing is undone.
 READERS = ("list_effects", "save_figure", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
 VIEWS = (  # of views and the selection alone; those of slices are tested in a window
-    "frame_volume", "live_again", "choose_object", "use_window_tool", "black_background", "four_up", "scroll_slice",
+    "frame_volume", "live_again", "choose_object", "use_window_tool", "plain_background", "four_up", "scroll_slice",
     "show_tab",
 )  # fmt: skip
 OF_THE_SCENE = ("hide_mesh", "update_world_light")  # not of a volume

@@ -36,7 +36,7 @@ def turn(tmp_path=None, **options):
 def settings() -> dict:
     """All output settings of the scene, its camera and frames, and the cameras of its markers."""
     scene = bpy.context.scene
-    groups = (scene.render, scene.render.image_settings, scene.render.ffmpeg)
+    groups = (scene.render, scene.render.image_settings, scene.render.ffmpeg, scene.view_settings)
     found = {
         (group.bl_rna.identifier, entry.identifier): getattr(group, entry.identifier)
         for group in groups for entry in group.bl_rna.properties
@@ -44,7 +44,7 @@ def settings() -> dict:
     }  # fmt: skip
     found.pop(("RenderSettings", "use_lock_interface"))  # on as long as renders include a volume
     markers = [(one.name, one.frame, one.camera) for one in scene.timeline_markers]
-    return {**found, "camera": scene.camera, "markers": markers, "frame": scene.frame_current,
+    return {**found, "camera": scene.camera, "world": scene.world, "markers": markers, "frame": scene.frame_current,
             "frames": (scene.frame_start, scene.frame_end, scene.frame_step)}  # fmt: skip
 
 
@@ -210,7 +210,8 @@ def test_a_size_that_no_movie_has_is_said_in_the_dialog_which_proposes_pictures(
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 643, 361, 100
     assert "643 x 361" in bridge("render.output_settings").why_no_movie(scene.render)
     operator = import_module(f"{MODULE}.operators.turntable")
-    chosen = SimpleNamespace(output="MP4", filepath="turn.mp4")
+    given = SimpleNamespace(is_property_set=lambda name: name == "background")
+    chosen = SimpleNamespace(output="MP4", filepath="turn.mp4", properties=given)
     manager = SimpleNamespace(fileselect_add=lambda _operator: None)
     context = SimpleNamespace(scene=scene, window_manager=manager)
     operator.RLE_SPLAT_OT_turntable.invoke(chosen, context, None)
@@ -273,3 +274,26 @@ def test_the_report_is_of_the_scene_that_was_rendered(cube, bridge):
     bpy.data.scenes.remove(scene)
     module.RLE_SPLAT_OT_turntable._say(ended)
     assert said == [("WARNING", "The file is gone."), ("INFO", "The animation is at turn.mp4.")]
+
+
+@pytest.mark.parametrize("engine", ["BLENDER_WORKBENCH", "CYCLES"])
+@pytest.mark.parametrize("has_world", [True, False])
+@pytest.mark.parametrize(("background", "level"), [("WHITE", 1.0), ("BLACK", 0.0)])
+def test_a_plain_background_is_behind_the_volume(cube, tmp_path, engine, has_world, background, level):
+    """In colors as they are; world and view are the scene's again afterwards."""
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.film_transparent = engine, True
+    scene.render.resolution_x, scene.render.resolution_y = 32, 24
+    if engine == "CYCLES":
+        scene.cycles.samples = 1
+    scene.world = bpy.data.worlds.new("mine") if has_world else None
+    scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 0.5
+    cube.rle_splat.display = "mip"
+    cube.rle_splat.window_center, cube.rle_splat.window_width = 25.0, 50.0  # all is above it
+    cube.rle_splat.use_inverted_grays = background == "WHITE"
+    before, worlds = settings(), len(bpy.data.worlds)
+    turn(tmp_path, frames=1, output="PNG", background=background)
+    assert settings() == before and len(bpy.data.worlds) == worlds
+    pixels = scenes.load_pixels(next((tmp_path / "new").glob("*.png")))[..., :3]
+    np.testing.assert_allclose(pixels[[0, 0, -1, -1], [0, -1, 0, -1]], level, atol=0.005)  # dithered
+    assert np.abs(pixels[12, 16] - level).min() > 0.9, "the volume is as far from it as can be"

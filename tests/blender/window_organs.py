@@ -5,6 +5,7 @@ dev.py test runs it.  The files are written with pydicom, which the extension br
 """
 
 import os
+import shutil
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -155,12 +156,19 @@ def from_the_front() -> None:
 
 def color_at(name: str, owner, index) -> np.ndarray:
     """What the photograph of this name shows at a voxel, RGB in [0, 1]."""
+    return around(name, owner, index, 0.0)[0, 0]
+
+
+def around(name: str, owner, index, voxels: float = 1.5 * RADIUS) -> np.ndarray:
+    """(2 n + 1, 2 n + 1, 3) what the photograph of this name shows around a voxel, by so many voxels to each side."""
     pixels = scenes.load_pixels(Path(os.environ[SHOTS]) / f"{name}.png")[..., :3]
     region, view = region_of(area_of("VIEW_3D"), "WINDOW"), area_of("VIEW_3D").spaces.active.region_3d
     corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
     axes = corners[[1, 2, 4]] - corners[0]
-    place = location_3d_to_region_2d(region, view, Vector(corners[0] + np.array(index) / (N - 1.0) @ axes))
-    return pixels[len(pixels) - 1 - int(region.y + place.y), int(region.x + place.x)]
+    places = (Vector(corners[0] + np.array(at) / (N - 1.0) @ axes) for at in (index, index + np.array((voxels, 0, 0))))
+    place, beside = (location_3d_to_region_2d(region, view, at) for at in places)
+    row, column, n = len(pixels) - 1 - int(region.y + place.y), int(region.x + place.x), int((beside - place).length)
+    return pixels[row - n : row + n + 1, column - n : column + n + 1]
 
 
 def check_structures(ct):
@@ -193,9 +201,12 @@ def check_pet(ct):
     assert (own.window_center, own.window_width) == (5.0, 10.0), (own.window_center, own.window_width)
     assert abs(own.value_high - HOT) < 0.02 * HOT, own.value_high
     ct.hide_set(True)
+    ct.hide_render = True
     yield from settled()
     yield from photograph("pet")
+    yield from show_on_white(pet)
     ct.hide_set(False)
+    ct.hide_render = False
     scenes.activate(ct)
     pet.select_set(True)
     with in_the_view():
@@ -203,7 +214,44 @@ def check_pet(ct):
     yield from until(lambda: len(ct.rle_splat.channels) == 1 and is_idle())
     yield from settled()
     yield from photograph("pet_over_ct")
-    assert ct.rle_splat.channels[0].source == pet
+    (channel,) = ct.rle_splat.channels
+    assert channel.source == pet
+    channel.show = False
+    yield from settled()
+    yield from photograph("without_pet")
+    channel.show = True
+    both = "pet_over_ct", "without_pet"
+    liver, spleen = ([around(name, ct, middle) for name in both] for middle in ORGANS.values())
+    hot, cold = (np.abs(one - other).max(axis=-1) for one, other in (liver, spleen))
+    print("pet over ct", np.quantile(hot, 0.5), np.quantile(cold, (0.5, 0.99)), flush=True)
+    assert np.quantile(hot, 0.5) > 0.15, "uptake shows within its segment"
+    assert np.quantile(cold, 0.99) < 0.1, "segments have the boundaries that they have without a channel"
+
+
+def show_on_white(pet):
+    """MIP of a PET begins with inverted grays; one click makes the viewport white, and a turntable is on white."""
+    pet.rle_splat.display = "mip"
+    pet.rle_splat.window_center, pet.rle_splat.window_width = 5.0, 10.0
+    with in_the_view():
+        bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
+    yield from settled()
+    yield from photograph("pet_mip")
+    liver, beside = color_at("pet_mip", pet, ORGANS["liver"]), color_at("pet_mip", pet, (1, 24, 1))
+    print("pet_mip", liver, beside, flush=True)
+    assert beside.min() > 0.97 and liver.max() < 0.6, (liver, beside)
+    path = FOLDER / "pet_turn"
+    scene = bpy.context.scene
+    scene.render.engine = "BLENDER_WORKBENCH"
+    scene.render.resolution_x, scene.render.resolution_y = 320, 240
+    with in_the_view():
+        bpy.ops.rle_splat.turntable("EXEC_DEFAULT", filepath=str(path), frames=2, output="PNG", background="WHITE")
+    yield from until(lambda: (FOLDER / "pet_turn_0002.png").exists() and not bpy.app.is_job_running("RENDER"))
+    shown = scenes.load_pixels(FOLDER / "pet_turn_0002.png")[..., :3]
+    assert shown[[0, -1], [0, -1]].min() > 0.97 and shown.min() < 0.6
+    shutil.copy(FOLDER / "pet_turn_0002.png", Path(os.environ[SHOTS]) / "pet_turn.png")
+    pet.rle_splat.display = "composite"
+    with in_the_view():
+        bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
 
 
 def scenario():

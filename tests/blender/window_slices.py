@@ -191,7 +191,7 @@ def check_display(name):
     bpy.context.scene.rle_splat.show_scale_bar = bpy.context.scene.rle_splat.show_color_bar = True
     properties.display = "mip"
     with in_the_view():
-        assert bpy.ops.rle_splat.black_background() == {"FINISHED"}
+        assert bpy.ops.rle_splat.plain_background() == {"FINISHED"}
     yield from settled()
     yield from photograph("mip_on_black")
     region = region_of(area_of("VIEW_3D"), "WINDOW")

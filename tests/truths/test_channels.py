@@ -20,7 +20,6 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.shown_nearby import mean_extinction, nearby_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.effects.mixing import BY_PRE
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
@@ -375,15 +374,11 @@ def test_a_change_of_a_channel_makes_a_new_picture(stage):
     assert cache.made == made, "nothing is made again when the camera moves"
 
 
-def test_labels_keep_pre_and_modes_one_volume(stage):
+def test_modes_keep_one_volume(stage):
     scene = scene_of(stage, parts(2))
     plain = render(scene, Quality())
     assert plain.report["plan"]["classification"] == "post" and not plain.report["remarks"]
     assert plain.report["error"]["truth"] == "T2" and plain.report["stages_ms"]["mixing"] > 0.0
-    labels = Labels(Volume((blobs(4) > 0.5).astype(np.uint8), np.eye(4)), {1: None})
-    labeled = render(replace(scene, labels=labels), Quality())
-    assert labeled.report["plan"]["classification"] == "pre"
-    assert BY_PRE in labeled.report["remarks"]
     for mode in ("xray", "mip"):
         picture = render(replace(scene, mode=mode), Quality())
         alone = render(replace(scene, mode=mode, channels=()), Quality())

@@ -7,14 +7,10 @@ import pytest
 
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import Channel, Labels, Quality, RleSplatError
-from rle_splat.volume.volume import Volume
+from rle_splat.scene import Quality, RleSplatError
 from tests.truths.test_shadows import lit_blob, point, scene_of, sun
 from tests.ways import NUMPY, both
 
-ALL_LABELED = Labels(
-    Volume(np.ones((16, 16, 16), np.uint8), lit_blob().volume.affine), {1: lit_blob().transfer_function}
-)
 INDIRECT_IS_OFF = {
     "amount 0": ({"indirect_light": 0.0}, "post", "indirect light is turned off"),
     "pre": ({}, "pre", "the volume is pre-classified"),
@@ -23,10 +19,6 @@ INDIRECT_IS_OFF = {
     "a headlight": ({"lights": (), "headlight": True}, "post", "only light that casts shadows is scattered"),
     "a lamp without shadows": ({"lights": (sun((0, 0, -1), casts_shadow=False),)}, "post", "only light that casts"),
     "by hand": ({"effects": {"indirect light": False}}, "post", "by hand"),
-    "labels and channels": (
-        {"labels": ALL_LABELED, "channels": (Channel(ALL_LABELED.volume, lit_blob().transfer_function),)}, "post",
-        "the volume is pre-classified",
-    ),
     "a mode": ({"mode": "mip"}, "post", "nothing is shaded"),
 }  # fmt: skip
 

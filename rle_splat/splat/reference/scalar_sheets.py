@@ -108,20 +108,21 @@ def _classify(kind, here, there, lookup, cut):
 
 def _classify_channels(kind, here, there, channels, cut, parts=None):
     """As ``_classify``, by several channels; and where what is shown begins and ends (H, W) each: see
-    ``channel_block``.  ``parts``: what of each slab belongs to each of them, (channels, H, W), where they are the
-    functions of labels."""
+    ``channel_block``.  ``parts``: what of each slab belongs to each function of labels, (own, H, W), which
+    then classify the volume itself, or None."""
     mixed = np.zeros((*here.shape[:2], 4), np.float32)
     counts, begin, end = np.zeros((3, *here.shape[:2]), np.float32)
     shine = here[..., 1:]
     ends = zip(channels.planes, channels.begins, channels.begins[1:], channels.numbers)
     for number, (plane, first, last, numbers) in enumerate(ends):
-        if parts is not None and not parts[number].any():
+        labeled = parts is not None and number < channels.own
+        if labeled and not parts[number].any():
             continue
         lookup = (channels.tables[first:last], channels.sums[first:last], *numbers, (last - first) // 4 - 1)
         own, own_before = (np.concatenate((one[..., [plane]], one[..., 1:]), axis=-1) for one in (here, there))
         sampled, counted, planes = _classify(kind, own, own_before, lookup, cut)
         sampled = sampled * np.broadcast_to(counted, counts.shape)[..., None]
-        if parts is not None:
+        if labeled:
             sampled = sampled * parts[number][..., None]
         mixed += sampled
         part = np.divide(sampled[..., 3], mixed[..., 3], out=np.zeros_like(counts), where=mixed[..., 3] > 0.0)
@@ -289,7 +290,7 @@ def splat_scalar_sheets_numpy(
             sampled, counted, shine = _classify(sheets.kind[sheet], here, there, lookup, cut)
             span = None
         else:
-            parts = None if labels is None else label_parts(labels, *slab, len(channels.planes))
+            parts = None if labels is None else label_parts(labels, *slab, channels.own)
             sampled, counted, shine, span = _classify_channels(sheets.kind[sheet], here, there, channels, cut, parts)
         if thinned:
             in_slab = in_slab * shine[..., -1]

@@ -1,0 +1,144 @@
+"""From File > Import to a picture in a real window: how many clicks and seconds it takes, and a photograph of each.
+
+    python3 dev.py blender --photograph tests/blender/record_clicks.py --size 1280x1400
+
+writes clicks.md and NAME.png into build/window-shots/record_clicks.  The scans of ``CASES`` are in tests/blender/data,
+linked or copied there.  Buttons are found by hovering over the sidebar, and pressed with the mouse.  In the file
+browser, whose folders are set by this script, choosing a file and pressing its button count as two clicks.
+"""
+
+import os
+import time
+from importlib import import_module
+from pathlib import Path
+
+import bpy
+
+from tests.blender import window_driver
+from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import choose_import, confirm_browser, settled, simulate
+from tests.blender.window_driver import (
+    SHOTS,
+    TAB,
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    region_of,
+    until,
+)
+
+DATA = Path(__file__).parent / "data"
+FILE, FOLDER = 0, 1  # entries of File > Import
+STEP, EDGE = 8, 30  # pixels between places that are hovered over, and from the right edge to a row's last button
+window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
+READ, ANATOMY = "bpy.ops.rle_splat.read_labels(", "bpy.ops.rle_splat.color_anatomy("
+# Name, entry of File > Import, scan, labels or None, buttons that are pressed afterwards.
+CASES = (
+    ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", None, ()),
+    ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
+     "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", (ANATOMY,)),
+    ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", None, ()),
+    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", ()),
+    ("CT with RTSTRUCT", FOLDER, "dicom_ct_chest_512x512x46", "rt_utils_chest.dcm", (ANATOMY,)),
+    ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif",
+     "fluorescence/nuclei_labels_256x256x60_uint32.tif", (ANATOMY,)),
+)  # fmt: skip
+
+
+class Count:
+    """Clicks, and seconds from each of them to a finished picture."""
+
+    def __init__(self):
+        self.clicks, self.seconds = 0, 0.0
+
+
+def is_idle() -> bool:
+    return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
+
+
+def volumes() -> list:
+    return [one for one in bpy.data.objects if one.rle_splat.is_volume]
+
+
+def waited(count: Count, condition):
+    """Until the condition holds and the picture is finished, counting the seconds."""
+    began = time.perf_counter()
+    yield from until(condition)
+    yield from settled()
+    count.seconds += time.perf_counter() - began
+
+
+def found(place: str):
+    """The place in the window of a button of the sidebar; ``place``: how its Python command begins."""
+    area = area_of("VIEW_3D")
+    region = region_of(area, "UI")
+    columns = region.x + region.width // 2, region.x + region.width - EDGE, region.x + region.width - 2 * EDGE
+    for y in range(region.y + region.height - STEP, region.y, -STEP):
+        for x in columns:
+            simulate("MOUSEMOVE", "NOTHING", (x, y))
+            yield
+            yield
+            bpy.context.window_manager.clipboard = ""
+            with bpy.context.temp_override(window=window_driver.window(), area=area, region=region):
+                if bpy.ops.ui.copy_python_command_button.poll():
+                    bpy.ops.ui.copy_python_command_button()
+            if bpy.context.window_manager.clipboard.startswith(place):
+                return x, y
+    raise AssertionError(f"no button of the sidebar is {place}")
+
+
+def press_button(count: Count, place: str):
+    at = yield from found(place)
+    for value in ("PRESS", "RELEASE"):
+        simulate("LEFTMOUSE", value, at)
+        yield
+    count.clicks += 1
+
+
+def imported(count: Count, entry: int, scan: Path):
+    yield from choose_import(entry)
+    count.clicks += 2  # File and the entry; Import opens under the mouse
+    yield from confirm_browser(*((scan,) if entry == FOLDER else (scan.parent, scan.name)))
+    count.clicks += 2
+    yield from waited(count, lambda: volumes() and is_idle())
+    return volumes()[0]
+
+
+def read(count: Count, owner, labels: Path):
+    """Labels, whose file is chosen by the folder beside the path: three clicks more than Read."""
+    owner.rle_splat.label_file = str(labels)
+    count.clicks += 3
+    yield from press_button(count, READ)
+    yield from waited(count, lambda: len(owner.rle_splat.labels) > 1 and is_idle())
+
+
+def measured(name: str, entry: int, scan: str, labels, buttons):
+    yield from new_file()
+    count = Count()
+    owner = yield from imported(count, entry, DATA / scan)
+    region_of(area_of("VIEW_3D"), "UI").active_panel_category = TAB
+    if labels is not None:
+        yield from read(count, owner, DATA / labels)
+    for place in buttons:
+        yield from press_button(count, place)
+        yield from waited(count, is_idle)
+    with in_the_view():
+        yield from photograph(name.replace(" ", "_"))
+    with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:
+        table.write(f"| {name} | {owner.rle_splat.transfer_name} | {count.clicks} | {count.seconds:.1f} |\n")
+    print(name, count.clicks, round(count.seconds, 1), owner.rle_splat.remarks, flush=True)
+    passed(name)
+
+
+def scenario():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels")
+    for case in CASES:
+        if (DATA / case[2]).exists():
+            yield from measured(*case)
+
+
+drive(scenario)
