@@ -18,7 +18,7 @@ PATCH = Vector((-40.0, -150.0, 34.0))  # before the forehead: where the plate st
 CELL, COLUMNS, ROWS = 5.2, 13, 11  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
-SMOOTHNESS = 2.0  # voxels: the light shows the layers of 1 mm without
+THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
 
 def _net(middle: Vector) -> bpy.types.Object:
@@ -129,7 +129,7 @@ def skull(stage: Stage):
                          @ made.matrix_world)  # fmt: skip
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
-    ours.smoothness = SMOOTHNESS
+    ours.opacity_unit_distance = THICKNESS
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
     turn = 42.0
@@ -141,7 +141,7 @@ def skull(stage: Stage):
     toward = (1.45, -1.6, 0.62)
     stage.camera(toward, lens=74.0, aim=(-0.08, -0.11, -0.05))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
-    stage.key(3.2, (-0.4, -1.7, 1.7))
+    stage.key(3.2, (1.0, -1.6, 1.5))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

@@ -180,7 +180,7 @@ def positive_part(levels: np.ndarray) -> np.ndarray:
     above = levels > 0.0
     four = above[:-1, :-1].astype(np.int8) + above[:-1, 1:] + above[1:, :-1] + above[1:, 1:]
     steps = np.diff(np.pad(four == 4, ((0, 0), (1, 1))).astype(np.int8), axis=1)
-    (rows, begin), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)  # rows of whole squares, as long as can be
+    (rows, begin), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)  # rows of whole squares
     pieces = [_triangle(x, y, (rows, begin), (rows + 1, begin), (rows, end)),
               _triangle(x, y, (rows + 1, end), (rows, end), (rows + 1, begin))]  # fmt: skip
     row, column = np.nonzero((four > 0) & (four < 4))
