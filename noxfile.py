@@ -91,8 +91,9 @@ def gallery(parser, words) -> int:
 
 @job
 def figures(parser, words) -> int:
-    """Make the figures of the documentation in out/figures/; arguments go to rle-splat figure."""
-    return run(ensure(CORE), "-m", "devtools.example_figures", *words)
+    """Make figures of the documentation in out/figures/."""
+    parser.parse_args(words)
+    return run(ensure(CORE), "-m", "devtools.example_figures")
 
 
 @job

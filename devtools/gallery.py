@@ -13,7 +13,7 @@ from .places import OUT, ROOT, Failure, clean_environ, run, say
 from .sample import sample
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "objects", "skull", "studio", "data", "grids")
+PARTS = ("scene", "sets", "skull", "studio", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
@@ -32,8 +32,6 @@ SHOTS = {
     "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
     "nuclei": Shot("nuclei in a confocal stack, one of them dividing", (1400, 1050)),
     "aorta": Shot("the two lumina of a dissected aorta", (900, 1200)),
-    "smoke": Shot("smoke around a ring and an ember", (1200, 1600)),
-    "engine": Shot("CT of an engine block, a quarter cut away", (1600, 1200)),
 }
 
 

@@ -86,27 +86,6 @@ def aorta_labels() -> Path:
     return _asked_for("cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
 
 
-def smoke(folder: Path):
-    """Smoke whose y axis points up, as simulations have it."""
-    path = _scan("smoke_fog.vdb")
-    if path is not None:
-        return path, {}, path.name
-    import sys
-
-    sys.path.append(str(ROOT))
-    from benchmarks.scenes import smoke as plume
-
-    voxels = plume((72, 72, 112)).voxels.transpose(1, 0, 2)[::-1]  # z up to y up
-    return *_raw(folder, "smoke", voxels, (4.0, 4.0, 4.0), modality="SMOKE", preset="smoke"), MADE
-
-
-def engine(folder: Path):
-    """An engine block: aluminium from 80, steel from 170."""
-    path = _asked_for("engine_256x256x110_uint8.raw.gz")
-    return path, {"shape": (256, 256, 110), "dtype": "uint8", "byte_order": "little", "header_bytes": 0,
-                  "spacing": (1.0, 1.0, 1.0), "modality": "CT", "preset": "ct-industrial"}, path.name  # fmt: skip
-
-
 def template(folder: Path):
     """The sample volume, an average of 152 brains, which dev.py has put there."""
     facts = json.loads((ROOT / "out" / "sample" / "sample.json").read_text())

@@ -11,7 +11,6 @@ import math
 import bpy
 from demo_scene import bevelled, material, named, rod
 from gallery_data import aorta_labels, nuclei_labels
-from gallery_objects import engine, smoke
 from gallery_skull import skull
 from gallery_studio import COLD, RENDER, WARM, Stage, emission, plain_world, softbox_world, view_transform
 from mathutils import Matrix, Vector
@@ -193,10 +192,5 @@ def brain(stage: Stage):
     yield RENDER
 
 
-SETS = {
-    "skull": skull, "spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta, "smoke": smoke, "engine": engine,
-}  # fmt: skip
-DATA_OF = {
-    "skull": "skull", "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta", "smoke": "smoke",
-    "engine": "engine",
-}  # fmt: skip
+SETS = {"skull": skull, "spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta}
+DATA_OF = {"skull": "skull", "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta"}

@@ -1,4 +1,4 @@
-"""The studio of the gallery: camera, lights, worlds made of nodes, plinths, clip objects (runs in an
+"""The studio of the gallery: camera, lights, worlds made of nodes, plinths (runs in an
 environment with bpy).
 
 Lengths are parts of the volume's largest side, so that scans of any size look alike.
@@ -6,7 +6,6 @@ Lengths are parts of the volume's largest side, so that scans of any size look a
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,40 +54,11 @@ class Stage:
 
     # --- the volume ---------------------------------------------------------------------------------------------------
 
-    def turn(self, degrees: float, axis: str) -> None:
-        """Turn the volume about its middle."""
-        to_middle = Matrix.Translation(self.middle)
-        turned = to_middle @ Matrix.Rotation(math.radians(degrees), 4, axis) @ to_middle.inverted()
-        self.volume.matrix_world = turned @ self.volume.matrix_world
-        bpy.context.view_layer.update()
-
-    def show(self, function: dict) -> None:
-        """Give the volume a transfer function."""
-        path = self.folder / "transfer_function.json"
-        path.write_text(json.dumps(function) + "\n")
-        bpy.context.view_layer.objects.active = self.volume
-        bpy.ops.rle_splat.load_transfer(filepath=str(path))
-        self.volume.rle_splat.two_sided = False
-
     def read_labels(self, path: Path) -> None:
         """List the segments of a label file."""
         bpy.context.view_layer.objects.active = self.volume
         self.volume.rle_splat.label_file = str(path)
         bpy.ops.rle_splat.read_labels()
-
-    def cut_box(self, name: str, middle: Vector, half) -> bpy.types.Object:
-        """Cut away what is inside a box of the world's axes, given by its middle and half its sides in sizes."""
-        return self._clip("BOX", "OUTSIDE", name, Matrix.Translation(middle) @ Matrix.Diagonal(
-            (*(self.size * Vector(half)), 1.0)))  # fmt: skip
-
-    def _clip(self, kind: str, keep: str, name: str, matrix) -> bpy.types.Object:
-        bpy.context.view_layer.objects.active = self.volume
-        bpy.ops.rle_splat.add_clip(kind=kind, keep=keep)
-        made = bpy.context.view_layer.objects.active
-        made.name = name
-        made.matrix_world = matrix
-        bpy.context.view_layer.update()
-        return made
 
     # --- camera and light ---------------------------------------------------------------------------------------------
 

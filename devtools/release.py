@@ -16,7 +16,7 @@ from .places import DIST, ROOT, Failure, say
 
 CHANGELOG = ROOT / "CHANGELOG.md"
 LISTING = ROOT / "devtools" / "listing.md"
-PICTURES = ("panel.png", *(f"gallery-{name}.jpg" for name in ("spine", "brain", "nuclei", "smoke")))
+PICTURES = tuple(f"gallery-{name}.jpg" for name in ("skull", "window", "spine", "nuclei"))
 CHECKSUMS = "SHA256SUMS"
 
 

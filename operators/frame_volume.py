@@ -34,8 +34,8 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        told = next(item for item in SIDES if item[0] == properties.side)
-        return pgettext_tip(cls.bl_description if properties.side == AS_IT_IS else told[2])
+        item = next(item for item in SIDES if item[0] == properties.side)
+        return pgettext_tip(cls.bl_description if properties.side == AS_IT_IS else item[2])
 
     def execute(self, context):
         owner = volumes.volume_object(context)

@@ -320,8 +320,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
 
     def _kind(self, paths):
         """The format that ``check`` found, else that of the suffix: drawing opens no file."""
-        told = next((entry for entry in FORMATS if entry.name == self.format_name), None)
-        return told or (format_named(paths[0]) if paths else None)
+        found = next((entry for entry in FORMATS if entry.name == self.format_name), None)
+        return found or (format_named(paths[0]) if paths else None)
 
     def _draw_raw(self, layout):
         for name in ("shape", "dtype", "byte_order", "header_bytes"):

@@ -50,7 +50,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     def description(cls, _context, properties):
         if properties.keep_values:
             return pgettext_tip(KEEPING)
-        items = (told for name, _label, told in ITEMS[1:] if name == properties.preset)
+        items = (text for name, _label, text in ITEMS[1:] if name == properties.preset)
         return pgettext_tip(next(items, cls.bl_description))
 
     def invoke(self, context, _event):

@@ -180,7 +180,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         min=1e-6, precision=2)
     slices_clear_black: LiveBool(
         name="Clear Black", default=False,
-        description="Make transparent what slices would show black, such as the air around the body")
+        description="Make transparent what slices would show black, such as the air around the body. The volume "
+        "behind it shows there")
     slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),

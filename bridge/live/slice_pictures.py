@@ -80,6 +80,7 @@ def forget() -> None:
     """Drop all records."""
     for held in (_shown, _sampled, _drafts, _problems):
         held.clear()
+    slices.forget_opaque()
     _drop_work()
 
 
@@ -167,6 +168,7 @@ def _picture_steps(one, volume, matrix, window, size):
         values = yield from slices.sampled_steps(volume, matrix, size)
         _sampled[uid, is_full] = place, values
     slices.show(one, (yield from slices.picture_steps(*values, window)))
+    slices.remember_opaque(one, *values, window)
 
 
 def _drop_work() -> None:

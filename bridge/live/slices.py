@@ -26,6 +26,8 @@ CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 LAMPS = ("visible_diffuse", "visible_volume_scatter", "visible_shadow")  # rays by which a slice would light the scene
 LONGEST_NAME = 40  # characters of the volume's name in a slice's name
 
+_opaque: dict = {}  # session id of an image whose black is transparent -> (n, 3, 3) triangles of the rest
+
 
 def slice_objects(scene) -> list:
     """The slices of a scene, sorted by name."""
@@ -206,8 +208,23 @@ def show(one, rgba: np.ndarray) -> None:
     images.write_color(images.ensure_image(image, image.name, width, height), rgba)
 
 
+def remember_opaque(one, values: np.ndarray, inside: np.ndarray, window) -> None:
+    """Find the part of a slice that is not transparent, from what ``sampled_steps`` and ``content`` return."""
+    uid = one.rle_splat.slice_image.session_uid
+    low, high, clears = window
+    _opaque.pop(uid, None)
+    if clears:
+        levels = np.where(inside & np.isfinite(values), (values - low) / (high - low), -1.0)
+        part = plain.positive_part(levels)
+        _opaque[uid] = np.concatenate((part, np.zeros((*part.shape[:2], 1))), axis=2)
+
+
+def forget_opaque() -> None:
+    _opaque.clear()
+
+
 def outlines(depsgraph) -> dict:
-    """The part of each slice that lies in its volume, which hides what is behind it.
+    """The part of each slice that lies in its volume and is not transparent: it hides what is behind it.
 
     Returns
     -------
@@ -220,8 +237,12 @@ def outlines(depsgraph) -> dict:
         if owner is None or volumes.at_hand(owner, depsgraph) is None:
             continue
         try:
-            volume, matrix, _ = content(one, depsgraph)
+            volume, matrix, (_, _, clears) = content(one, depsgraph)
         except RleSplatError:
+            continue
+        image = one.rle_splat.slice_image
+        if clears and image is not None and image.session_uid in _opaque:
+            found[one] = _opaque[image.session_uid]
             continue
         polygon = plain.cut_polygon(volume.shape_xyz, matrix)
         corners = np.column_stack((polygon, np.zeros(len(polygon))))

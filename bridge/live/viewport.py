@@ -26,7 +26,7 @@ STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without
 # For how long pictures of another view are shown while the next ones are made: seconds, or times as long as the last
 # draft took, whichever is more; or slow drafts would alternate with nothing.
 MOST_LAG, OF_LAST = 0.5, 2.0
-RECHECK = 0.5  # seconds after which contents and depths are compared again although nothing told of a change
+RECHECK = 0.5  # seconds after which contents and depths are compared again although no event named a change
 FOR_GOOD = "for good"  # of a failure that no input made, such as that of a driver
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``

@@ -115,7 +115,7 @@ def _pattern(template: str) -> re.Pattern:
 
 def register():
     bpy.app.translations.register(EXTENSION, {
-        language: {(context, text): told for text, told in texts.items() for context in CONTEXTS}
+        language: {(context, text): translated for text, translated in texts.items() for context in CONTEXTS}
         for language, texts in languages().items()
     })  # fmt: skip
 

@@ -48,7 +48,7 @@ def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=(
     Returns
     -------
     bool
-        Labels and channels whose file is missing are not waited for: whoever needs them is told at once.
+        Labels and channels whose file is missing are not waited for: what needs them fails at once.
     """
     volume = volumes.at_hand(owner, depsgraph)
     with_labels = labels.are_used(owner) if with_labels is None else with_labels

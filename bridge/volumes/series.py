@@ -97,10 +97,10 @@ def facts(row: SeriesInfo) -> list[tuple[str, str]]:
     """(name, text) of what a chooser says about a series."""
     spacing = "" if row.spacing is None else " x ".join(f"{s:.4g}" for s in row.spacing) + " mm"
     several = "" if row.frames == 1 else f"{row.frames}" if row.axis == "time" else f"{row.frames}, of {row.axis}"
-    told = (
+    rows = (
         ("Modality", " ".join(filter(None, (row.modality, row.body_part)))), ("Description", row.description),
         ("Slices", str(row.slices)), ("Size", " x ".join(map(str, row.size)) + " pixels"), ("Spacing", spacing),
         ("Time Points" if row.axis in ("", "time") else "Volumes", several),
         ("Kind", "Localizer" if row.localizer else ""), ("Problem", row.problem),
     )  # fmt: skip
-    return [(name, text) for name, text in told if text]
+    return [(name, text) for name, text in rows if text]

@@ -216,7 +216,7 @@ def connect(args, job_inputs, line):
 
 @contextmanager
 def _silent():
-    """Context manager: what goes wrong is told in one sentence here, and not by Dask's loggers."""
+    """Context manager: what goes wrong becomes one error here, and not messages of Dask's loggers."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith(("distributed", "tornado"))]
     levels = {name: logging.getLogger(name).level for name in names}
     try:

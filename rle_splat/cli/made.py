@@ -2,7 +2,7 @@
 
 Beside each numbered picture stands a small hidden file, ``.out_0012.png.made``.  It holds a hash of everything that the
 picture depends on, and the size and a hash of the picture's file.  So a picture of another scene, an incomplete one and
-one that somebody edited are told from one that is made.  The voxels are hashed, not the times of their files.
+one that somebody edited are distinguished from one that is made.  The voxels are hashed, not the times of their files.
 """
 
 from __future__ import annotations

@@ -253,6 +253,6 @@ def _is_lit(panel: dict) -> bool:
 
 
 def same_bits(sidecar: Sidecar, renderings) -> bool:
-    """Whether the pictures of a figure that was made again have the bits that the sidecar tells."""
-    told = [entry["pixels"] for entry in sidecar.content["panels"]]
-    return told == [pixel_hash(rendering.rgba) for rendering in renderings]
+    """Whether the pictures of a figure that was made again are bit-identical to those of the sidecar."""
+    recorded = [entry["pixels"] for entry in sidecar.content["panels"]]
+    return recorded == [pixel_hash(rendering.rgba) for rendering in renderings]

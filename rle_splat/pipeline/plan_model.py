@@ -14,9 +14,9 @@ what the roughness predicts (99 % of the scenes), and 1.1 to 2.9 times what the 
 pilots.  By the pilots, 10 of 57 pairs of a volume and a preset had different plans in different views.
 
 Time: that of the splat is a sum over rows, runs and pixels of all sheets, that of the warp over pixels.  Both are
-scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users are told is scaled by the
+scaled by the speed of this machine (``machine.MachineProfile``) to choose a plan; what users see is scaled by the
 times of the scene's pilots, or of its latest picture, too (``choose.Speed``).  The presets' plans have single rays by a
-threshold, whose number only their picture tells, so their times are measured, over that of ``standard``.
+threshold, whose number only their picture gives, so their times are measured, over that of ``standard``.
 """
 
 from __future__ import annotations

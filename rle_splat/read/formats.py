@@ -113,8 +113,8 @@ def format_of(path) -> Format | None:
         except OSError as problem:
             raise unreadable(path, problem) from None
     head = head_of(path)
-    told = next((entry for entry in FORMATS if entry.recognizes and entry.recognizes(head)), None)
-    return told or format_named(path)
+    found = next((entry for entry in FORMATS if entry.recognizes and entry.recognizes(head)), None)
+    return found or format_named(path)
 
 
 def _choose(path: Path, given: dict) -> Format:

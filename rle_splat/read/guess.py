@@ -305,8 +305,8 @@ def _read_as(sample: bytes, skip: int, dtypes, given, named, reasons: list):
     not.
     """
     orders = (given,) if given else BYTE_ORDERS
-    dtype, order, clear_type, clear_order, told = _smoothest(sample, skip, dtypes, orders)
-    if given is None and named is not None and not told:
+    dtype, order, clear_type, clear_order, is_clear = _smoothest(sample, skip, dtypes, orders)
+    if given is None and named is not None and not is_clear:
         dtype, order, clear_type, clear_order, _ = _smoothest(sample, skip, dtypes, (named,))
         reasons.append(f"The name says {named}-endian; the bytes are ambiguous.")
     elif len(dtypes) * len(orders) > 1:

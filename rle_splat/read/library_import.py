@@ -50,7 +50,7 @@ def library_steps(name: str, package: str, formats: str):
         for piece in PIECES[name]:
             for _ in _compile_steps(piece.partition(".")[0]):
                 yield doing
-            with suppress(ImportError):  # of a part that may be missing; that of the library itself is told below
+            with suppress(ImportError):  # of a part that may be missing; that of the library itself is reported below
                 import_module(piece)
             yield doing
     return library(name, package, formats)

@@ -1,4 +1,4 @@
-"""Whether values are Hounsfield units, told by the peaks of air and water in their histogram."""
+"""Whether values are Hounsfield units, by the peaks of air and water in their histogram."""
 
 from __future__ import annotations
 

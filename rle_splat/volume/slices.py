@@ -158,6 +158,59 @@ def cut_polygon(shape_xyz, matrix: np.ndarray) -> np.ndarray:
     return polygon
 
 
+def positive_part(levels: np.ndarray) -> np.ndarray:
+    """The part of a slice where its levels, interpolated linearly between pixels, are above 0.
+
+    Each square between four pixels is two triangles, and each of these is clipped where its level is 0.
+
+    Parameters
+    ----------
+    levels : (height, width) ndarray of float
+        At the centers of the pixels, row 0 at y = 1; constant beyond the outermost centers.
+
+    Returns
+    -------
+    (n, 3, 2) ndarray of float64
+        Triangles in the plane's x and y.
+    """
+    height, width = levels.shape
+    x = np.clip((2.0 * np.arange(-1, width + 1) + 1.0) / width - 1.0, -1.0, 1.0)
+    y = np.clip(1.0 - (2.0 * np.arange(-1, height + 1) + 1.0) / height, -1.0, 1.0)
+    levels = np.pad(levels, 1, mode="edge")
+    above = levels > 0.0
+    four = above[:-1, :-1].astype(np.int8) + above[:-1, 1:] + above[1:, :-1] + above[1:, 1:]
+    steps = np.diff(np.pad(four == 4, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    (rows, begin), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)  # rows of whole squares
+    pieces = [_triangle(x, y, (rows, begin), (rows + 1, begin), (rows, end)),
+              _triangle(x, y, (rows + 1, end), (rows, end), (rows + 1, begin))]  # fmt: skip
+    row, column = np.nonzero((four > 0) & (four < 4))
+    corner, below, beside, far = (row, column), (row + 1, column), (row, column + 1), (row + 1, column + 1)
+    for half in ((corner, below, beside), (far, beside, below)):
+        pieces += _clip_triangles(_triangle(x, y, *half), np.stack([levels[at] for at in half], axis=1))
+    return np.concatenate(pieces)
+
+
+def _triangle(x: np.ndarray, y: np.ndarray, *corners) -> np.ndarray:
+    """(n, 3, 2) triangles from three pairs of n rows and n columns."""
+    return np.stack([np.stack((x[column], y[row]), axis=1) for row, column in corners], axis=1)
+
+
+def _clip_triangles(triangles: np.ndarray, levels: np.ndarray) -> list[np.ndarray]:
+    """The parts of (n, 3, 2) triangles where the level, linear and known at their corners, is above 0."""
+    above = levels > 0.0
+    parts = [triangles[above.all(axis=1)]]
+    for alone in (above, ~above):  # one corner differs from the other two
+        chosen = alone.sum(axis=1) == 1
+        order = (np.argmax(alone[chosen], axis=1)[:, None] + np.arange(3)) % 3
+        one, second, third = np.moveaxis(np.take_along_axis(triangles[chosen], order[..., None], 1), 1, 0)
+        at_one, at_second, at_third = np.take_along_axis(levels[chosen], order, 1).T
+        to_second = one + (second - one) * (at_one / (at_one - at_second))[:, None]
+        to_third = one + (third - one) * (at_one / (at_one - at_third))[:, None]
+        quad = (to_second, second, third, to_third) if alone is not above else (one, to_second, to_third)
+        parts += [np.stack((quad[0], quad[n], quad[n + 1]), axis=1) for n in range(1, len(quad) - 1)]
+    return parts
+
+
 def _clip(polygon: np.ndarray, room: np.ndarray) -> np.ndarray:
     """The part of a convex polygon where ``room``, linear and known at its corners, is not negative."""
     corners = []

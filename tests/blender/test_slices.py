@@ -196,6 +196,27 @@ def test_the_volume_ends_at_a_slice_but_not_at_what_lies_outside_of_it(addon, tm
     np.testing.assert_allclose(scenes.picture_of(use_meshes=True)[1][12, 12, 3], full, atol=1e-6)
 
 
+def test_the_volume_shows_behind_a_slice_where_its_black_is_clear(addon, tmp_path, bridge):
+    owner = scenes.cube_scene(tmp_path)
+    one = add(owner)
+    ours = owner.rle_splat
+    ours.slices_follow_window, ours.slices_clear_black = False, True
+    scenes.activate(owner)
+    full = scenes.picture_of(use_meshes=False)[1][12, 12, 3]
+    for center, expected in ((1e4, 1.0), (-1e4, 0.5)):  # all black; all white
+        ours.slice_center, ours.slice_width = center, 100.0
+        scenes.update()
+        seen = scenes.image_pixels(one.rle_splat.slice_image)[..., 3]
+        np.testing.assert_array_equal(seen, float(expected < 1.0))
+        alpha = scenes.picture_of(use_meshes=True)[1][12, 12, 3]
+        np.testing.assert_allclose(np.log1p(-alpha) / np.log1p(-full), expected, atol=0.02)
+    ours.slice_center = 1e4
+    ours.slices_clear_black = False
+    scenes.update()
+    alpha = scenes.picture_of(use_meshes=True)[1][12, 12, 3]
+    np.testing.assert_allclose(np.log1p(-alpha) / np.log1p(-full), 0.5, atol=0.02)
+
+
 def test_undo_and_redo_bring_back_pixels(owner, voxels):
     name = owner.name
     bpy.ops.ed.undo_push(message="start")

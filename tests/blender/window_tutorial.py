@@ -2,7 +2,8 @@
 
     python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x1100
 
-keeps them in build/window-shots/window_tutorial as JPEG, and prints how long each step took.
+keeps them in build/window-shots/window_tutorial as JPEG, and prints how long each step took.  The scan is the DICOM
+series in tests/blender/data/scan, if there is such a folder, else the practice CT.
 """
 
 import os
@@ -14,7 +15,7 @@ from math import radians
 from pathlib import Path
 
 import bpy
-from mathutils import Euler, Vector
+from mathutils import Euler
 
 from tests.blender.user_steps import drag, middle, press, settled
 from tests.blender.window_driver import (
@@ -29,7 +30,7 @@ from tests.blender.window_driver import (
     until,
 )
 
-FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_tutorial_")) / "practice-ct"
+SCAN = Path(__file__).parent / "data" / "scan"
 
 
 def keep(name: str, began: float):
@@ -48,23 +49,13 @@ def look_from(tilt: float, turn: float) -> None:
 
 
 def light_and_floor(volume):
-    """A warm key light, a cool rim light and a floor, as a user adds them."""
-    middle_of = volume.matrix_world.translation + volume.matrix_world.to_3x3() @ Vector((0.0, 0.0, -0.01))
-    for name, place, color, watts in (
-        ("Key", (0.5, -0.7, 0.6), (1.0, 0.85, 0.7), 16.0), ("Rim", (-0.6, 0.5, 0.5), (0.6, 0.75, 1.0), 20.0),
-    ):  # fmt: skip
-        data = bpy.data.lights.new(name, "AREA")
-        data.energy, data.color, data.size = watts, color, 0.4
-        one = bpy.data.objects.new(name, data)
-        one.location = middle_of + Vector(place)
-        one.rotation_euler = (-Vector(place)).to_track_quat("-Z", "Y").to_euler()
-        bpy.context.scene.collection.objects.link(one)
+    """The lamp and the floor of step 6."""
     with in_the_view():
-        bpy.ops.mesh.primitive_plane_add(size=2.0, location=middle_of - Vector((0.0, 0.0, 0.13)))
-    floor = bpy.data.materials.new("Floor")
-    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.05, 0.06, 0.08, 1.0)
-    bpy.context.view_layer.objects.active.data.materials.append(floor)
+        bpy.ops.object.light_add(type="AREA", location=(0.6, -0.6, 0.5), rotation=[radians(a) for a in (60, 0, 45)])
+        bpy.context.object.data.energy, bpy.context.object.data.size = 18.0, 0.3
+        bpy.ops.mesh.primitive_plane_add(size=2.0, location=(0.0, 0.0, -0.09))
     bpy.context.view_layer.objects.active = volume
+    volume.rle_splat.lighting = "SCENE"
 
 
 def camera_to_view():
@@ -86,10 +77,13 @@ def rendered(_volume):
 
 
 def scenario():
-    # Imported when the extension, which brings pydicom, is installed.
-    import_module("devtools.practice_ct").write_series(FOLDER)
+    folder = SCAN
+    if not folder.is_dir():
+        folder = Path(tempfile.mkdtemp(prefix="rle_splat_tutorial_")) / "practice-ct"
+        # Imported when the extension, which brings pydicom, is installed.
+        import_module("devtools.practice_ct").write_series(folder)
     bpy.context.preferences.view.render_display_type = "AREA"
-    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "picture")))
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
     yield from new_file()
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
@@ -100,7 +94,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(FOLDER)) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_folder(directory=str(folder), at_cursor=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0)
     yield from settled()
@@ -108,7 +102,8 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-skin-and-bone") == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
     yield from keep("tutorial-3-preset", began)
 
@@ -120,14 +115,22 @@ def scenario():
     yield from keep("tutorial-4-window", began)
     with in_the_view():
         bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
-        bpy.ops.rle_splat.apply_preset(preset="ct-skin-and-bone")
+        bpy.ops.rle_splat.apply_preset(preset="ct-bone")
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
-    box = bpy.context.view_layer.objects.active
-    box.rle_splat.clip_keep = "OUTSIDE"
-    box.location += Vector((0.095, -0.115, 0.125))  # the left, front and upper eighth of the head
+        assert bpy.ops.rle_splat.frame_volume(side="L") == {"FINISHED"}
+    yield from settled()
+    with in_the_view():
+        assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+    bpy.context.view_layer.objects.active = volume
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
+    bpy.context.view_layer.objects.active = volume
+    volume.rle_splat.slices_clear_black = True
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 500.0, 2000.0
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
+    look_from(72.0, 50.0)
     yield from settled()
     yield from keep("tutorial-5-cut", began)
 

@@ -1,30 +1,33 @@
-"""The script of the documentation's figures: its clip planes, and a command line that the command takes."""
+"""The script of the documentation's figure: its boxes, and a command line that the command takes."""
 
 import json
 
 import numpy as np
 import pytest
 
-from devtools import docs_reference, example_figures
+from devtools import docs_reference, example_figures, practice_ct
 
 
-def test_a_plane_cuts_toward_its_direction():
-    for _, away in example_figures.CUTS:
-        rotation = example_figures.turned_to(away)
-        assert np.allclose(rotation.T @ rotation, np.eye(3)) and np.linalg.det(rotation) == pytest.approx(1.0)
-        assert np.allclose(rotation[:, 2] * np.linalg.norm(away), away)
+def inside(box, point):
+    """Whether a point of the world lies in a box given by its matrix, from -1 to 1."""
+    return np.abs(np.linalg.inv(box["matrix_world"]) @ (*point, 1.0)).max() <= 1.0
 
 
-@pytest.mark.parametrize("source", ["made of numbers", "scan.raw.gz"])
-def test_the_command_line_is_understood(monkeypatch, tmp_path, source):
-    path = tmp_path / "head.raw"
-    path.write_bytes(np.zeros((4, 5, 6), np.int16).tobytes())
-    options = {"shape": (6, 5, 4), "dtype": "int16", "byte_order": "little", "spacing": (1.0, 1.0, 2.0),
-               "use_calibration": True, "intercept": -1024.0, "value_unit": "HU", "preset": "ct-bone"}  # fmt: skip
-    monkeypatch.setattr(example_figures.gallery_data, "head", lambda folder: (path, options, source))
-    command, *words = example_figures.head_words(tmp_path)
-    args = docs_reference.command_parser(command).parse_args([*words, "-o", "head.svg"])
-    assert args.shape == [6, 5, 4] and args.intercept == -1024.0 and args.compare == list(example_figures.COMPARED)
-    assert (args.clip is None) == (source == "made of numbers")
-    camera = json.loads((tmp_path / "camera.json").read_text())
-    assert camera["type"] == "ORTHO" and len(camera["matrix_world"]) == 4
+def test_the_boxes_hold_the_skull_but_not_its_holder():
+    middle = np.array(example_figures.MIDDLE)
+    for place, is_held in (((65, 0, 0), True), ((0, 92, 0), True), ((50, 60, 0), True), ((73, 94, 0), False),
+                           ((0, 110, 0), False)):  # fmt: skip
+        assert all(inside(box, middle + place) for box in example_figures.boxes()) == is_held
+
+
+@pytest.mark.parametrize("has_scan", [True, False])
+def test_the_command_lines_are_understood(monkeypatch, tmp_path, has_scan):
+    monkeypatch.setattr(example_figures, "data_folder", lambda: tmp_path / "data")
+    monkeypatch.setattr(practice_ct, "write_series", lambda folder: folder.mkdir())
+    if has_scan:
+        (tmp_path / "data" / example_figures.SKULL).mkdir(parents=True)
+    for command, *words in example_figures.command_lines(tmp_path):
+        args = docs_reference.command_parser(command).parse_args(words)
+        assert (args.clip is not None) == has_scan
+    if has_scan:
+        assert json.loads((tmp_path / "boxes.json").read_text()) == example_figures.boxes()

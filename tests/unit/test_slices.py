@@ -186,3 +186,30 @@ def test_bands_of_rows_are_the_whole_slice(monkeypatch):
     assert len(fractions) == 8 and fractions[-1] == 1.0
     for one, other in zip(resampled(volume, matrix, 31, 24), whole):
         np.testing.assert_array_equal(one, other)
+
+
+def area_of(triangles):
+    edges = triangles[:, 1:] - triangles[:, :1]
+    return 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]).sum()
+
+
+def test_the_positive_part_of_a_slice_ends_where_its_levels_are_zero():
+    x, y = (2.0 * np.arange(80) + 1.0) / 80 - 1.0, 1.0 - (2.0 * np.arange(60) + 1.0) / 60
+    cone = 0.7 - np.hypot(x[None], y[:, None] - 0.1)
+    for sign, area in ((1.0, np.pi * 0.7**2), (-1.0, 4.0 - np.pi * 0.7**2)):
+        part = slices.positive_part(sign * cone)
+        np.testing.assert_allclose(area_of(part), area, rtol=2e-3)  # chords for arcs
+        corners = part.reshape(-1, 2)
+        assert (sign * (0.7 - np.hypot(corners[:, 0], corners[:, 1] - 0.1)) > -2e-3).all()
+    assert len(slices.positive_part(cone)) < 1000  # whole squares of a row are one
+
+
+def test_all_of_a_slice_or_nothing_is_positive():
+    np.testing.assert_allclose(area_of(slices.positive_part(np.ones((5, 7)))), 4.0)
+    assert len(slices.positive_part(-np.ones((5, 7)))) == 0
+
+
+def test_the_positive_part_of_a_plane_is_exact():
+    x = (2.0 * np.arange(10) + 1.0) / 10 - 1.0
+    tilted = np.broadcast_to(x - 0.25, (6, 10)) + (2.0 * np.arange(6)[:, None] - 5.0) / 6 * 0.3
+    np.testing.assert_allclose(area_of(slices.positive_part(tilted)), 2.0 * 0.75, rtol=1e-2)

@@ -3,7 +3,7 @@
 They are measured on three coarse pictures, the pilots, made from the same tables as the final picture.  Two pilots
 differ in the number of sheets per voxel alone: their difference shows, at each pixel, how steep the medium is along the
 ray, where depth rules disagree.  Two differ in the sheet density alone, and show how steep the medium is from ray to
-ray, obliquity and magnification included.  Their times are used for what users are told, not for the choice of a plan.
+ray, obliquity and magnification included.  Their times are used for what users see, not for the choice of a plan.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ class RayCost:
         Microseconds of a ray without slabs, and of each slab, by their work and the machine's profile: plans are chosen
         by these.
     measured_us : tuple of float
-        The same scaled by the times of this run, in which the scene's own caches and tables count, for what users are
-        told.
+        The same scaled by the times of this run, in which the scene's own caches and tables count, for what users
+        see.
     correction : float
         The factor by which rays were found to err more than expected.
     """

@@ -40,7 +40,7 @@ HALF = 0.5
 # Shadows of meshes come from a grid of one node per voxel, so their edges err at few pixels, more than at the probes.
 MESH_SHADOWS = 2.0
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
-FIRST_RAYS = 0.05  # the fraction of rays after which their time is told by what they took
+FIRST_RAYS = 0.05  # the fraction of rays after which their time is predicted by what they took
 LEFT_OUT = "it is not available with a maximum error"  # why an effect is off, after its "off"
 PILOTS_END = 0.2  # the fraction of the work after which the pilots end
 

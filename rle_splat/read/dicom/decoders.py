@@ -27,7 +27,7 @@ SLOTS = 2  # orders that a child has at once
 MOST_CHILDREN = 4
 # A child that is waited for longer than this for a frame hangs; measured: 0.1 s a megapixel.
 SECONDS, SECONDS_PER_MEGAPIXEL = 10.0, 5.0
-POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller is told that nothing came
+POLL, PATIENCE = 0.001, 0.03  # seconds between looks, and until the caller learns that nothing came
 PAUSES = 0.0, 0.1, 0.3  # seconds before the folder of decoded pixels is deleted, once more
 # Codec -> the package that has it, and what needs it.
 PACKAGES = {
