@@ -224,11 +224,13 @@ def release(parser, words) -> int:
 
 @job
 def lint(parser, words) -> int:
-    """Run ruff, the type checker and the gates of the house; arguments go to ruff."""
+    """Run ruff, the type checker and the gates of the house; --fix lets ruff mend and format files first."""
+    parser.add_argument("--fix", action="store_true", help="let ruff mend what it can, and format all files")
     python = ensure(CORE)
-    ruff = run(python, "-m", "ruff", "check", *words, ".")
-    say("The gates of the house:")
-    return max(ruff, run(python, "-m", "pytest", "-q", "tests/unit/test_house.py", "tests/unit/test_types.py"))
+    if parser.parse_args(words).fix:
+        run(python, "-m", "ruff", "check", "--fix", ".")
+        run(python, "-m", "ruff", "format", ".")
+    return run(python, "-m", "pytest", "-q", *(f"tests/unit/test_{name}.py" for name in ("lint", "house", "types")))
 
 
 @job
