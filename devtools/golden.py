@@ -33,7 +33,7 @@ POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands f
 # A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
 PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_figure": "viewport", "window_hidden": "value under the mouse",
-    "window_import": "from_the_right", "window_panels": "labels", "window_segments": "without_table",
+    "window_import": "framed_persp", "window_panels": "labels", "window_segments": "without_table",
     "window_shadows": "picture", "window_slices": "four_up", "window_times": "turned_first",
     "window_world": "slot 1 before the edit",
 }  # fmt: skip
