@@ -1,9 +1,10 @@
-"""Golden pictures: a thumbnail of each preset on the computed head, as a person has approved it.
+"""Golden pictures, as a person has approved them: each preset on the computed head, and a photograph of each window.
 
-    python3 dev.py golden             lists what has changed; a sheet of before, now and the difference
+    python3 dev.py golden             lists what has changed; sheets of before, now and the difference
     python3 dev.py golden --approve   puts today's pictures in the place of those that have changed
 
-tests/unit/test_golden.py compares today's pictures with the approved ones.
+tests/unit/test_golden.py compares today's pictures of presets.  Photographs are those that the last run of windows has
+left in build/window-shots; the whole test run compares them after its windows.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from rle_splat.classify.presets import PRESETS, fit_preset
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.pipeline.thumbnail import SIDE, thumbnail_steps
+from rle_splat.pipeline.thumbnail import thumbnail_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.volume.volume import Volume
 
@@ -24,8 +25,19 @@ from .places import BUILD, ROOT
 
 FOLDER = ROOT / "tests" / "unit" / "golden"
 SHEET = BUILD / "golden.png"
+WINDOWS, WINDOWS_SHEET = ROOT / "tests" / "blender" / "golden", BUILD / "golden-windows.png"
+SHOTS = BUILD / "window-shots"
 SPACING = 5.0  # millimeters of the head's voxels
 POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands for: files of at most 8 KB
+
+# A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
+PHOTOGRAPHS = {
+    "window_after_render": "still, locked", "window_figure": "viewport", "window_hidden": "value under the mouse",
+    "window_import": "framed_persp", "window_panels": "labels", "window_segments": "without_table",
+    "window_shadows": "picture", "window_slices": "four_up", "window_times": "turned_first",
+    "window_world": "slot 1 before the edit",
+}  # fmt: skip
+SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for
 
 # Shown at a distance at which a pixel is 1/67 of a degree, as FLIP has it, the eye blurs by about a pixel.
 BLUR = 1.0  # standard deviation, pixels
@@ -35,6 +47,27 @@ XYZ /= XYZ.sum(axis=1, keepdims=True)
 # A picture has changed where the mean of its differences, or the largest, is above these.  A person who compares two
 # patches sees a difference of about 1.  Kernels and the reference implementation differ by 0.08 and 1.04.
 MEAN, LARGEST = 0.4, 3.0
+# The largest of a photograph of a window, where another word in a panel is no change (up to 8.5).
+LARGEST_OF_WINDOW = 12.0
+
+
+def _pooled(picture: np.ndarray, side: int) -> np.ndarray:
+    """A picture (H, W, 3) with one pixel for each square of ``side`` pixels; a rest at the right and the bottom is cut
+    off."""
+    height, width = (length // side for length in picture.shape[:2])
+    blocks = picture[: height * side, : width * side].reshape(height, side, width, side, 3)
+    return np.rint(blocks.mean(axis=(1, 3), dtype=np.float64)).astype(np.uint8)
+
+
+def photographs() -> dict[str, np.ndarray]:
+    """The thumbnail of today's photograph for each of PHOTOGRAPHS that there is, by the script's name, uint8, sRGB."""
+    from PIL import Image
+
+    files = {script: SHOTS / script / f"{name}.png" for script, name in PHOTOGRAPHS.items()}
+    return {
+        script: _pooled(np.asarray(Image.open(path).convert("RGB")), SHRUNK)
+        for script, path in files.items() if path.is_file()
+    }  # fmt: skip
 
 
 def pictures() -> dict[str, np.ndarray]:
@@ -45,9 +78,7 @@ def pictures() -> dict[str, np.ndarray]:
     cache, made = StageCache(), {}
     for name in PRESETS:
         function, _ = fit_preset(name, head)
-        whole = drain(thumbnail_steps(head, function, SPACING, cache)).astype(np.float64)
-        blocks = whole.reshape(SIDE // POOLED, POOLED, SIDE // POOLED, POOLED, 3)
-        made[name] = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
+        made[name] = _pooled(drain(thumbnail_steps(head, function, SPACING, cache)), POOLED)
     return made
 
 
@@ -89,16 +120,16 @@ def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.abs(apart[..., 0]) + np.hypot(apart[..., 1], apart[..., 2])
 
 
-def is_same(apart: np.ndarray) -> bool:
-    """Whether differences (H, W) are those of roundings."""
-    return bool(apart.mean() <= MEAN and apart.max() <= LARGEST)
+def is_same(apart: np.ndarray, largest: float = LARGEST) -> bool:
+    """Whether differences (H, W) are those of roundings; ``largest``: of one pixel."""
+    return bool(apart.mean() <= MEAN and apart.max() <= largest)
 
 
-def load(name: str) -> np.ndarray | None:
-    """The approved picture of a preset, or None."""
+def load(name: str, folder: Path = FOLDER) -> np.ndarray | None:
+    """The approved picture of a preset, or of a script in another ``folder``, or None."""
     from PIL import Image
 
-    path = FOLDER / f"{name}.png"
+    path = folder / f"{name}.png"
     return np.asarray(Image.open(path).convert("RGB")) if path.is_file() else None
 
 
@@ -109,31 +140,37 @@ def _row(before: np.ndarray, now: np.ndarray, apart: np.ndarray) -> np.ndarray:
     return row.repeat(2, axis=0).repeat(2, axis=1)
 
 
-def compare(approve: bool, folder: Path, sheet: Path) -> list[str]:
+def compare(
+    today: dict[str, np.ndarray], names, approve: bool, folder: Path, sheet: Path, largest: float = LARGEST
+) -> list[str]:
     """Print what differs from the pictures in ``folder``, and write the sheet; the names of those that have changed.
 
-    ``approve``: put today's pictures in their place, and remove those of presets that are gone.
+    ``names``: of all that there should be.  ``approve``: put today's pictures in their place, and remove others.
     """
     from PIL import Image
 
-    today, rows, changed = pictures(), [], []
+    rows, changed = [], []
     for name, now in today.items():
-        path = folder / f"{name}.png"
-        before = np.asarray(Image.open(path).convert("RGB")) if path.is_file() else np.zeros_like(now)
+        before = load(name, folder)
+        if before is None or before.shape != now.shape:
+            before = np.zeros_like(now)
         apart = difference(before, now)
         print(f"{name:<20} mean {apart.mean():6.3f}, largest {apart.max():7.3f}")
-        if not is_same(apart):
+        if not is_same(apart, largest):
             changed.append(name)
             rows.append(_row(before, now, apart))
             if approve:
                 folder.mkdir(exist_ok=True)
-                Image.fromarray(now).save(path, optimize=True)
-    gone = sorted(path.stem for path in folder.glob("*.png") if path.stem not in today)
+                Image.fromarray(now).save(folder / f"{name}.png", optimize=True)
+    gone = sorted(path.stem for path in folder.glob("*.png") if path.stem not in names)
     for name in gone if approve else ():
         (folder / f"{name}.png").unlink()
     if rows:
         sheet.parent.mkdir(exist_ok=True)
+        width = max(row.shape[1] for row in rows)
+        rows = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows]
         Image.fromarray(np.concatenate(rows)).save(sheet)
+        print(f"before, now and the difference are in {sheet}")
     return changed + gone
 
 
@@ -141,12 +178,21 @@ def main(words=None) -> int:
     """Returns 1 where pictures have changed and are not approved."""
     parser = argparse.ArgumentParser(prog="dev.py golden", description=__doc__.partition("\n")[0])
     parser.add_argument("--approve", action="store_true", help="put today's pictures in the place of the changed ones")
-    approve = parser.parse_args(words).approve
-    changed = compare(approve, FOLDER, SHEET)
+    parser.add_argument("--windows", action="store_true", help="photographs alone, of which none may be missing")
+    args = parser.parse_args(words)
+    shown = photographs()
+    changed = compare(shown, PHOTOGRAPHS, args.approve, WINDOWS, WINDOWS_SHEET, LARGEST_OF_WINDOW)
+    if args.windows:
+        missing = [name for name in PHOTOGRAPHS if name not in shown]
+        for name in missing:
+            print(f"there is no photograph {PHOTOGRAPHS[name]!r} of {name}")
+        changed += missing
+        print(f"{len(PHOTOGRAPHS) - len(changed)} passed, {len(changed)} failed, 0 skipped")
+    else:
+        changed += compare(pictures(), PRESETS, args.approve, FOLDER, SHEET)
     if changed:
-        done = "approved" if approve else "changed"
-        print(f"{', '.join(changed)}: {done}; before, now and the difference are in {SHEET.relative_to(ROOT)}")
-    return int(bool(changed) and not approve)
+        print(f"{'approved' if args.approve else 'changed'}: {', '.join(changed)}")
+    return int(bool(changed) and not args.approve)
 
 
 if __name__ == "__main__":

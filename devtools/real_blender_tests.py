@@ -15,9 +15,9 @@ from pathlib import Path
 from .build import build_here
 from .environments import CORE, ensure
 from .kernels import FOLDER, PACKAGE, is_made, kernel_file, make_file, make_kernels
-from .places import BPY_KERNELS, BUILD, REQUIREMENTS, ROOT, Failure, say
+from .places import BPY_KERNELS, BUILD, REQUIREMENTS, ROOT, Failure, clean_environ, say
 from .real_blender import Blender, ensure_blender, environ_for, find_blender
-from .stages import REPORTS, Stage, broken, counted, file_name, measured, untested
+from .stages import REPORTS, Stage, broken, counted, file_name, measured, skipped, untested
 from .uv import uv
 from .wheels import this_platform, wheels_for
 
@@ -28,6 +28,7 @@ TESTS = ROOT / "tests" / "blender"
 PYTEST_PINS = REQUIREMENTS / "pytest.txt"
 SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
+PHOTOGRAPHED = (5, 2)  # the version of Blender whose photographs are approved
 AT_ONCE = 2  # windows, which wait half of their time
 USUAL_SCREEN = (1280, 800)
 # The scripts that drive a window, with their screens in pixels.
@@ -175,7 +176,17 @@ def real_blender_stages(zips: dict[str, Path], script: str = SHORT, backend: str
         return window_stage(zips, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend)
 
     with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
-        return [background, *workers.map(run, WINDOW_SCRIPTS)]
+        stages = [background, *workers.map(run, WINDOW_SCRIPTS)]
+    return [*stages, _compare_photographs(backend)] if script == SHORT else stages
+
+
+def _compare_photographs(backend: str | None) -> Stage:
+    """Whether the windows look as approved (``devtools/golden.py``)."""
+    name = "photographs"
+    if backend or find_blender().version != PHOTOGRAPHED:
+        return skipped(name, f"those approved are of Blender {PHOTOGRAPHED[0]}.{PHOTOGRAPHED[1]} with OpenGL")
+    command = [ensure(CORE), "-m", "devtools.golden", "--windows"]
+    return counted(name, command, clean_environ(), REPORTS / f"{name}.txt")
 
 
 def _run(blender: Blender, zips: dict[str, Path], script: Path, label: str, place: list[str], **environ: str) -> Stage:

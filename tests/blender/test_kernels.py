@@ -1,4 +1,4 @@
-"""The kernels of the installed extension, compiled by Blender's Python, make the picture of the plain implementations.
+"""The kernels of the installed extension, which one Python compiled for all, make the plain implementations' picture.
 
 Those of this Python agree with those of others (tests/stability/test_same_picture.py), so its kernels do, too.
 """

@@ -5,9 +5,10 @@ import pytest
 from PIL import Image
 
 from devtools import golden
+from devtools.real_blender_tests import WINDOW_SCRIPTS
 from rle_splat.classify.presets import PRESETS
 
-MOST_BYTES = 8192  # of a file
+MOST_BYTES, MOST_BYTES_OF_WINDOW = 8192, 40000  # of a file
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,8 @@ def test_each_preset_looks_as_approved(name, today):
 def test_there_is_no_other_picture_and_all_are_small():
     found = {path.stem: path.stat().st_size for path in golden.FOLDER.iterdir()}
     assert set(found) == set(PRESETS) and max(found.values()) <= MOST_BYTES
+    windows = {path.stem: path.stat().st_size for path in golden.WINDOWS.iterdir()}
+    assert set(windows) == set(golden.PHOTOGRAPHS) and max(windows.values()) <= MOST_BYTES_OF_WINDOW
 
 
 def green(picture):
@@ -52,6 +55,20 @@ def test_a_change_that_anybody_sees_is_noticed(change):
     assert not golden.is_same(golden.difference(bone, change(bone)))
 
 
+@pytest.mark.parametrize("script", golden.PHOTOGRAPHS)
+def test_green_in_a_window_is_noticed_and_a_word_is_not(script):
+    """Whatever is warm in a photograph, as bone and skin are, or else its brightest pixels, become green."""
+    window = golden.load(script, golden.WINDOWS)
+    assert window is not None and f"{script}.py" in WINDOW_SCRIPTS
+    red, _, blue = np.moveaxis(window.astype(int), -1, 0)
+    warm = (red - blue > 40) | (window.min(axis=2) > 160)
+    changed = np.where(warm[..., None], green(window), window)
+    assert not golden.is_same(golden.difference(window, changed), golden.LARGEST_OF_WINDOW)
+    word = window.copy()
+    word[60, 100:104] = word[60, 100:104] // 2 + 30  # of gray letters, an eighth as large
+    assert golden.is_same(golden.difference(window, word), golden.LARGEST_OF_WINDOW)
+
+
 def test_roundings_are_not():
     bone = golden.load("ct-bone")
     rounded = bone + np.random.default_rng(1).integers(-1, 2, bone.shape)
@@ -72,15 +89,15 @@ def test_the_difference_of_flat_pictures_is_that_of_tables(one, other, expected)
     np.testing.assert_allclose(golden.difference(first, second), expected, rtol=3e-3)
 
 
-def test_what_has_changed_is_listed_shown_and_approved(tmp_path, monkeypatch, capsys):
+def test_what_has_changed_is_listed_shown_and_approved(tmp_path, capsys):
     bone = golden.load("ct-bone")
-    monkeypatch.setattr(golden, "pictures", lambda: {"ct-bone": bone, "ct-skin": bone})
-    folder, sheet = tmp_path / "golden", tmp_path / "sheet.png"
+    today, folder, sheet = {"ct-bone": bone, "ct-skin": bone}, tmp_path / "golden", tmp_path / "sheet.png"
     folder.mkdir()
     for name, picture in (("ct-bone", green(bone)), ("ct-skin", bone), ("gone", bone)):
         Image.fromarray(picture).save(folder / f"{name}.png")
-    assert golden.compare(False, folder, sheet) == ["ct-bone", "gone"] and "ct-skin" in capsys.readouterr().out
+    assert golden.compare(today, today, False, folder, sheet) == ["ct-bone", "gone"]
+    assert "ct-skin" in capsys.readouterr().out
     assert Image.open(sheet).size == (2 * 3 * bone.shape[1], 2 * bone.shape[0])
-    assert golden.compare(True, folder, sheet) == ["ct-bone", "gone"]
-    assert golden.compare(False, folder, sheet) == []
+    assert golden.compare(today, today, True, folder, sheet) == ["ct-bone", "gone"]
+    assert golden.compare(today, today, False, folder, sheet) == []
     assert sorted(path.stem for path in folder.iterdir()) == ["ct-bone", "ct-skin"]
