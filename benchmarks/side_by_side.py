@@ -53,42 +53,44 @@ NUCLEI = TransferFunction(
 
 @dataclass(frozen=True)
 class Subject:
-    """A scan: its file, how it is read, its preset or transfer function, azimuth and elevation, and the view's fit."""
+    """A scan: its file, its preset or transfer function, azimuth and elevation, the view's fit, how it is read, and
+    whether its first slice is on top, so that it is turned about X."""
 
     file: str
     function: str | TransferFunction
     view: tuple
     fit: float = 1.1
     options: dict = field(default_factory=dict)
+    turned: bool = False
 
 
-HEAD = dict(spacing=(1.0, 1.0, 2.0))
+HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
 CHEST = "dicom_ct_chest_cta_512x512x95"
 SUBJECTS = {
-    "CT head": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (30, 10), 0.95, HEAD),
+    "CT head": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
     "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
     "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0),
-    "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (30, 30), 0.95, dict(HEAD, flip="yz")),
+    "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
     "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
     "smoke": Subject("smoke_fog.vdb", "smoke", (30, 5), 1.05),
 }
 # Presets on scans of four modalities.
 PRESETS = {
-    "CT head: Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-bone", (30, 10), 0.95, HEAD),
-    "CT head: Skin": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (30, 10), 0.95, HEAD),
-    "CT head: Skin and Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin-and-bone", (30, 10), 0.95, HEAD),
+    "CT head: Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-bone", (215, 10), 0.95, *HEAD),
+    "CT head: Skin": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
+    "CT head: Skin and Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin-and-bone", (215, 10), 0.95, *HEAD),
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
     "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20)),
     "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20)),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20)),
-    "CT chest, 2.5 mm: Lung": Subject("ct_chest_256x256x133_uint8.mha", "ct-lung", (20, 10)),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20)),
     "CT aorta: Angiography": Subject(
         "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", "ct-angiography", (20, 10)
     ),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.0),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
-    "MR brain: Brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (30, 30), 0.95, dict(HEAD, flip="yz")),
-    "X-ray foot: Limb": Subject("foot_256x256x256_uint8_fromjpeg.raw.gz", "xa-limb", (110, 10), 1.0),
+    "MR brain: Brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
+    "X-ray foot: Limb": Subject("foot_256x256x256_uint8_fromjpeg.raw.gz", "xa-limb", (110, 10), 1.25),
     "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (20, 5), 1.0),
     "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
                                     dict(spacing=(1.0, 1.0, 1.4))),
@@ -101,7 +103,8 @@ def read(subject: Subject) -> Volume:
     """The subject's volume; an OpenVDB file as Cycles' turn has kept it."""
     path = DATA / subject.file
     if path.suffix != ".vdb":
-        return read_volume(path, **subject.options)
+        volume = read_volume(path, **subject.options)
+        return replace(volume, voxels=np.ascontiguousarray(volume.voxels[::-1, ::-1])) if subject.turned else volume
     kept = FOLDER / "smoke.npz"
     if not kept.exists():
         volume = read_volume(path)
@@ -152,7 +155,7 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    path = FOLDER.resolve() / "medium.vdb"
+    path = FOLDER.resolve() / f"{scene.volume.key}.vdb"  # Blender keeps the grids of a path
     _write_medium(scene, path)
     data = bpy.data.volumes.new("medium")
     data.filepath = str(path)
@@ -176,9 +179,9 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
         bpy.ops.render.render(write_still=True)
         return time.process_time() - began
 
-    rendered(1)  # loads the grid and Cycles' kernels
-    pilot = rendered(PILOT)
-    spent = rendered(max(round(PILOT * seconds / pilot), 1))
+    rendered(1)  # loads Cycles' kernels
+    loading, pilot = rendered(1), rendered(1 + PILOT)
+    spent = rendered(1 + max(round(PILOT * (seconds - loading) / (pilot - loading)), 1))
     print(f"  {cycles.samples} samples")
     loaded = bpy.data.images.load(blender.render.filepath)
     rgba = np.empty(SIZE * SIZE * 4, np.float32)
