@@ -7,6 +7,9 @@ Each program draws in the environment that has it, and keeps its pictures; then 
     .venvs/bench/bin/python -m benchmarks.side_by_side vtk
     .venvs/bench/bin/python -m benchmarks.side_by_side join sheet.jpg
 
+    .venvs/bench/bin/python -m benchmarks.side_by_side presets sheet.jpg
+
+makes a sheet of presets on scans of four modalities.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
 samples per voxel, no shadows, and no light but the sun and what its material adds.  Cycles scatters light in a
 Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
@@ -50,25 +53,49 @@ NUCLEI = TransferFunction(
 
 @dataclass(frozen=True)
 class Subject:
-    """A scan: its file, how it is read, its preset or transfer function, azimuth and elevation, and the view's fit."""
+    """A scan: its file, its preset or transfer function, azimuth and elevation, the view's fit, how it is read, and
+    whether its first slice is on top, so that it is turned about X."""
 
     file: str
     function: str | TransferFunction
     view: tuple
     fit: float = 1.1
     options: dict = field(default_factory=dict)
+    turned: bool = False
 
 
+HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
+CHEST = "dicom_ct_chest_cta_512x512x95"
 SUBJECTS = {
-    "CT head": Subject(
-        "cthead_256x256x113_uint16be.raw.gz", "ct-skin", (30, 10), 0.95, dict(spacing=(1.0, 1.0, 2.0), flip="yz")
-    ),
+    "CT head": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
     "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
-    "chest angiography": Subject("dicom_ct_chest_cta_512x512x95", "ct-angiography", (20, 20), 1.0),
-    "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (30, 30), 0.95, dict(spacing=(1.0, 1.0, 2.0), flip="yz")),
+    "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0),
+    "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
     "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
     "smoke": Subject("smoke_fog.vdb", "smoke", (30, 5), 1.05),
 }
+# Presets on scans of four modalities.
+PRESETS = {
+    "CT head: Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-bone", (215, 10), 0.95, *HEAD),
+    "CT head: Skin": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
+    "CT head: Skin and Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin-and-bone", (215, 10), 0.95, *HEAD),
+    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
+    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20)),
+    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20)),
+    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20)),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20)),
+    "CT aorta: Angiography": Subject(
+        "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", "ct-angiography", (20, 10)
+    ),
+    "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.0),
+    "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
+    "MR brain: Brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
+    "X-ray foot: Limb": Subject("foot_256x256x256_uint8_fromjpeg.raw.gz", "xa-limb", (110, 10), 1.25),
+    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (20, 5), 1.0),
+    "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
+                                    dict(spacing=(1.0, 1.0, 1.4))),
+    "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
+}  # fmt: skip
 PROGRAMS = "before", "ours", "vtk", "cycles"
 
 
@@ -76,7 +103,8 @@ def read(subject: Subject) -> Volume:
     """The subject's volume; an OpenVDB file as Cycles' turn has kept it."""
     path = DATA / subject.file
     if path.suffix != ".vdb":
-        return read_volume(path, **subject.options)
+        volume = read_volume(path, **subject.options)
+        return replace(volume, voxels=np.ascontiguousarray(volume.voxels[::-1, ::-1])) if subject.turned else volume
     kept = FOLDER / "smoke.npz"
     if not kept.exists():
         volume = read_volume(path)
@@ -127,7 +155,7 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    path = FOLDER.resolve() / "medium.vdb"
+    path = FOLDER.resolve() / f"{scene.volume.key}.vdb"  # Blender keeps the grids of a path
     _write_medium(scene, path)
     data = bpy.data.volumes.new("medium")
     data.filepath = str(path)
@@ -151,9 +179,9 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
         bpy.ops.render.render(write_still=True)
         return time.process_time() - began
 
-    rendered(1)  # loads the grid and Cycles' kernels
-    pilot = rendered(PILOT)
-    spent = rendered(max(round(PILOT * seconds / pilot), 1))
+    rendered(1)  # loads Cycles' kernels
+    loading, pilot = rendered(1), rendered(1 + PILOT)
+    spent = rendered(1 + max(round(PILOT * (seconds - loading) / (pilot - loading)), 1))
     print(f"  {cycles.samples} samples")
     loaded = bpy.data.images.load(blender.render.filepath)
     rgba = np.empty(SIZE * SIZE * 4, np.float32)
@@ -264,17 +292,35 @@ def join(names, programs, path: Path, quality: int) -> None:
     print(json.dumps(table, indent=1))
 
 
+def join_presets(names, path: Path, quality: int) -> None:
+    """Draw PRESETS of some names at ``standard``, and join them to a sheet, four in a row."""
+    from PIL import Image, ImageDraw
+
+    title, across = 18, 4
+    sheet = Image.new("RGB", (SIZE * across, (SIZE + title) * -(-len(names) // across)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, name in enumerate(names):
+        rgba = render(scene_of(PRESETS[name]), Quality.preset("standard", threads=1)).rgba
+        left, top = SIZE * (number % across), (SIZE + title) * (number // across)
+        sheet.paste(Image.fromarray(_shown(rgba, None).astype(np.uint8)), (left, top + title))
+        pen.text((left + 4, top + 3), name, fill="black")
+    sheet.save(path, quality=quality)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("program", choices=(*PROGRAMS, "join"))
+    parser.add_argument("program", choices=(*PROGRAMS, "join", "presets"))
     parser.add_argument("path", type=Path, nargs="?", default=FOLDER / "sheet.png", help="of the sheet")
     parser.add_argument("--subject", nargs="*", choices=list(SUBJECTS), default=list(SUBJECTS))
+    parser.add_argument("--scan", nargs="*", choices=list(PRESETS), help="of the sheet of presets, all by default")
     parser.add_argument("--column", nargs="*", choices=PROGRAMS, default=PROGRAMS)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--jpeg-quality", type=int, default=80)
     given = parser.parse_args()
     if given.program == "join":
         join(given.subject, given.column, given.path, given.jpeg_quality)
+    elif given.program == "presets":
+        join_presets([name for name in PRESETS if not given.scan or name in given.scan], given.path, given.jpeg_quality)
     else:
         draw(given.program, given.subject, given.seconds)
 

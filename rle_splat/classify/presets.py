@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ FOLDER = Path(__file__).parent / "presets"
 RELATIVE = "relative"  # unit of points from 0 to 1 that are to be moved to the values of a volume
 MAXIMUM = "maximum"  # unit of points that are shares of the largest value
 FIT_PERCENTS = (1.0, 99.9)  # percentiles of the values, to which the ends of a preset's points are moved
+SMOOTHED = 2.0  # voxels: the largest smoothness of a preset
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
 
     A preset in the volume's own unit is not changed. The points of any other preset are moved linearly, so that they
     run from the 1st to the 99.9th percentile of the volume's values, or, as shares of the largest value, from 0 to it.
+    A smoothness of more than SMOOTHED times the largest spacing, as of a small animal's brain, becomes that much.
 
     Parameters
     ----------
@@ -137,7 +139,11 @@ def fit_preset_steps(name: str, volume: Volume):
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
-    return (yield from fit_steps(function, volume, name))
+    fitted, remark = yield from fit_steps(function, volume, name)
+    shade, most = fitted.shade, SMOOTHED * float(volume.spacing.max())
+    if shade is not None and shade.smoothness is not None and shade.smoothness > most:
+        fitted = replace(fitted, shade=replace(shade, smoothness=most))
+    return fitted, remark
 
 
 def fit_steps(function: TransferFunction, volume: Volume, name: str | None = None):

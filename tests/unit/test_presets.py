@@ -234,3 +234,12 @@ def test_isodose_steps_are_shares_of_the_largest_dose():
     below, above = (function.color_at(np.array([0.5, 0.7, 0.8, 0.9, 0.95]) * 60.0 + off) for off in (-1e-6, 1e-6))
     assert (np.abs(above - below).max(axis=1) > 0.1).all()
     assert function.alpha_at(np.array([17.9]))[0] == 0.0 < function.alpha_at(np.array([18.1]))[0]
+
+
+@pytest.mark.parametrize("spacing, smoothness", ((1.0, 1.6), (2.0, 1.6), (0.1, 0.2)))
+def test_smoothness_of_a_preset_is_at_most_two_voxels(spacing, smoothness):
+    """A brain is smoothed by 1.6 mm, that of a mouse by two of its voxels."""
+    volume = Volume(np.arange(64.0, dtype=np.float32).reshape(4, 4, 4), np.diag((spacing, spacing, spacing, 1.0)))
+    function, _ = fit_preset("mr-brain", volume)
+    assert function.shade.smoothness == pytest.approx(smoothness)
+    assert fit_preset("ct-bone", volume)[0].shade.smoothness is None

@@ -1,0 +1,68 @@
+"""The sheets of several programs and of presets, and the lamps that depend on a scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks import side_by_side
+from benchmarks.frames import view_scene
+from benchmarks.lamps import under
+from benchmarks.scenes import shells
+from benchmarks.side_by_side import SUBJECTS, Subject
+from rle_splat.pipeline.render import render
+from rle_splat.runtime.jit import compiled
+from rle_splat.scene import Quality
+
+pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")
+
+
+@pytest.fixture
+def small(tmp_path, monkeypatch):
+    """Pictures of 24 pixels of a small volume, below a temporary folder."""
+    volume, function = shells(24)
+    monkeypatch.setattr(side_by_side, "SIZE", 24)
+    monkeypatch.setattr(side_by_side, "FOLDER", tmp_path)
+    monkeypatch.setattr(side_by_side, "read", lambda subject: volume)
+    monkeypatch.setitem(SUBJECTS, "shells", Subject("", function, (30, 10)))
+    monkeypatch.setitem(side_by_side.PRESETS, "shells: own", SUBJECTS["shells"])
+    return tmp_path
+
+
+def test_pictures_are_kept_and_joined(small, capsys):
+    image = pytest.importorskip("PIL.Image")
+    side_by_side.draw("ours", ["shells"], 0.0)
+    with np.load(small / "shells-ours.npz") as kept:
+        ours, seconds = kept["rgba"], float(kept["seconds"])
+    assert ours.shape == (24, 24, 4) and ours[..., 3].max() > 0.5 and seconds > 0.0
+    np.savez(small / "shells-cycles.npz", rgba=ours * (0.25, 0.25, 0.25, 1.0), seconds=60.0)
+    side_by_side.join(["shells"], ["ours", "cycles"], small / "sheet.png", 80)
+    sheet = np.asarray(image.open(small / "sheet.png")).astype(int)
+    assert sheet.shape == (24 + 18, 48, 3)
+    # Cycles' picture is made as bright.
+    assert np.abs(sheet[18:, 24:] - sheet[18:, :24]).max() <= 1
+    assert '"cycles": 60.0' in capsys.readouterr().out
+
+
+def test_a_sheet_of_presets(small):
+    image = pytest.importorskip("PIL.Image")
+    side_by_side.join_presets(["shells: own"], small / "sheet.png", 80)
+    assert np.asarray(image.open(small / "sheet.png"))[18:, :24].std() > 10.0
+
+
+def test_a_volume_whose_first_slice_is_on_top_is_turned(monkeypatch):
+    volume, _ = shells(8)
+    monkeypatch.setattr(side_by_side, "read_volume", lambda path: volume)
+    turned = side_by_side.read(Subject("scan.nii", "ct-bone", (0, 0), turned=True)).voxels
+    for axis in (0, 1):
+        np.testing.assert_array_equal(turned.take(0, axis), np.flip(volume.voxels, (0, 1)).take(0, axis))
+
+
+def test_an_area_lamp_is_as_bright_as_the_sun():
+    scene = view_scene(*shells(32), (30, 15), 48)
+    found = []
+    for name in ("sun", "area lamp"):
+        lit = under(scene, name)
+        lit = replace(lit, lights=tuple(replace(one, casts_shadow=False) for one in lit.lights))
+        found.append(render(lit, Quality.preset("draft", threads=1)).rgba[..., :3].mean())
+    assert found[1] == pytest.approx(found[0], rel=0.1)
