@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...rle_splat.runtime.steps import Progress
-from .view import ViewportView
+from .view import BAND, ViewportView
 
 PIXELS = 1.5  # by which a line may lie beside its pixel's center, which changes the floor's depth
 MOST = 0.05  # of the depth: near the horizon the floor changes too much to tell
@@ -19,7 +19,6 @@ BEHIND = 0.03  # of the depth: Blender 5.2 draws lines behind the floor, in pers
 SHARE = 1e-5  # of the depth, since the buffer is rounded
 THIN = 5  # pixels across which a line, or lines side by side, are less
 ROWS = 4  # one row of so many is looked at first
-BAND = 64  # rows at a time, whose depths stay in the processor's cache, and after which a redraw may end
 
 
 def without_floor_steps(view: ViewportView, ends: np.ndarray, part):

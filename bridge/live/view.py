@@ -14,6 +14,7 @@ from ...rle_splat.scene import Camera, RleSplatError
 
 SENSOR = 36.0  # mm; lens and sensor only count by their ratio
 FLAT = 1e-12  # a view matrix whose axes span less than this is degenerate
+BAND = 64  # rows of depths at a time, which stay in the processor's cache
 AROUND = 16  # pixels read beside those that are shown: the depth layers of a pixel depend on its neighbors
 
 
@@ -224,21 +225,23 @@ def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
     """
     left, top, right, bottom = part
     found = np.full((view.height, view.width), np.inf, np.float32)
-    empty = ~(buffer < 1.0)
-    if empty.all():
-        return found
+    upward = found[top:bottom, left:right][::-1]
     slope, offset = view.window[2, 2], view.window[2, 3]
-    # Of a perspective view the reciprocal of the depth is affine in the buffer's number, of others the depth itself.
-    if view.window[3, 3]:
-        depth = np.multiply(buffer, -2.0 / slope, dtype=np.float64)
-        depth += (offset + 1.0) / slope + view.set_back
-    else:
-        depth = np.multiply(buffer, 2.0 / offset, dtype=np.float64)
-        depth += (slope - 1.0) / offset
-        with np.errstate(divide="ignore"):
-            np.reciprocal(depth, out=depth)
-    depth[empty] = np.inf
-    found[top:bottom, left:right] = depth[::-1]
+    for first in range(0, len(buffer), BAND):
+        band = slice(first, first + BAND)
+        is_drawn = buffer[band] < 1.0
+        if not is_drawn.any():
+            continue
+        # In perspective the reciprocal of the depth is affine in the buffer's number, in other views the depth itself.
+        if view.window[3, 3]:
+            depth = np.multiply(buffer[band], -2.0 / slope, dtype=np.float64)
+            depth += (offset + 1.0) / slope + view.set_back
+        else:
+            depth = np.multiply(buffer[band], 2.0 / offset, dtype=np.float64)
+            depth += (slope - 1.0) / offset
+            with np.errstate(divide="ignore"):
+                np.reciprocal(depth, out=depth)
+        np.copyto(upward[band], depth, where=is_drawn, casting="same_kind")
     return found
 
 

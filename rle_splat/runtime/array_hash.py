@@ -28,7 +28,7 @@ def hash_array(array: np.ndarray) -> bytes:
     held, found = _hashes.get(id(array), (lambda: None, b""))
     if held() is array and not array.flags.writeable:
         return found
-    found = hashlib.blake2b(np.ascontiguousarray(array), digest_size=SIZE).digest()
+    found = hashlib.blake2b(np.ascontiguousarray(array).data, digest_size=SIZE).digest()
     if array.flags.owndata and not array.flags.writeable:
         address = id(array)
         _hashes[address] = weakref.ref(array, lambda _: _hashes.pop(address, None)), found
