@@ -36,13 +36,14 @@ STEP = 12  # pixels between rows that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
 READ, ANATOMY = "bpy.ops.rle_splat.read_labels(", "bpy.ops.rle_splat.color_anatomy("
+WHITE = "bpy.ops.rle_splat.plain_background("
 # Name, entry of File > Import, scan, labels or None, buttons that are pressed afterwards.
 CASES = (
     ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", None, ()),
     ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
      "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", (ANATOMY,)),
     ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", None, ()),
-    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", ()),
+    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", (WHITE,)),
     ("CT with RTSTRUCT", FOLDER, "dicom_ct_chest_512x512x46", "rt_utils_chest.dcm", (ANATOMY,)),
     ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif",
      "fluorescence/nuclei_labels_256x256x60_uint32.tif", (ANATOMY,)),
