@@ -151,11 +151,15 @@ class ScalarLabels:
         return found
 
     def mean_extinction(self, voxels: VisibleVoxels, nearby: np.ndarray) -> np.ndarray:
-        """(m,) float32 as ``shown_nearby.mean_extinction``, of each voxel's own function."""
-        numbers, found = self.cells.of_rows(voxels.row_start, voxels.column), np.empty(len(voxels), np.float32)
-        for number in np.unique(numbers):
-            own = numbers == number
-            found[own] = mean_extinction(self.tables[number], nearby[:, own])
+        """(m,) float32 as ``shown_nearby.mean_extinction``, of the function at each voxel that shows most."""
+        rows = voxels.row_start, voxels.column
+        numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
+        found, at = np.zeros(len(voxels), np.float32), np.flatnonzero(records >= 0)
+        kinds = self.cells.kinds[records[at]]
+        for number, table in enumerate(self.tables):
+            mine = numbers == number
+            mine[at] |= (kinds == number).any(axis=1)
+            found[mine] = np.maximum(found[mine], mean_extinction(table, nearby[:, mine]))
         return found
 
     def place_steps(self, surfaces: Surfaces, voxels: VisibleVoxels, volume, matrix, faces, extinction, *,

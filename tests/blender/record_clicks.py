@@ -22,7 +22,6 @@ from tests.blender.window_driver import (
     TAB,
     area_of,
     drive,
-    in_the_view,
     new_file,
     open_panels,
     passed,
@@ -33,16 +32,18 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
-STEP, EDGE = 8, 30  # pixels between places that are hovered over, and from the right edge to a row's last button
+STEP = 12  # pixels between rows that are hovered over: a button has 20
+FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
 READ, ANATOMY = "bpy.ops.rle_splat.read_labels(", "bpy.ops.rle_splat.color_anatomy("
+WHITE = "bpy.ops.rle_splat.plain_background("
 # Name, entry of File > Import, scan, labels or None, buttons that are pressed afterwards.
 CASES = (
     ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", None, ()),
     ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
      "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", (ANATOMY,)),
     ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", None, ()),
-    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", ()),
+    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", (WHITE,)),
     ("CT with RTSTRUCT", FOLDER, "dicom_ct_chest_512x512x46", "rt_utils_chest.dcm", (ANATOMY,)),
     ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif",
      "fluorescence/nuclei_labels_256x256x60_uint32.tif", (ANATOMY,)),
@@ -76,7 +77,7 @@ def found(place: str):
     """The place in the window of a button of the sidebar; ``place``: how its Python command begins."""
     area = area_of("VIEW_3D")
     region = region_of(area, "UI")
-    columns = region.x + region.width // 2, region.x + region.width - EDGE, region.x + region.width - 2 * EDGE
+    columns = [region.x + region.width - away for away in FROM_EDGE]
     for y in range(region.y + region.height - STEP, region.y, -STEP):
         for x in columns:
             simulate("MOUSEMOVE", "NOTHING", (x, y))
@@ -126,8 +127,7 @@ def measured(name: str, entry: int, scan: str, labels, buttons):
     for place in buttons:
         yield from press_button(count, place)
         yield from waited(count, is_idle)
-    with in_the_view():
-        yield from photograph(name.replace(" ", "_"))
+    yield from photograph(name.replace(" ", "_"))
     with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:
         table.write(f"| {name} | {owner.rle_splat.transfer_name} | {count.clicks} | {count.seconds:.1f} |\n")
     print(name, count.clicks, round(count.seconds, 1), owner.rle_splat.remarks, flush=True)

@@ -214,13 +214,16 @@ def check_pet(ct):
     yield from until(lambda: len(ct.rle_splat.channels) == 1 and is_idle())
     yield from settled()
     yield from photograph("pet_over_ct")
+    ct.rle_splat.labels[1].opacity = 0.05  # the liver, which would hide what is in it
+    yield from settled()
+    yield from photograph("pet_in_ct")
     (channel,) = ct.rle_splat.channels
     assert channel.source == pet
     channel.show = False
+    pet.hide_set(True)  # which would be seen beside the CT
     yield from settled()
     yield from photograph("without_pet")
-    channel.show = True
-    both = "pet_over_ct", "without_pet"
+    both = "pet_in_ct", "without_pet"
     liver, spleen = ([around(name, ct, middle) for name in both] for middle in ORGANS.values())
     hot, cold = (np.abs(one - other).max(axis=-1) for one, other in (liver, spleen))
     print("pet over ct", np.quantile(hot, 0.5), np.quantile(cold, (0.5, 0.99)), flush=True)

@@ -347,6 +347,17 @@ def test_channels_that_show_nothing_beside_labels_change_no_bit(stage):
             assert one.rgba.tobytes() == other.rgba.tobytes() and one.depth.tobytes() == other.depth.tobytes()
 
 
+@pytest.mark.parametrize("light", ("unlit", *LIT))
+def test_labels_that_look_as_the_volume_change_no_bit_beside_channels(stage, light):
+    scene = with_channels(organs(stage, None if light == "unlit" else Shade(0.2, 0.7, 0.3, 15.0), **LIT.get(light, {})))
+    alike = replace(scene, labels=replace(scene.labels, functions={10: scene.transfer_function}))
+    with use_reference():
+        for quality in (fine(depth_rule="preintegrated-1"), fine(depth_rule="midpoint-2"), fine(rays=1e-9)):
+            one, other = render(alike, quality), render(replace(scene, labels=None), quality)
+            assert one.report["stages_ms"]["mixing"] > 0.0
+            assert one.rgba.tobytes() == other.rgba.tobytes() and one.depth.tobytes() == other.depth.tobytes()
+
+
 def test_labels_that_hide_do_not_hide_channels(stage):
     scene = with_channels(organs(stage))
     nothing = dict.fromkeys(map(int, np.unique(scene.labels.volume.voxels)))
