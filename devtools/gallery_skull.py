@@ -14,8 +14,8 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
-PATCH = Vector((-47.0, -150.0, 34.0))  # before the forehead: where the plate starts on its way to the bone
-CELL, COLUMNS, ROWS = 5.2, 11, 11  # of the plate: mm from hole to hole; holes
+PATCH = Vector((-64.0, -150.0, 88.0))  # before the forehead: where the plate starts on its way to the bone
+CELL, COLUMNS, ROWS = 5.2, 11, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
