@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from .blender_job import run_job
 from .environments import CORE, any_bpy, ensure
 from .places import OUT, ROOT, Failure, clean_environ, run, say
-from .sample import sample
 
 FOLDER = OUT / "gallery"
 PARTS = ("scene", "sets", "skull", "studio", "data", "grids")
@@ -27,9 +26,8 @@ class Shot:
 
 
 SHOTS = {
-    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1400, 1050), 8),
+    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1000, 750), 4),
     "spine": Shot("bones of a chest on a slice of the same CT, with pedicle screws", (1400, 1050), 12),
-    "brain": Shot("MR brain in a studio of softboxes", (1600, 1200)),
     "nuclei": Shot("nuclei in a confocal stack, one of them dividing", (1400, 1050)),
     "aorta": Shot("the two lumina of a dissected aorta", (900, 1200)),
 }
@@ -44,7 +42,6 @@ def gallery(names=(), percent: float = 100.0) -> int:
         raise Failure(f"--percent takes a number from 1 to 400, not {percent:g}.")
     started = time.monotonic()
     version = any_bpy()
-    sample()  # the brain is the demo's own volume
     for name in names or SHOTS:
         _make(name, version, percent)
     page = FOLDER / "README.md"

@@ -7,7 +7,6 @@ from).  Runs in an environment with numpy.
 from __future__ import annotations
 
 import gzip
-import json
 import os
 from pathlib import Path
 
@@ -84,10 +83,3 @@ def aorta(folder: Path):
 
 def aorta_labels() -> Path:
     return _asked_for("cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
-
-
-def template(folder: Path):
-    """The sample volume, an average of 152 brains, which dev.py has put there."""
-    facts = json.loads((ROOT / "out" / "sample" / "sample.json").read_text())
-    options = {key: facts[key] for key in ("shape", "dtype", "byte_order", "spacing", "modality", "preset")}
-    return ROOT / "out" / "sample" / facts["file"], {"header_bytes": 0, **options}, facts["title"]

@@ -12,7 +12,7 @@ import bpy
 from demo_scene import bevelled, material, named, rod
 from gallery_data import aorta_labels, nuclei_labels
 from gallery_skull import skull
-from gallery_studio import COLD, RENDER, WARM, Stage, emission, plain_world, softbox_world, view_transform
+from gallery_studio import COLD, RENDER, Stage, emission, plain_world, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 CELLS = ((0.86, 0.28, 0.22), (0.95, 0.62, 0.2), (0.35, 0.7, 0.3), (0.2, 0.6, 0.75), (0.3, 0.4, 0.85),
@@ -149,48 +149,5 @@ def _alone(stage: Stage, toward, lens: float, key, aim=(0.0, 0.0, 0.0)) -> None:
     view_transform("Standard")
 
 
-def _glossy(stage: Stage) -> None:
-    look = stage.volume.rle_splat
-    look.two_sided, look.specular, look.shininess = False, 0.35, 30.0
-
-
-def _brain_in_a_studio(stage: Stage) -> None:
-    """A brain on a stem, with two balls that show the light: a world of softboxes, and lamps where they are."""
-    _glossy(stage)
-    low = stage.low
-    top = Vector((stage.middle.x, stage.middle.y, low.z - 0.1 * stage.size))
-    brass = material("Brass", (0.9, 0.62, 0.28), roughness=0.22, metallic=1.0)
-    stage.disk("Plinth", top, 0.34, 0.16, material("Plinth", (0.03, 0.032, 0.036), roughness=0.25))
-    rod("Stem", top, stage.middle, 0.02 * stage.size, brass)
-    boxes = (((1.3, 1.6, 1.1), 20.0, (9.0, 8.2, 7.2)), ((-1.6, -0.9, 0.9), 16.0, (5.0, 6.4, 8.5)),
-             ((-1.2, 1.5, 0.1), 14.0, (1.6, 1.5, 1.4)))  # fmt: skip
-    softbox_world(((0.02, 0.02, 0.024), (0.06, 0.066, 0.076), (0.2, 0.23, 0.28)), boxes, 0.8)
-    stage.key(3.6, (1.5, 1.2, 1.6))
-    stage.area("Rim", 80.0, (-1.6, -0.9, 0.9), COLD, side=0.8)
-    stage.area("Fill", 9.0, (-1.2, 1.5, 0.1), WARM, side=0.8)
-    stage.settings.ambient_occlusion = 0.8
-    view_transform("Standard")
-
-
-def brain(stage: Stage):
-    _brain_in_a_studio(stage)
-    toward = (1.5, 3.1, 0.9)
-    floor = stage.low.z - 0.26 * stage.size
-    for name, place, coat in (
-        ("Chrome Ball", (0.54, -0.12), material("Chrome", (0.9, 0.9, 0.9), roughness=0.03, metallic=1.0)),
-        ("Gray Ball", (-0.46, 0.35), material("Gray", (0.18, 0.18, 0.18), roughness=0.9)),
-    ):
-        radius = 0.12 * stage.size
-        bpy.ops.mesh.primitive_uv_sphere_add(
-            radius=radius, segments=96, ring_count=48, location=(
-                stage.middle.x + place[0] * stage.size, stage.middle.y + place[1] * stage.size, floor + radius),
-        )  # fmt: skip
-        named(name, coat)
-    bpy.ops.mesh.primitive_plane_add(size=60 * stage.size, location=(stage.middle.x, stage.middle.y, floor))
-    named("Floor", material("Floor", (0.035, 0.038, 0.043), roughness=0.4))
-    stage.camera(toward, lens=82.0, aim=(0.0, 0.0, -0.16))
-    yield RENDER
-
-
-SETS = {"skull": skull, "spine": spine, "brain": brain, "nuclei": nuclei, "aorta": aorta}
-DATA_OF = {"skull": "skull", "spine": "spine", "brain": "template", "nuclei": "nuclei", "aorta": "aorta"}
+SETS = {"skull": skull, "spine": spine, "nuclei": nuclei, "aorta": aorta}
+DATA_OF = {"skull": "skull", "spine": "spine", "nuclei": "nuclei", "aorta": "aorta"}

@@ -14,8 +14,8 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
-PATCH = Vector((-40.0, -150.0, 34.0))  # before the forehead: where the plate starts on its way to the bone
-CELL, COLUMNS, ROWS = 5.2, 13, 11  # of the plate: mm from hole to hole; holes
+PATCH = Vector((-64.0, -150.0, 88.0))  # before the forehead: where the plate starts on its way to the bone
+CELL, COLUMNS, ROWS = 5.2, 11, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
@@ -125,7 +125,10 @@ def skull(stage: Stage):
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="sagittal")
     made = bpy.context.view_layer.objects.active
-    made.matrix_world = (Matrix.Translation(Vector((at.x + CUT * MM - made.matrix_world.translation.x, 0.0, 0.0)))
+    along = max((0, 1), key=lambda axis: abs(made.matrix_world.to_3x3().col[axis].normalized().y))
+    made.scale[along] *= 0.8  # the head holder is beyond it
+    bpy.context.view_layer.update()
+    made.matrix_world = (Matrix.Translation(at + MM * Vector((CUT, -8.0, 0.0)) - made.matrix_world.translation)
                          @ made.matrix_world)  # fmt: skip
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
@@ -141,7 +144,7 @@ def skull(stage: Stage):
     toward = (1.45, -1.6, 0.62)
     stage.camera(toward, lens=74.0, aim=(-0.08, -0.11, -0.05))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
-    stage.key(3.2, (1.0, -1.6, 1.5))
+    stage.key(2.9, (1.0, -1.6, 1.5))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

@@ -1,4 +1,4 @@
-"""The studio of the gallery: camera, lights, worlds made of nodes, plinths (runs in an
+"""The studio of the gallery: camera, lights, worlds made of nodes (runs in an
 environment with bpy).
 
 Lengths are parts of the volume's largest side, so that scans of any size look alike.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from demo_scene import bevelled, box_of, material, named
+from demo_scene import box_of, material
 from mathutils import Matrix, Vector
 
 WARM, COLD = (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
@@ -132,17 +132,6 @@ class Stage:
         bpy.context.scene.collection.objects.link(floor)
         self.ground = (floor,)
         return floor
-
-    def disk(self, name: str, place: Vector, radius: float, height: float, coat) -> bpy.types.Object:
-        """A round plinth whose top is at ``place``; radius and height in sizes. On a sweep it is part of the ground."""
-        bpy.ops.mesh.primitive_cylinder_add(
-            radius=radius * self.size, depth=height * self.size, vertices=192,
-            location=place - Vector((0.0, 0.0, 0.5 * height * self.size)),
-        )  # fmt: skip
-        made = bevelled(named(name, coat), 0.012 * self.size)
-        if self.ground:
-            self.ground = (*self.ground, made)
-        return made
 
 
 def _placed(name: str, data, spot, target):

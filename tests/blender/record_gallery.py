@@ -23,7 +23,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
-    region_of,
+    window,
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
@@ -36,7 +36,7 @@ def scenario():
     from gallery_studio import Stage
 
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip", "RLE_SPLAT_PT_slices")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects", "RLE_SPLAT_PT_slices")
     yield from new_file()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(SCAN)) == {"FINISHED"}
@@ -44,25 +44,26 @@ def scenario():
         list(skull(stage))
     area = area_of("VIEW_3D")
     scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
     scene.render.resolution_x, scene.render.resolution_y = 1400, 1050
+    for one in bpy.context.view_layer.objects:
+        one.select_set(one == stage.volume)
     bpy.context.view_layer.objects.active = stage.volume
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area_of("PROPERTIES")):
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_split(direction="HORIZONTAL", factor=1.0 - OUTLINER)
-    upper = max((one for one in bpy.context.window_manager.windows[0].screen.areas if one.type == "PROPERTIES"),
-                key=lambda one: one.y)  # fmt: skip
+    upper = max((one for one in window().screen.areas if one.type == "PROPERTIES"), key=lambda one: one.y)
     upper.type = "OUTLINER"
     yield
     view = area.spaces.active
     view.region_3d.view_perspective = "CAMERA"
     view.shading.type = "MATERIAL"
     view.shading.use_scene_lights = view.shading.use_scene_world = True
-    view.overlay.show_relationship_lines = False
+    view.overlay.show_extras = view.overlay.show_relationship_lines = False
     yield
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area,
-                                   region=region_of(area, "WINDOW")):  # fmt: skip
+    with in_the_view():
         bpy.ops.view3d.view_center_camera()
     yield from settled()
-    yield from photograph("gallery-window")
+    yield from photograph("draft")  # the shaders of the materials are made
     yield from settled()
     yield from photograph("gallery-window")
     path = Path(os.environ[SHOTS]) / "gallery-window.png"

@@ -72,7 +72,7 @@ def test_links_lead_to_files_of_the_repository(page):
 
 def test_a_broken_link_is_noticed():
     page = ROOT / "docs/index.md"
-    assert docs.broken_links(page, "[a](glossary.md) [b](#here) ![c](images/gallery-brain.jpg) `[d](no.md)`") == []
+    assert docs.broken_links(page, "[a](glossary.md) [b](#here) ![c](images/gallery-skull.jpg) `[d](no.md)`") == []
     assert len(docs.broken_links(page, "[a](glossaries.md#x) [b](../../outside.md)")) == 2
 
 
