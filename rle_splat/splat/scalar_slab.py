@@ -237,10 +237,11 @@ def _mix_channels(
 def _mix(
     values, labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
 ):  # fmt: skip
-    if values is None:
-        return _mix_labels(
-            labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
-        )  # fmt: skip
+    if labels is not None:
+        if values is None:
+            return _mix_labels(
+                labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+            )  # fmt: skip
     return _mix_channels(
         labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
     )  # fmt: skip
