@@ -49,7 +49,7 @@ def set_up():
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)
     scene.frame_start, scene.frame_end = 1, 4
-    scenes.use_cycles((256, 256), samples=64)  # a second or more, in which views are drawn again and again
+    scenes.use_cycles((256, 256), samples=256)  # some seconds
     scenes.add_mesh([(-40, -40, -9), (60, -40, -9), (60, 60, -9), (-40, 60, -9)], [(0, 1, 2, 3)], (0.1, 0.1, 0.1))
     scenes.add_camera((MIDDLE[0], MIDDLE[1], 60.0), type="ORTHO", ortho_scale=2.0 * AWAY)
     scene.frame_set(1)

@@ -35,8 +35,8 @@ import gpu
 
 from tests.blender.real_blender import MODULE, install
 
-PAUSE = 0.1  # seconds between steps
-PATIENCE = 6000  # steps; each waits for the window, so a busy machine gets more time
+PAUSE = 0.3  # seconds between steps
+PATIENCE = 2000  # steps; each waits for the window, so a busy machine gets more time
 SHOTS = "RLE_SPLAT_SHOTS"
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
