@@ -269,8 +269,8 @@ class ChannelLookups(NamedTuple):
     @classmethod
     def of(cls, lookups, first: int) -> ChannelLookups:
         """Of Lookups; ``first``: the plane of the second one's values."""
-        begins = np.cumsum([0, *(len(each.table) for each in lookups)])
-        planes = np.arange(first - 1, first - 1 + len(lookups))
+        begins = np.cumsum([0, *(len(each.table) for each in lookups)], dtype=np.int64)
+        planes = np.arange(first - 1, first - 1 + len(lookups), dtype=np.int64)
         planes[0] = 0
         tables, sums = (np.concatenate(each) for each in zip(*((one.table, one.sums) for one in lookups)))
         numbers = np.array([each[2:9] for each in lookups], np.float32)
