@@ -273,8 +273,8 @@ class ChannelLookups(NamedTuple):
     def of(cls, own, further, first: int) -> ChannelLookups:
         """Of the volume's ``own`` Lookups and those of ``further`` channels, whose planes begin with ``first``."""
         lookups = [*own, *further]
-        begins = np.cumsum([0, *(len(each.table) for each in lookups)])
-        planes = np.concatenate((np.zeros(len(own), np.int64), np.arange(first, first + len(further))))
+        begins = np.cumsum([0, *(len(each.table) for each in lookups)], dtype=np.int64)
+        planes = np.concatenate((np.zeros(len(own), np.int64), np.arange(first, first + len(further), dtype=np.int64)))
         tables, sums = (np.concatenate(each) for each in zip(*((one.table, one.sums) for one in lookups)))
         numbers = np.array([each[2:9] for each in lookups], np.float32)
         return cls(len(own), *map(read_only, (planes, begins, tables, sums, numbers)))
