@@ -116,7 +116,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
 
     A preset in the volume's own unit is not changed. The points of any other preset are moved linearly, so that they
     run from the 1st to the 99.9th percentile of the volume's values, or, as shares of the largest value, from 0 to it.
-    A smoothness of more than SMOOTHED times the largest spacing, as of a small animal's brain, becomes that much.
+    Its smoothness is at most twice the largest spacing, for small animals.
 
     Parameters
     ----------
