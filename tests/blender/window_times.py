@@ -26,7 +26,7 @@ from tests.blender.window_driver import area_of, drive, in_the_view, new_file, p
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_times_"))
 SIDE, REDRAWS, WARM = 256, 24, 6
-# Parts of a redraw: module of bridge.live, class or "", function.  "depth" holds the two below it.
+# Parts of a redraw: module of bridge.live, class or "", function.  "depth" holds the one below it.
 PARTS = {
     "request": ("surface", "", "request_of"),
     "contents": ("surface", "BlenderSurface", "contents"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.rays import camera_rays
+from rle_splat.effects import mesh_occlusion
 from rle_splat.effects.depth_layers import HALO, REACH, depth_layers
 from rle_splat.effects.mesh_depth import SAMPLE_COLUMNS, SAMPLE_ROWS, mesh_depth
 from rle_splat.scene import Camera
@@ -180,3 +181,14 @@ def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, 
         again = ray_intervals(plane, 0.1, 50.0, layer, threads=2)
         np.testing.assert_array_equal(one, again)
         np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("near", [0, 1, 63, 199, None])
+def test_one_near_triangle_of_many_is_found_wherever_it_is_listed(near):
+    triangles = np.full((200, 3, 3), 9.0)
+    if near is not None:
+        triangles[near, 1, 2] = 2.0
+    along_z = np.array([0.0, 0.0, 1.0, 0.5])
+    assert mesh_occlusion._any_before(triangles, along_z, 3.0) == (near is not None)
+    assert not mesh_occlusion._any_before(triangles, along_z, 2.25)
+    assert not mesh_occlusion._any_before(None, along_z, 9.0)
