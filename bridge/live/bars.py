@@ -19,6 +19,7 @@ from ..look import transfer
 from ..look.probe import value_text
 from ..translations import filled
 from ..volumes import box, volumes
+from .letters import ink_over
 
 FONT, SIZE = 0, 12  # Blender's own font; points, scaled with Blender's interface
 LONGEST = 160.0  # pixels of a scale bar at interface scale 1
@@ -75,7 +76,7 @@ def _draw() -> None:
     if owner is None or not owner.visible_get():
         return
     scale = context.preferences.system.ui_scale
-    ink = (*context.preferences.themes[0].view_3d.space.text_hi, 1.0)
+    ink = ink_over(context)
     blf.size(FONT, SIZE * scale)
     blf.color(FONT, *ink)
     if settings.show_scale_bar:

@@ -48,6 +48,14 @@ def placed_letters(volume_object) -> list:
     ]
 
 
+def ink_over(context) -> tuple[float, float, float, float]:
+    """The color of text over a viewport: that of the theme, or black on a bright background of its own."""
+    shading = context.space_data.shading
+    if shading.type == "SOLID" and shading.background_type == "VIEWPORT" and min(shading.background_color) > 0.5:
+        return 0.0, 0.0, 0.0, 1.0
+    return *context.preferences.themes[0].view_3d.space.text_hi, 1.0
+
+
 def _draw() -> None:
     """Draw the letters of all visible volumes into the region that is drawn."""
     context = bpy.context
@@ -57,9 +65,8 @@ def _draw() -> None:
     sentence = live.sentence_of_last_render(context) or live.problem_of(context.area)
     _draw_lines(context, sentence or live.sentence_of_mesh(context.area))
     shown = [owner for owner in owners if owner.visible_get()]
-    color = context.preferences.themes[0].view_3d.space.text_hi
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
-    blf.color(FONT, *color, 1.0)
+    blf.color(FONT, *ink_over(context))
     for owner in shown:
         for letter, place in _on_screen(placed_letters(owner), context.region, context.region_data):
             width, height = blf.dimensions(FONT, letter)
@@ -73,7 +80,7 @@ def _draw_lines(context, sentence: str) -> None:
         return
     size = SIZE * context.preferences.system.ui_scale
     blf.size(FONT, size)
-    blf.color(FONT, *context.preferences.themes[0].view_3d.space.text_hi, 1.0)
+    blf.color(FONT, *ink_over(context))
     left, right = context.region.x, context.region.x + context.region.width
     covered = [one.x for one in context.area.regions if one.type == "UI" and one.width > 1 and left < one.x < right]
     share = (min(covered, default=right) - left - 2 * size) / blf.dimensions(FONT, sentence)[0]

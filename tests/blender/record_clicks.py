@@ -1,6 +1,6 @@
 """From File > Import to a picture in a real window: how many clicks and seconds it takes, and a photograph of each.
 
-    python3 dev.py blender --photograph tests/blender/record_clicks.py --size 1280x1400
+    python3 dev.py blender --photograph tests/blender/record_clicks.py --size 1600x1400
 
 writes clicks.md and NAME.png into build/window-shots/record_clicks.  The scans of ``CASES`` are in tests/blender/data,
 linked or copied there.  Buttons are found by hovering over the sidebar, and pressed with the mouse.  In the file
