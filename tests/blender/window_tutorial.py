@@ -30,6 +30,7 @@ from tests.blender.window_driver import (
     until,
 )
 
+THUMBNAILS = 90  # steps, until the pictures of presets are there
 SCAN = Path(__file__).parent / "data" / "scan"
 
 
@@ -43,8 +44,9 @@ def keep(name: str, began: float):
     passed(f"{name}, {seconds:.1f} s,")
 
 
-def look_from(tilt: float, turn: float) -> None:
+def look_from(tilt: float, turn: float, nearer: float = 1.0) -> None:
     view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_distance *= nearer
     view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
 
 
@@ -52,8 +54,11 @@ def light_and_floor(volume):
     """The lamp and the floor of step 6."""
     with in_the_view():
         bpy.ops.object.light_add(type="AREA", location=(0.6, -0.6, 0.5), rotation=[radians(a) for a in (60, 0, 45)])
-        bpy.context.object.data.energy, bpy.context.object.data.size = 18.0, 0.3
+        bpy.context.object.data.energy, bpy.context.object.data.size = 15.0, 0.3
         bpy.ops.mesh.primitive_plane_add(size=2.0, location=(0.0, 0.0, -0.09))
+    floor = bpy.data.materials.new("Floor")
+    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.03, 0.035, 0.045, 1.0)
+    bpy.context.object.data.materials.append(floor)
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.lighting = "SCENE"
 
@@ -86,7 +91,7 @@ def scenario():
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
     yield from new_file()
     scene = bpy.context.scene
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
     scene.cycles.use_denoising = False
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
@@ -96,7 +101,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(folder), at_cursor=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
-    look_from(80.0, 25.0)
+    look_from(80.0, 25.0, 0.6)
     yield from settled()
     yield from keep("tutorial-2-imported", began)
 
@@ -104,6 +109,8 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    for _ in range(THUMBNAILS):
+        yield
     yield from settled()
     yield from keep("tutorial-3-preset", began)
 
@@ -128,9 +135,9 @@ def scenario():
         assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 500.0, 2000.0
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 700.0, 800.0
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
-    look_from(72.0, 50.0)
+    look_from(62.0, 55.0, 0.42)
     yield from settled()
     yield from keep("tutorial-5-cut", began)
 
