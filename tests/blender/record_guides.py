@@ -2,14 +2,12 @@
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are the scans: the DICOM series of the
-gallery's skull in ``scan``; the dissected aorta, cta_aorta_labels of the data folder, in ``aorta``.
+writes how-to-*.jpg into build/window-shots/record_guides.  The scan is the skull of the gallery, its DICOM series in
+tests/blender/data/scan.
 """
 
 import os
-import shutil
 import subprocess
-import tempfile
 from math import radians
 from pathlib import Path
 
@@ -31,7 +29,7 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 HEAD = "560x560+190+170"
-PANELS = ("transfer", "slices", "shading", "labels")  # that are open
+PANELS = ("transfer", "slices", "shading")  # that are open
 
 
 def keep(name: str, part: str = ""):
@@ -145,61 +143,10 @@ def light():
     passed("light")
 
 
-def organs():
-    """Masks as TotalSegmentator writes them, in a folder, with Anatomy and one more color."""
-    yield from begin()
-    folder, masks = DATA / "aorta", Path(tempfile.mkdtemp())
-    for path in folder.glob("mask_*"):
-        shutil.copy(path, masks / path.name.removeprefix("mask_"))
-    shutil.copy(next(folder.glob("labels_*")), masks / "aorta.nii.gz")
-    (scan,) = folder.glob("cta_*")
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_volume(filepath=str(scan), modality="CT") == {"FINISHED"}
-        volume = bpy.context.view_layer.objects.active
-        volume.rle_splat.label_file = str(masks)
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-        assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
-    look_from(80.0, 25.0, 0.5)
-    yield from settled()
-    yield from keep("how-to-organs")
-    passed("organs")
-
-
-def surface():
-    volume = yield from skull()
-    with in_the_view():
-        assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
-        made = bpy.context.view_layer.objects.active
-    volume.hide_set(True)
-    reduced = made.modifiers.new("Decimate", "DECIMATE")
-    reduced.ratio = 0.05
-    area_of("VIEW_3D").spaces.active.overlay.show_wireframes = True
-    area_of("VIEW_3D").tag_redraw()
-    yield
-    yield from keep("how-to-surface")
-    passed("surface")
-
-
-def camera_and_report():
-    """A volume in the camera's view, behind the scene's meshes, and the report of its picture."""
-    volume = yield from skull()
-    with in_the_view():
-        bpy.ops.object.camera_add()
-        bpy.context.scene.camera = bpy.context.object
-        bpy.ops.view3d.camera_to_view()
-    activate(volume)
-    yield from settled()
-    with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop("EXEC_DEFAULT") == {"FINISHED"}
-    yield from settled()
-    yield from keep("how-to-backdrop")
-    passed("camera")
-
-
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
-    for part in (set_up_slices, window_and_curve, light, organs, surface, camera_and_report):
+    for part in (set_up_slices, window_and_curve, light):
         yield from part()
 
 
