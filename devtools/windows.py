@@ -5,8 +5,7 @@ archives of other projects, which mvn fetches; Python 3.13, for the kernels of n
 PyPI; all packages from the pinned and hashed requirements, as on the other systems.
 Everything is on Wine's drive C, because a program sees Linux' /proc and /sys on the others.
 
-Wine lets a program rename a folder with mapped files and cut a mapped file, which Windows refuses; unit tests feign
-these answers.
+Wine lets a program rename a folder with mapped files, which Windows refuses; unit tests feign that answer.
 """
 
 from __future__ import annotations
@@ -111,7 +110,7 @@ def _environ(**extra: str) -> dict[str, str]:
         **INSIDE, "WINEPREFIX": PREFIX, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "ucrtbase=n,b;mscoree,mshtml=",
         "DISPLAY": ":1", "XDG_RUNTIME_DIR": "/tmp", "PYTHONIOENCODING": "utf-8",
         "OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive",
-        **({"RLE_SPLAT_DATA": _of_windows(SCANS)} if SCANS.is_dir() else {}),
+        **({"RLE_SPLAT_DATA": "C:\\shared\\data"} if SCANS.is_dir() else {}),
         "RLE_SPLAT_FUZZ": "20",  # damaged files, each with two decoders, whose start takes seconds
         **extra,
     }  # fmt: skip
