@@ -5,8 +5,7 @@ archives of other projects, which mvn fetches; Python 3.13, for the kernels of n
 PyPI; all packages from the pinned and hashed requirements, as on the other systems.
 Everything is on Wine's drive C, because a program sees Linux' /proc and /sys on the others.
 
-Wine lets a program rename a folder with mapped files and cut a mapped file, which Windows refuses; unit tests feign
-these answers.
+Wine lets a program rename a folder with mapped files, which Windows refuses; unit tests feign that answer.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def calls_of_ours(act) -> list:
     found = []
 
     def note(frame, event, _argument):
-        if event == "call" and "/rle_splat/bridge/" in frame.f_code.co_filename:
+        if event == "call" and "/rle_splat/bridge/" in frame.f_code.co_filename.replace("\\", "/"):
             found.append(frame.f_code.co_name)
 
     sys.setprofile(note)
