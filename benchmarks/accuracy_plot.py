@@ -159,9 +159,7 @@ def _place_labels(figure, axes) -> None:
         offset = (place[0] - at[0]) / scale, (place[1] - at[1]) / scale
         label.remove()
         leader = None if distance < FAR else dict(arrowstyle="-", color=FAINT, lw=0.7, shrinkA=1.0, shrinkB=4.0)
-        axes.annotate(
-            text, (x, y), offset, textcoords="offset points", fontsize=9, color=color, arrowprops=leader
-        )
+        axes.annotate(text, (x, y), offset, textcoords="offset points", fontsize=9, color=color, arrowprops=leader)
         taken.append((place[0] - APART, place[1], place[2] + APART, place[3]))
     axes.free_labels = []
 

@@ -249,9 +249,7 @@ class Setting:
     priced: tuple[str, ...]
 
     def at(self, azimuth: float, size: int) -> Scene:
-        camera, matrix = turntable(
-            self.volume, azimuth, ELEVATION, perspective=True, width=size, height=size
-        )
+        camera, matrix = turntable(self.volume, azimuth, ELEVATION, perspective=True, width=size, height=size)
         function = replace(self.function, shade=None)
         scene = Scene(self.volume, function, camera, size, size, matrix, headlight=False)
         return given(scene, "lights") if self.lit else scene
@@ -394,7 +392,7 @@ def _row(setting: Setting, label: str, over: str, below: _Runs, runs: _Runs) -> 
         "made_by_a_frame": sorted(runs.made),
         "more_kernels": sorted(set(runs.first_report["kernels"]) - set(below.first_report["kernels"])),
         "fewer_kernels": sorted(set(below.first_report["kernels"]) - set(runs.first_report["kernels"])),
-    }
+    }  # fmt: skip
 
 
 def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict:
@@ -402,6 +400,7 @@ def light_pass(quality: Quality, side: int, size: int, repeats: int) -> dict:
     setting = Setting("shells", *shells(side), False, ())
     spent = {}
     for lights in (1, 2):
+
         def cast(azimuth, lights=lights):
             scene = given(setting.at(azimuth, size), "shadows")
             return replace(scene, lights=scene.lights[:lights])

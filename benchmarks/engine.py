@@ -50,7 +50,7 @@ def quality_of(name: str, threads: int) -> Quality:
 def measure(
     volume, tf, *, size: int, threads: int, perspective: bool, shaded: bool, qualities=QUALITIES, views=VIEWS,
     repeats: int = REPEATS, probes: int = PROBES, peers=(),
-) -> list[dict]:
+) -> list[dict]:  # fmt: skip
     """Measure one volume.
 
     Parameters
@@ -139,7 +139,7 @@ class _Beside:
             **dict.fromkeys(f"{stage}_ms" for stage in FRAME),
             "shade_ms": None, "encode_ms": getattr(self.caster, "classify_ms", None),
             **{name: _error(self._pictures, true) if comparable else None for name, true in truths.items()},
-        }
+        }  # fmt: skip
 
 
 def _preparation(scene, quality) -> dict:

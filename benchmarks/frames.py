@@ -166,7 +166,7 @@ def circumstances(threads: int) -> dict:
     return {
         "processor": _processor(), "cores": os.cpu_count(), "threads": thread_count(threads),
         "python": platform.python_version(), "load_before": load,
-    }
+    }  # fmt: skip
 
 
 def describe(where: dict) -> str:

@@ -52,7 +52,7 @@ def measure(args, folder: Path) -> dict:
     print(
         f"{args.side} x {args.side} pixels, {tiles['count']} tiles of {tiles['side']}: {found['seconds']:.0f} s, "
         f"{found['processor']:.0f} s of processor time, anonymous {bytes_text(found['anonymous'])}, "
-        f"resident {bytes_text(found['resident'])}, file {bytes_text(size)}", flush=True)
+        f"resident {bytes_text(found['resident'])}, file {bytes_text(size)}", flush=True)  # fmt: skip
     same = []
     for across, down in CORNERS:
         left, top = int(across * (args.side - PART[0])), int(down * (args.side - PART[1]))

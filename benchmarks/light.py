@@ -96,9 +96,7 @@ def errors_of_light(scene: Scene, lights, qualities, count: int) -> list[dict]:
 
 
 def main(arguments) -> int:
-    parser = make_parser(
-        "dev.py bench light", __doc__, quality={"choices": None, "default": QUALITIES}, probes=PROBES
-    )
+    parser = make_parser("dev.py bench light", __doc__, quality={"choices": None, "default": QUALITIES}, probes=PROBES)
     parser.add_argument("--scan", nargs="*", choices=SCANS, default=SCANS)
     parser.add_argument("--light", nargs="*", choices=list(LIGHTS), default=NAMES)
     parser.add_argument("--knob", nargs="*", default=(), help="of all qualities, such as sheet_density=4")

@@ -48,7 +48,7 @@ def quality_of(name: str, threads: int) -> Quality:
 def measure(
     data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True,
     errors: bool = True,
-) -> dict:
+) -> dict:  # fmt: skip
     """Measure one data set for both tables.
 
     Parameters

@@ -37,7 +37,8 @@ def record_errors(rows, quality: str) -> list[str]:
     """The lines on the errors of the record sizes, see ``records.compare_records``."""
     return [
         "Table 1, errors of the records in levels, against the picture of 16 bytes and against T1; and their time",
-        records.header(), *(records.line(row["called"], quality, row["record_errors"]) for _, row in rows),
+        records.header(),
+        *(records.line(row["called"], quality, row["record_errors"]) for _, row in rows),
     ]
 
 

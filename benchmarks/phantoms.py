@@ -48,9 +48,7 @@ def blobs(shape_xyz, seed: int, count: int = 6, width=(2.0, 4.0)) -> np.ndarray:
     for _ in range(count):
         cx, cy, cz = (0.2 + 0.6 * random.random(3)) * shape_xyz
         s = random.uniform(*width)
-        extinction += random.uniform(0.1, 0.5) * np.exp(
-            -0.5 * ((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) / s**2
-        )
+        extinction += random.uniform(0.1, 0.5) * np.exp(-0.5 * ((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) / s**2)
     return _opacity(np.where(extinction > 1e-3, extinction, 0.0))
 
 

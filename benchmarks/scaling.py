@@ -180,7 +180,8 @@ def main(arguments) -> int:
     parser = make_parser("dev.py bench scaling", __doc__, size=512, threads=0)
     parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES), help="voxels along each side")
     parser.add_argument(
-        "--large", action="store_true", help=f"also {LARGE}, which needs 1 GiB of disk and several GiB of memory")
+        "--large", action="store_true", help=f"also {LARGE}, which needs 1 GiB of disk and several GiB of memory"
+    )
     parser.add_argument("--scratch", type=Path, help="folder for the temporary volumes (default: the system's)")
     parser.add_argument("--frames-ms", type=float, default=FRAMES_MS, help="time for the pictures of a view")
     parser.add_argument("--image", type=Path, default=IMAGES / "scaling.png", help="the plot")
@@ -198,7 +199,8 @@ def main(arguments) -> int:
         largest = max(sizes)
         if shutil.disk_usage(folder).free < 2 * largest**3:
             raise RleSplatError(
-                f"There is not enough space for {largest}^3 bytes in {folder}; choose another folder with --scratch.")
+                f"There is not enough space for {largest}^3 bytes in {folder}; choose another folder with --scratch."
+            )
         path = Path(folder) / "volume.raw"
         write_volume(path, SERIES[0], TINY)
         _in_own_process(path, SERIES[0], TINY, options)  # compiles the kernels; its peak memory is not used

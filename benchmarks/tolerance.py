@@ -50,7 +50,7 @@ def error_elsewhere(scene: Scene, rgba, which: str, count: int, shading: dict) -
     columns, rows = draw_pixels(width, height, count - steep, OTHER_SEED)
     some = np.random.default_rng(OTHER_SEED).permutation(round(STEEPEST * width * height))[:steep]
     places = [np.concatenate((one, more[some])) for one, more in
-              zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]
+              zip((columns, rows), steep_pixels(rgba, round(STEEPEST * width * height)))]  # fmt: skip
     centers = tuple(place + 0.5 for place in places)
     true, _ = truth(scene, which, pixels=centers, tolerance=truth_tolerance(shading), **shading)
     return float(probe_errors(rgba[places[1], places[0]], true).max())

@@ -14,7 +14,7 @@ __all__ = [
     "bars", "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
     "properties", "register", "thumbnails", "translations",
     "unregister",
-]
+]  # fmt: skip
 
 
 def register():

@@ -24,7 +24,7 @@ class Held:
         self.name = datablock.name
         self._kind = {
             "OBJECT": "objects", "SCENE": "scenes", "IMAGE": "images", "WORLD": "worlds",
-        }[datablock.id_type]
+        }[datablock.id_type]  # fmt: skip
         self._session_uid = datablock.session_uid
 
     def find(self):

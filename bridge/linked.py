@@ -39,7 +39,7 @@ def why_not_editable(owner) -> str:
     if owner.library is None:
         return ""
     return (f"{owner.name!r} is linked from {file_name(owner.library)}; make a library override (Object > Library "
-            "Override > Make) or make it local (Object > Relations > Make Local)")
+            "Override > Make) or make it local (Object > Relations > Make Local)")  # fmt: skip
 
 
 def library_of(owner, name: str):

@@ -63,12 +63,11 @@ def filled_manifest(platform: str, python: str, wheel_names) -> str:
     """The manifest's text with its platform, the Blenders that have this Python, and its wheels."""
     text = MANIFEST.read_text(encoding="utf-8")
     if python in BLENDERS:  # a Blender that a distribution builds may have any other
-        text = re.sub(r'^(blender_version_min) = .*$', rf'\1 = "{BLENDERS[python][0]}"', text, flags=re.M)
+        text = re.sub(r"^(blender_version_min) = .*$", rf'\1 = "{BLENDERS[python][0]}"', text, flags=re.M)
     lines = [f'blender_version_max = "{_newest(python)}"'] if _newest(python) else []
     lines += [f'platforms = ["{platform}"]', "wheels = ["]
     lines += [f'    "./wheels/{name}",' for name in wheel_names] + ["]"]
-    text, count = re.subn(
-        r"^# dev\.py build adds.*$", lambda _: "\n".join(lines), text, flags=re.M)
+    text, count = re.subn(r"^# dev\.py build adds.*$", lambda _: "\n".join(lines), text, flags=re.M)
     if count != 1:
         raise Failure("blender_manifest.toml has lost the comment line 'dev.py build adds' where the wheels go.")
     return text

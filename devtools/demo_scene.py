@@ -252,9 +252,7 @@ def finish(folder: Path, report: dict) -> int:
     """Keep the report, with what the picture shows; the script's exit code, which is 1 where it shows nothing."""
     settings = bpy.context.scene.rle_splat
     fraction = covered(settings.image)
-    report.update(
-        blender=bpy.app.version_string, covered_fraction=round(fraction, 4), message=settings.message
-    )
+    report.update(blender=bpy.app.version_string, covered_fraction=round(fraction, 4), message=settings.message)
     (folder / "report.json").write_text(json.dumps(report, indent=1) + "\n")
     if fraction == 0.0 or settings.message:
         print(settings.message or "The picture shows nothing of the volume.", file=sys.stderr)

@@ -103,7 +103,8 @@ def compared(shots: dict, seen: np.ndarray) -> dict:
     difference = gray["ours"] - gray["cycles"]
     places = [np.average(seen, axis=0, weights=np.abs(lost[kind])) for kind in ("ours", "cycles")]
     return {
-        "pixels": len(seen), "changed pixels": int(shaded.sum()),
+        "pixels": len(seen),
+        "changed pixels": int(shaded.sum()),
         **{f"mean of {kind}": round(float(gray[kind][shaded].mean()), 4) for kind in KINDS},
         "mean difference": round(float(difference[shaded].mean()), 4),
         "RMS difference": round(float(np.sqrt((difference[shaded] ** 2).mean())), 4),

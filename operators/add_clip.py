@@ -18,7 +18,7 @@ from .refusal import has_volume, refuse
 FIT = EnumProperty(
     name="Fit", description="What a clip box holds, or what a new plane halves",
     items=[("VOLUME", "Whole Volume", "All voxels"),
-           ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])
+           ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])  # fmt: skip
 
 
 def fitted(owner, volume, fit: str) -> np.ndarray:
@@ -62,13 +62,17 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
-        name="Kind", description="Shape of the cut",
-        items=[("BOX", "Box", "Keep the part of the volume inside or outside a box"),
-               ("PLANE", "Plane", "Keep one side of a plane. The arrow points to the side that is removed")])
+        name="Kind",
+        description="Shape of the cut",
+        items=[
+            ("BOX", "Box", "Keep the part of the volume inside or outside a box"),
+            ("PLANE", "Plane", "Keep one side of a plane. The arrow points to the side that is removed"),
+        ],
+    )
     keep: EnumProperty(
         name="Keep", description="Part of the volume that stays visible",
         items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
-               ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])
+               ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])  # fmt: skip
     fit: FIT
 
     @classmethod

@@ -35,7 +35,8 @@ def add_slices(context, owner, volume, names) -> list:
         The slices, whose pictures are not made yet.
     """
     if not linked.why_not_editable(owner) and not any(
-            slices.volume_of(one) == owner for one in slices.slice_objects(context.scene)):
+        slices.volume_of(one) == owner for one in slices.slice_objects(context.scene)
+    ):
         slice_window.begin(owner.rle_splat, volume)
     found = [slices.add_slice(context, owner, volume, name) for name in names]
     context.view_layer.update()
@@ -64,11 +65,10 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
             volume = volumes.load_volume(owner)
         except RleSplatError as problem:
             return refuse(self, problem)
-        one = add_slices(
-            context, owner, volume, [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)])[-1]
+        one = add_slices(context, owner, volume, [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)])[-1]
         if one.name not in context.view_layer.objects:
             self.report({"WARNING"}, f"{one.name} is in a collection that is excluded from the view layer; include it "
-                                     "in the Outliner to see the slice.")
+                                     "in the Outliner to see the slice.")  # fmt: skip
             return {"FINISHED"}
         make_active(self, context, one, "was added")
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)

@@ -23,7 +23,8 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     bl_label = "Bake to Cycles Volume"
     bl_description = (
         "Write what the volume shows now to an OpenVDB file, and add a Volume object with a material that shows it in "
-        "Cycles, also where this extension is not installed")
+        "Cycles, also where this extension is not installed"
+    )
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would write the file again
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
 
@@ -32,7 +33,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     look: EnumProperty(name="Look", description="How the material shows the volume", items=LOOKS)
     side: IntProperty(
         name="Resolution", description="Voxels along the longest side; 0 keeps every voxel", default=0, min=0,
-        soft_max=1024)
+        soft_max=1024)  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -72,7 +73,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
             make_active(self, context, one, "was added")
         if scene.rle_splat.use_composite and not owner.hide_render:
             self.report({"WARNING"}, f"Renders now show {owner.name} twice; disable it in renders (Outliner) to show "
-                                     f"{one.name} alone.")
+                                     f"{one.name} alone.")  # fmt: skip
         else:
             self.report({"INFO"}, f"{one.name} has {visible} voxels, in {self._path.name}.")
 

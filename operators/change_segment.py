@@ -28,10 +28,10 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
 
     tool: EnumProperty(
         name="Tool", description="How the chosen segment changes",
-        items=[(*item, number) for number, item in enumerate(TOOLS)])
+        items=[(*item, number) for number, item in enumerate(TOOLS)])  # fmt: skip
     length: FloatProperty(
         name="Distance", description="Distance, or the radius of the ball, in the scan's unit of length, mm for "
-        "patients", default=2.0, min=0.001, soft_max=50.0)
+        "patients", default=2.0, min=0.001, soft_max=50.0)  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -68,10 +68,11 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     of_file: BoolProperty(
         name="Channels of the File", description="Add the other channels in the file of this volume",
-        options={"SKIP_SAVE", "HIDDEN"})
+        options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
 
     use_dialog: BoolProperty(
-        name="Dialog", description="Ask for the file", default=True, options={"SKIP_SAVE", "HIDDEN"})
+        name="Dialog", description="Ask for the file", default=True, options={"SKIP_SAVE", "HIDDEN"}
+    )
 
     nothing_chosen = "No file was chosen; set filepath."
     is_channel = True
@@ -107,7 +108,8 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
             if not 0 < len(numbers) < MOST_CHANNELS:
                 raise RleSplatError(
                     f"The file of {owner.name!r} holds {owner.rle_splat.frame_count} volumes; 2 to {MOST_CHANNELS} can "
-                    "be shown as channels.")
+                    "be shown as channels."
+                )
             path = volumes.resolved_path(owner)
             sources = [(path, source_options.at_frame(options, number)) for number in numbers]
         elif self.paths():

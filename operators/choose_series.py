@@ -38,7 +38,8 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
 
     rows: CollectionProperty(type=RLE_SPLAT_PG_series, options={"SKIP_SAVE", "HIDDEN"})
     row: IntProperty(
-        name="Row", description="Row of the series in the list, from 0", default=0, min=0, options={"SKIP_SAVE"})
+        name="Row", description="Row of the series in the list, from 0", default=0, min=0, options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, _context):

@@ -40,7 +40,7 @@ class RLE_SPLAT_OT_choose_transfer(bpy.types.Operator):
     choice: EnumProperty(name="Use", description="What to take from the file", items=_choices, options={"SKIP_SAVE"})
     overwrite: BoolProperty(
         name="Replace Presets of the Same Name", description="Replace own presets that have the same names",
-        default=False, options={"SKIP_SAVE"})
+        default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     def invoke(self, context, _event):
         return context.window_manager.invoke_props_dialog(self, width=WIDTH)
@@ -68,7 +68,7 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=FILES, options={"HIDDEN"})
     overwrite: BoolProperty(
         name="Replace Presets of the Same Name", description="Replace own presets that have the same names",
-        default=False, options={"SKIP_SAVE"})
+        default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     def execute(self, context):
         try:

@@ -23,7 +23,7 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
         name="Through", description="Point that the plane goes through",
         items=[("VIEW", "View Center", "The point about which the view turns, or the middle of the volume if that "
                                        "point is not at the depth of the volume or the view is through a camera"),
-               ("CURSOR", "3D Cursor", "The 3D cursor, which Shift and the right mouse button set")])
+               ("CURSOR", "3D Cursor", "The 3D cursor, which Shift and the right mouse button set")])  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -21,7 +21,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
     bl_label = "Include in Renders"
     bl_description = (
-        "Render the volumes of this scene with every frame (F12) and combine them with the meshes inside them")
+        "Render the volumes of this scene with every frame (F12) and combine them with the meshes inside them"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
@@ -41,6 +42,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
             compositor.check_editable(scene)
         except RleSplatError as problem:
             return refuse(self, problem)
+
         def make_image(earlier, layer):
             parts = [volume_object.name[: pictures.LONGEST_NAME], pictures.SUFFIXES["composite"], layer]
             own = earlier if pictures.owned_by(earlier, scene) else None
@@ -63,7 +65,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         if others:
             remarks.append(filled(
                 "Also included: {volumes}. To leave a volume out, hide it from renders in the Outliner.",
-                volumes=", ".join(others)))
+                volumes=", ".join(others)))  # fmt: skip
         included = filled("{volume} is now included in every render.", volume=volume_object.name)
         self.report({"INFO"}, " ".join([included, *remarks]))
         return {"FINISHED"}

@@ -24,8 +24,7 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
     bl_label = "Drag Window and Level"
     bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
 
-    center: FloatProperty(
-        name="Level", description="Value at the center of the range", translation_context=OURS)
+    center: FloatProperty(name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
 
     def execute(self, context):
@@ -50,10 +49,12 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
         properties = owner.rle_splat
         self._of_slices = one is not None
         self.center, self.width = self._before = (
-            slice_window.own(properties) if self._of_slices else (properties.window_center, properties.window_width))
+            slice_window.own(properties) if self._of_slices else (properties.window_center, properties.window_width)
+        )
         self._owner, self._mouse = Held(owner), (event.mouse_x, event.mouse_y)
         self._drag = WindowDrag(
-            *self._before, properties.value_low, properties.value_high, context.preferences.system.ui_scale)
+            *self._before, properties.value_low, properties.value_high, context.preferences.system.ui_scale
+        )
         self._unit = properties.value_unit
         context.window.cursor_modal_set("SCROLL_XY")
         context.window_manager.modal_handler_add(self)

@@ -32,12 +32,13 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
 
     of: EnumProperty(
-        name="Surface Of", description="What the surface is the boundary of",
-        items=[(OPACITY, "Opacity", "What is at least so opaque"),
-               (VALUE, "Value", "What has at least this value")])
+        name="Surface Of",
+        description="What the surface is the boundary of",
+        items=[(OPACITY, "Opacity", "What is at least so opaque"), (VALUE, "Value", "What has at least this value")],
+    )
     opacity: FloatProperty(
         name="Opacity", description="Opacity at the surface, as a share of the largest one of the transfer function",
-        default=0.5, min=0.001, max=1.0, subtype="FACTOR")
+        default=0.5, min=0.001, max=1.0, subtype="FACTOR")  # fmt: skip
     value: FloatProperty(name="Value", description="Value of the volume at the surface", default=300.0)
 
     @classmethod
@@ -60,14 +61,15 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         volume = volumes.load_volume(owner, lambda sentence: self.report({"WARNING"}, sentence), depsgraph)
         if not volume.holds_values:
             raise RleSplatError(
-                f"The file of {owner.name!r} holds classified voxels, which have no surface; import the scan itself.")
+                f"The file of {owner.name!r} holds classified voxels, which have no surface; import the scan itself."
+            )
         function = transfer.read_transfer(owner, depsgraph)
         labels = read_labels(owner, depsgraph, volume, function)
         scale = scene_scale_of(scene, volume.unit)
         self._matrix = np.diag((scale, scale, scale, 1.0)) @ volume.affine
         to_world = np.array(owner.evaluated_get(depsgraph).matrix_world, np.float64) @ self._matrix
         kept = tuple((half_spaces(clip, to_world), clip.kind == "box" and clip.keep == "outside")
-                     for clip in read_clips(depsgraph, owner))
+                     for clip in read_clips(depsgraph, owner))  # fmt: skip
         self._owner = Held(owner)
         if self.of == VALUE:
             function, labels, threshold = _step_at(function, self.value), None, 0.5
@@ -88,7 +90,8 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
 def _step_at(function: TransferFunction, value: float) -> TransferFunction:
     """The colors of a transfer function, transparent below a value and opaque from there on."""
     return TransferFunction(
-        name=function.name, unit=function.unit, opacity=((value, 0.0), (value, 1.0)), color=function.color)
+        name=function.name, unit=function.unit, opacity=((value, 0.0), (value, 1.0)), color=function.color
+    )
 
 
 CLASSES = (RLE_SPLAT_OT_extract_surface,)

@@ -39,7 +39,8 @@ class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
         try:
             volume = volumes.load_volume(owner)
             matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted(
-                owner, volume, self.fit)
+                owner, volume, self.fit
+            )
         except RleSplatError as problem:
             return refuse(self, problem)
         one.matrix_world = Matrix((matrix / np.array((*(one.empty_display_size,) * 3, 1.0))).tolist())

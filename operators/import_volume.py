@@ -28,7 +28,7 @@ LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix i
 # Without the suffixes of pictures and other files that Blender itself or other add-ons take when they are dropped.
 DROPPED_SUFFIXES = (*dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
-    encoded.SUFFIX)
+    encoded.SUFFIX)  # fmt: skip
 CHOOSING, BODY = 0.8, 0.85  # shares of the time until the transfer function is chosen, and the body is sought
 HIDDEN = "What is not the body is hidden; the eye of Background in the panel Segments shows it."
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
@@ -78,21 +78,20 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     guesses: tuple = ()  # warnings about files whose layout was guessed
     is_channel = False  # whether the volumes are added to the picture of another one
 
-    preset: EnumProperty(
-        name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
+    preset: EnumProperty(name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
     at_cursor: BoolProperty(
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
-        "coordinates of the file", default=False)
+        "coordinates of the file", default=False)  # fmt: skip
     use_framing: BoolProperty(
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
-        "its tab. Views through a camera stay", default=True)
+        "its tab. Views through a camera stay", default=True)  # fmt: skip
     use_headlight: BoolProperty(
         name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
         "give it less than half of its brightness on any side. The panel Lighting changes it",
-        default=False, options={"SKIP_SAVE"})
+        default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})
+        "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -104,11 +103,11 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     def options_again(self) -> dict:
         options = source_options.PlainOptions()
         source_options.copy(self, options)
-        path, = self.paths()  # of several, none would be asked about
+        (path,) = self.paths()  # of several, none would be asked about
         given = {name: value for name, value in vars(options).items() if name != "series"}
         return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor,
                 "use_framing": self.use_framing, "use_headlight": self.use_headlight,
-                "hide_table": self.hide_table, "use_dialog": False}
+                "hide_table": self.hide_table, "use_dialog": False}  # fmt: skip
 
     def ask(self) -> None:
         """Before a dialog: switch on what it proposes."""
@@ -130,8 +129,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     def commit(self, context, results):
         owners, corners, warnings, sentences = [], [], list(self.guesses), []
         for found, options, transfer_function, reason, body in results:
-            owner, remark = new_volume.add_volume(
-                context, found, options, transfer_function, at_cursor=self.at_cursor)
+            owner, remark = new_volume.add_volume(context, found, options, transfer_function, at_cursor=self.at_cursor)
             warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
             if body is not None:
                 segments.show(owner, found.volume, body, "BACKGROUND")
@@ -145,7 +143,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             viewports.frame(context.window, corners)
         eyes = [None, *viewports.eyes_of(None if bpy.app.background else context.window)]
         warnings += dict.fromkeys(
-            viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes)
+            viewports.hiding_sentence(context.view_layer, one, eye) for one in corners for eye in eyes
+        )
         if self.use_headlight and corners:
             sentences.append(first_light.light_if_dark(context, owners, corners[0]))
         # Together, since of several messages a window shows the last one alone.
@@ -179,7 +178,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             return found, options, None, encoded.STORED_VALUES, None
         source_options.keep_level(options, found.volume)
         transfer_function, reason = yield from rescale(
-            chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, BODY)
+            chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, BODY
+        )
         body = None
         if self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
             steps = segments.body_steps(found.volume, transfer_function, new_volume.name_of(path, found.volume))
@@ -195,17 +195,19 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if any(options.shape) and options.dtype != "AUTO":
             return
         known = {name: value for name, value in source_options.read_options(options).items()
-                 if name in ("shape", "dtype", "byte_order", "header_bytes")}
+                 if name in ("shape", "dtype", "byte_order", "header_bytes")}  # fmt: skip
         guess = yield from guess_raw_steps(path, **known)
         if guess.shape is None or guess.dtype is None or not guess.candidates:
             size = "too many" if guess.size is None else guess.size
             raise RleSplatError(
                 f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
-                "set Shape and Type in the import dialog.")
+                "set Shape and Type in the import dialog."
+            )
         if not guess.certain:
             self.guesses += (
                 f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; if it looks wrong, "
-                "import it again with its Shape and Type.",)
+                "import it again with its Shape and Type.",
+            )
         spacing = tuple(options.spacing)
         source_options.fill_from_guess(options, guess)
         if any(spacing):
@@ -223,7 +225,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
     directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
     files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
     use_dialog: BoolProperty(
-        name="Dialog", description="Ask for options before reading", default=True, options={"SKIP_SAVE", "HIDDEN"})
+        name="Dialog", description="Ask for options before reading", default=True, options={"SKIP_SAVE", "HIDDEN"}
+    )
     guessed_for: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     guess_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     sequence_text: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
@@ -295,7 +298,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             return
         if len(paths) > 1:
             together = {DICOM: "the series in their folder is read", RAW: "each layout is guessed",
-                        TIFF: "numbered pages are one stack"}
+                        TIFF: "numbered pages are one stack"}  # fmt: skip
             _draw_text(layout, f"{len(paths)} files; {together.get(kind, 'each is read as a volume')}")
         elif kind is None or "shape" in kind.options:
             self._draw_raw(layout)
@@ -334,8 +337,9 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
-            layout.label(text=filled(
-                "In memory: {size}", size=facts.memory_text(source_options.bytes_of(self))), icon="MEMORY")
+            layout.label(
+                text=filled("In memory: {size}", size=facts.memory_text(source_options.bytes_of(self))), icon="MEMORY"
+            )
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8
@@ -351,7 +355,8 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     directory: StringProperty(
-        name="Folder", description="Folder of the files", subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
+        name="Folder", description="Folder of the files", subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"}
+    )
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     nothing_chosen = "No folder was chosen; set directory."

@@ -24,7 +24,7 @@ class RLE_SPLAT_OT_keep_connected(MakesSegments, bpy.types.Operator):
     voxel: IntVectorProperty(name="Voxel", description="Index of a voxel along x, y and z, from 0", min=0)
     value: FloatProperty(
         name="Lowest Value", description="Lowest value of the voxels. If unset, the lowest one that the transfer "
-        "function shows is used", options={"SKIP_SAVE"})
+        "function shows is used", options={"SKIP_SAVE"})  # fmt: skip
 
     hide = "OTHERS"
 

@@ -21,7 +21,7 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
     def execute(self, context):
         count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)
         self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}. "
-                              "Keep the number of points the same at all keyframes.")
+                              "Keep the number of points the same at all keyframes.")  # fmt: skip
         return {"FINISHED"}
 
 

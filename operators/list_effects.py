@@ -30,9 +30,11 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         owner, depsgraph = volumes.volume_object(context), context.evaluated_depsgraph_get()
         try:
             plain, quality = render_scene.read_scene(
-                owner, depsgraph,
+                owner,
+                depsgraph,
                 with_meshes=settings.meshes_occlude,
-                warn=lambda sentence: self.report({"WARNING"}, sentence))
+                warn=lambda sentence: self.report({"WARNING"}, sentence),
+            )
             if tolerance_of(context.scene) is not None:
                 plain, _ = without_shadows_of(plain, quality)
             found = analyze(plain, quality)

@@ -34,7 +34,8 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
 
     name: StringProperty(name="Name", description="Name of the preset, and of its file", options={"SKIP_SAVE"})
     overwrite: BoolProperty(
-        name="Replace", description="Replace a preset of the same name", default=False, options={"SKIP_SAVE"})
+        name="Replace", description="Replace a preset of the same name", default=False, options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -75,7 +76,7 @@ class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(
             self, event, title=f"Delete the preset {self.name}?", message="Its file is deleted for good.",
-            confirm_text="Delete", icon="WARNING")
+            confirm_text="Delete", icon="WARNING")  # fmt: skip
 
     def execute(self, context):
         try:

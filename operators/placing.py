@@ -19,4 +19,4 @@ def make_active(operator, context, one, does: str) -> None:
     context.view_layer.objects.active = one
     if not one.visible_get():
         operator.report({"WARNING"}, f"{one.name} {does} but is not visible, because its collection is hidden in the "
-                                     "viewport; show the collection in the Outliner to move it.")
+                                     "viewport; show the collection in the Outliner to move it.")  # fmt: skip

@@ -25,7 +25,8 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
 
     origin: FloatVectorProperty(name="Origin", description="Where the ray begins, in world space")
     direction: FloatVectorProperty(
-        name="Direction", description="Where the ray goes, in world space", default=(0.0, 1.0, 0.0))
+        name="Direction", description="Where the ray goes, in world space", default=(0.0, 1.0, 0.0)
+    )
 
     @classmethod
     def poll(cls, context):

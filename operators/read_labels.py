@@ -42,7 +42,7 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         for remark in remarks:
             self.report({"INFO"}, remark)
         self.report({"INFO"}, f"{count} segments" + (
-            f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))
+            f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))  # fmt: skip
 
 
 CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -62,7 +62,8 @@ def has_segments(cls, context) -> bool:
 def has_editable_transfer(cls, context) -> bool:
     """For ``poll``: as ``has_editable_values``, and the volume has a transfer function."""
     return has_editable_values(cls, context) and _is_no_problem(
-        cls, transfer.why_unusable(volumes.volume_object(context)))
+        cls, transfer.why_unusable(volumes.volume_object(context))
+    )
 
 
 def why_no_editable_transfer(context) -> str:

@@ -23,7 +23,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
 
     use_dialog: BoolProperty(
         name="Dialog", description="Ask for spacing, unit, orientation and flips before reading", default=False,
-        options={"SKIP_SAVE", "HIDDEN"})
+        options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -35,8 +35,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         source_options.copy(volumes.volume_object(context).rle_splat, self)
         self.found_spacing = volumes.volume_object(context).rle_splat.found_spacing
         self.is_confirmed = True
-        return context.window_manager.invoke_props_dialog(
-            self, title="Edit Scan", confirm_text="Read Again", width=340)
+        return context.window_manager.invoke_props_dialog(self, title="Edit Scan", confirm_text="Read Again", width=340)
 
     def draw(self, context):
         layout = self.layout
@@ -66,7 +65,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
             if self.properties.is_property_set(name):
                 setattr(self._options, name, getattr(given, name))
         read = self._options if owner.rle_splat.frame_count < 2 else source_options.at_frame(
-            self._options, owner.rle_splat.data_frame)
+            self._options, owner.rle_splat.data_frame)  # fmt: skip
         return self.with_thumbnails(found_steps(resolved_path(owner), read))
 
     def commit(self, context, found):

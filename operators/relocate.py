@@ -26,9 +26,10 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     series: IntProperty(
         name="Series", description="Number of the series where a place holds several; 0 uses that of the import",
-        default=0, min=0, options={"SKIP_SAVE", "HIDDEN"})
+        default=0, min=0, options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
     use_dialog: BoolProperty(
-        name="Dialog", description="Ask for the file before reading", default=True, options={"SKIP_SAVE", "HIDDEN"})
+        name="Dialog", description="Ask for the file before reading", default=True, options={"SKIP_SAVE", "HIDDEN"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -61,10 +62,10 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
         new_volume.fill_volume(context.scene, owner, found)
         if series and series != found.volume.series:
             self.report({"WARNING"}, f"{os.path.basename(found.path)} does not hold the series that was imported; "
-                                     "another one was read. Undo if this is the wrong place.")
+                                     "another one was read. Undo if this is the wrong place.")  # fmt: skip
         elif before and before != owner.rle_splat.data_key:
             self.report({"WARNING"}, f"The voxels of {os.path.basename(found.path)} differ from those that were "
-                                     "imported; undo if this is the wrong file.")
+                                     "imported; undo if this is the wrong file.")  # fmt: skip
 
 
 CLASSES = (RLE_SPLAT_OT_relocate,)

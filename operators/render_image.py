@@ -15,7 +15,8 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_label = "Make Picture"
     bl_description = (
         "Render the volume through the active camera into a color image and a depth image, which are saved with the "
-        ".blend, and open the color image in an image editor")
+        ".blend, and open the color image in an image editor"
+    )
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)

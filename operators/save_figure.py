@@ -26,46 +26,51 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     bl_label = "Save Figure"
     bl_description = (
         "Save the volume as a figure for print with scale bar, color bar, letters and caption (.svg, .png or .exr), "
-        "and a file beside it from which the same figure can be made again")
+        "and a file beside it from which the same figure can be made again"
+    )
 
     filepath: StringProperty(
         name="File", description="The figure, which ends in .svg, .png or .exr", subtype="FILE_PATH",
-        options={"SKIP_SAVE"})
+        options={"SKIP_SAVE"})  # fmt: skip
     check_existing: BoolProperty(default=True, options={"HIDDEN"})  # the file browser marks the name of a file in red
     filter_glob: StringProperty(default="*.svg;*.png;*.exr", options={"HIDDEN"})
     view: EnumProperty(
         name="View", description="From where the volume is seen",
         items=[("CAMERA", "Camera", "The scene's camera"),
-               ("VIEWPORT", "Viewport", "The 3D viewport in use, or the largest one")])
-    width_cm: FloatProperty(name="Width", description="Width of the figure in centimeters", default=17.0, min=1.0,
-                            max=200.0)
+               ("VIEWPORT", "Viewport", "The 3D viewport in use, or the largest one")])  # fmt: skip
+    width_cm: FloatProperty(
+        name="Width", description="Width of the figure in centimeters", default=17.0, min=1.0, max=200.0
+    )
     dpi: FloatProperty(name="Resolution", description="Pixels per inch", default=300.0, min=20.0, max=2400.0)
-    font_size: FloatProperty(name="Font Size", description="Size of the lettering in points", default=8.0, min=3.0,
-                             max=72.0)
+    font_size: FloatProperty(
+        name="Font Size", description="Size of the lettering in points", default=8.0, min=3.0, max=72.0
+    )
     background: EnumProperty(
         name="Background", description="Color of the page",
         items=[("white", "White", "White page, black lettering"), ("black", "Black", "Black page, white lettering"),
-               ("transparent", "Transparent", "No background, black lettering")])
+               ("transparent", "Transparent", "No background, black lettering")])  # fmt: skip
     title: StringProperty(name="Title", description="Text above the picture")
     use_caption: BoolProperty(name="Caption", description="Write below the pictures what is seen", default=True)
     caption: StringProperty(
-        name="Caption Text", description="Text of the caption. Empty describes the transfer function and the view")
+        name="Caption Text", description="Text of the caption. Empty describes the transfer function and the view"
+    )
     scale_bar: BoolProperty(name="Scale Bar", description="Show a length", default=True)
     scale_length: FloatProperty(
-        name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0)
+        name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
+    )
     scale_depth: EnumProperty(
         name="Length Holds", description="Where the scale bar of a perspective view holds; it is written beside it",
         items=[("NONE", "Nowhere", "No scale bar in perspective"),
-               ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])
+               ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
     sides: EnumProperty(
         name="Letters", description="How the patient's sides are shown",
         items=[("auto", "Automatic", "Letters, where the file says where the sides are"),
                ("letters", "Letters", "Letters at the edges of the picture"), ("cube", "Cube", "A cube with letters"),
-               ("off", "Off", "Nothing")])
+               ("off", "Off", "Nothing")])  # fmt: skip
     compare: StringProperty(
         name="Presets Side by Side", description="Names of presets, separated by commas, each in a picture of its own. "
-        "Empty uses the volume's transfer function")
+        "Empty uses the volume's transfer function")  # fmt: skip
 
     is_new = False  # only files are written
     _viewport_has_depth = False  # whether the view of the button is a perspective one
@@ -130,6 +135,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
 
     def _read_scene(self, context, owner, depsgraph):
         """The scene as the figure sees it: the volume alone, without meshes."""
+
         def warn(sentence):
             self.report({"WARNING"}, sentence)
 

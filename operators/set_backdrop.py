@@ -23,10 +23,10 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         items=[("BACK", "Behind", "Show it behind the objects"),
                ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
                ("SCENE", "As Set", "Use the setting in the panel")],
-        default="SCENE", options={"SKIP_SAVE"})
+        default="SCENE", options={"SKIP_SAVE"})  # fmt: skip
     follow: BoolProperty(
         name="Keep Up to Date", description="Update the picture whenever the frame or the scene changes",
-        options={"SKIP_SAVE"})
+        options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -46,7 +46,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         with_meshes = self._place == "FRONT" and settings.meshes_occlude
         plain, quality = render_scene.read_scene(
             volume_object, evaluated(context, volume_object), with_meshes=with_meshes,
-            warn=lambda sentence: self.report({"WARNING"}, sentence))
+            warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
         self._canvas = ProgressImage(self._scene, self._volume, "backdrop", self._camera)
         self._earlier = backdrop.state(scene, camera)
         tolerance = tolerance_of(scene)
@@ -66,7 +66,8 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         scene, volume_object, camera = self._scene.get(), self._volume.get(), self._camera.get()
         self.is_new = backdrop.find(scene, camera) is None
         image, depth_image = pictures.keep(
-            scene, volume_object, rendering.rgba, rendering.depth, kind="backdrop", camera=camera)
+            scene, volume_object, rendering.rgba, rendering.depth, kind="backdrop", camera=camera
+        )
         settings = scene.rle_splat
         settings.image, settings.depth_image = image, depth_image
         settings.backdrop_object, settings.backdrop_depth = volume_object, self._place

@@ -15,7 +15,8 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     bl_label = "Shadow Pass"
     bl_description = (
         "Make a grayscale image of the share of each pixel's light that shadows and ambient occlusion remove, from 0 "
-        "(none) to 1 (all)")
+        "(none) to 1 (all)"
+    )
 
     @classmethod
     def poll(cls, context):
@@ -26,7 +27,8 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         if tolerance_of(context.scene) is not None and quality.classification == "pre":
             raise RleSplatError(
                 "With a Maximum Error and the classification pre, pictures have no shadows; set Maximum Error to 0 to "
-                "make a shadow pass.")
+                "make a shadow pass."
+            )
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 
     def commit(self, context, made):

@@ -15,9 +15,11 @@ class ThroughCamera(StepwiseOperator):
     """Base class of operators that make images of the volume as the active camera sees it."""
 
     use_meshes: BoolProperty(
-        name="Meshes Hide Volume", options={"SKIP_SAVE"},
+        name="Meshes Hide Volume",
+        options={"SKIP_SAVE"},
         description="Let meshes hide the volume behind them and cast shadows on it. If unset, the scene's setting is "
-        "used")
+        "used",
+    )
 
     @classmethod
     def poll(cls, context):
@@ -31,7 +33,7 @@ class ThroughCamera(StepwiseOperator):
         self._scene, self._volume = Held(context.scene), Held(volume_object)
         return render_scene.read_scene(
             volume_object, evaluated(context, volume_object), with_meshes=self.with_meshes,
-            warn=lambda sentence: self.report({"WARNING"}, sentence))
+            warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
 
 
 def has_volume_and_camera(cls, context) -> bool:

@@ -22,7 +22,8 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
 
     filter_glob: StringProperty(default=FILES, options={"HIDDEN"})
     name: StringProperty(
-        name="Name", description="Which transfer function of a file that holds several", options={"SKIP_SAVE"})
+        name="Name", description="Which transfer function of a file that holds several", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

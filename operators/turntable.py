@@ -56,35 +56,46 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     filename_ext = EXTENSIONS[MOVIE]
     filepath: StringProperty(name="File Path", subtype="FILE_PATH", options={"SKIP_SAVE"})
     path: EnumProperty(
-        name="Path", description="How the camera moves",
-        items=[(TURN, "Turn", "Turn about the volume; for a patient, about the axis from feet to head"),
-               (OWN, "Active Camera", "Use the active camera as it is animated, and the scene's own frames")])
+        name="Path",
+        description="How the camera moves",
+        items=[
+            (TURN, "Turn", "Turn about the volume; for a patient, about the axis from feet to head"),
+            (OWN, "Active Camera", "Use the active camera as it is animated, and the scene's own frames"),
+        ],
+    )
     frames: IntProperty(
         name="Frames", description="Number of frames, from the scene's first frame on", default=120, min=1,
-        soft_max=1000)
+        soft_max=1000)  # fmt: skip
     angle: FloatProperty(
         name="Angle", description="By how much the camera turns, in degrees; 360 or more repeats without a jump",
-        default=360.0, soft_min=-360.0, soft_max=360.0)
+        default=360.0, soft_min=-360.0, soft_max=360.0)  # fmt: skip
     azimuth: FloatProperty(
         name="Start", description="Direction of the first frame, in degrees; 0 is in front of a patient", default=0.0,
-        soft_min=-180.0, soft_max=180.0)
+        soft_min=-180.0, soft_max=180.0)  # fmt: skip
     elevation: FloatProperty(
         name="Elevation", description="Height of the camera above the volume's middle, in degrees", default=10.0,
-        min=-89.0, max=89.0)
+        min=-89.0, max=89.0)  # fmt: skip
     perspective: BoolProperty(
-        name="Perspective", description="Use a perspective camera; else an orthographic one", default=True)
+        name="Perspective", description="Use a perspective camera; else an orthographic one", default=True
+    )
     background: EnumProperty(
-        name="Background", description="What is seen behind the volume", options={"SKIP_SAVE"},
-        items=[("SCENE", "Scene", "The world of the scene, with its view transform"),
-               ("BLACK", "Black", "Black, and colors as they are, without a view transform"),
-               ("WHITE", "White", "White, as behind a PET, and colors as they are, without a view transform")])
+        name="Background",
+        description="What is seen behind the volume",
+        options={"SKIP_SAVE"},
+        items=[
+            ("SCENE", "Scene", "The world of the scene, with its view transform"),
+            ("BLACK", "Black", "Black, and colors as they are, without a view transform"),
+            ("WHITE", "White", "White, as behind a PET, and colors as they are, without a view transform"),
+        ],
+    )
     output: EnumProperty(
         name="Output", description="What is written",
         items=[(MOVIE, "MP4", "One movie, with the codec H.264"),
                (PNG, "PNG", "One picture for each frame, as the screen shows it"),
-               (EXR, "EXR", "One picture for each frame, scene-linear with 32 bits")])
+               (EXR, "EXR", "One picture for each frame, scene-linear with 32 bits")])  # fmt: skip
     render: BoolProperty(
-        name="Render", description="Render the animation; else only add the camera and make it active", default=True)
+        name="Render", description="Render the animation; else only add the camera and make it active", default=True
+    )
 
     _kept = None
     _timer = None
@@ -173,7 +184,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             return scene.camera, self._frames(scene)
         frames, before = self._frames(scene), set(scene.objects)
         camera, pivot = camera_path.turning_camera(
-            context, owner, is_perspective=self.perspective, elevation=self.elevation)
+            context, owner, is_perspective=self.perspective, elevation=self.elevation
+        )
         self._added = tuple(Held(one) for one in (camera, pivot) if one not in before)
         camera_path.keyframe_turn(pivot, self.azimuth, self.angle, frames)
         context.view_layer.update()
@@ -237,8 +249,9 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         scene = self._scene.find()
         if _canceled:
             self._remove_added()
-            self.report({"WARNING"}, filled(
-                "The animation was canceled; what was rendered is at {file}.", file=self._written))
+            self.report(
+                {"WARNING"}, filled("The animation was canceled; what was rendered is at {file}.", file=self._written)
+            )
         elif scene is not None and scene.rle_splat.failed_frames:
             self.report({"WARNING"}, scene.rle_splat.render_problem or scene.rle_splat.failed_frames)
         else:

@@ -33,14 +33,14 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     preset: EnumProperty(name="Preset", description="Common window", items=ITEMS)
-    center: FloatProperty(
-        name="Level", description="Value at the center of the range", translation_context=OURS)
+    center: FloatProperty(name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
     keep_values: BoolProperty(
         name="Keep Colors", description="Redraw the curves so that every value keeps its color and opacity, and only "
-        "the range that the panel shows changes", default=False)
+        "the range that the panel shows changes", default=False)  # fmt: skip
     of_slices: BoolProperty(
-        name="Of Slices", description="Set the range that the volume's slices show from black to white", default=False)
+        name="Of Slices", description="Set the range that the volume's slices show from black to white", default=False
+    )
 
     @classmethod
     def poll(cls, context):
@@ -57,7 +57,8 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
         properties = volumes.volume_object(context).rle_splat
         if not self.properties.is_property_set("center"):
             self.center, self.width = (
-                slice_window.own(properties) if self.of_slices else (properties.window_center, properties.window_width))
+                slice_window.own(properties) if self.of_slices else (properties.window_center, properties.window_width)
+            )
         return self.execute(context)
 
     def execute(self, context):
@@ -69,7 +70,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
         elif self.preset != "CUSTOM":
             if properties.value_unit != "HU":
                 self.report({"WARNING"}, "The values of this volume are not in HU, so a CT window may show nothing; "
-                                         "choose All Values.")
+                                         "choose All Values.")  # fmt: skip
             _, self.center, self.width = CT_WINDOWS[self.preset]
         if self.of_slices:
             slice_window.move(properties, self.center, self.width)

@@ -13,7 +13,7 @@ from .places import RenderTab, Sidebar, paragraph
 
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
-)
+)  # fmt: skip
 # The knobs that the planner chooses when a maximum error is set.
 PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade")
 
@@ -22,7 +22,7 @@ def taken_away(scene) -> list[str]:
     """Names of the effects that the scene asks for and that pictures with a Maximum Error leave out."""
     settings = scene.rle_splat
     casts = settings.use_shadows and is_any_lit(scene) and any(
-        one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)
+        one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)  # fmt: skip
     pre = is_pre_classified(settings)
     asked = {
         "shadows": casts and pre, "ambient occlusion": pre and settings.ambient_occlusion > 0.0,
@@ -83,7 +83,8 @@ def _memory(context) -> str:
     except RleSplatError:
         return ""
     meshes = context.scene.rle_splat.meshes_occlude and any(
-        one.type == "MESH" and not one.hide_render for one in context.scene.objects)
+        one.type == "MESH" and not one.hide_render for one in context.scene.objects
+    )
     return facts.picture_memory(owner.rle_splat, function, quality, *image_size(context.scene.render), meshes)
 
 

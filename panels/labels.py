@@ -72,7 +72,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         if not properties.labels:
             return
         layout.template_list(
-            RLE_SPLAT_UL_labels.bl_idname, "", properties, "labels", properties, "active_label", rows=ROWS)
+            RLE_SPLAT_UL_labels.bl_idname, "", properties, "labels", properties, "active_label", rows=ROWS
+        )
         if properties.active_label < len(properties.labels):
             chosen = properties.labels[properties.active_label]
             row = layout.row(align=True)

@@ -56,13 +56,14 @@ def draw_state(context, layout) -> None:
         if owner is not None and volumes.is_missing(owner):
             row.operator("rle_splat.relocate", icon="FILE_FOLDER")
         row.operator("rle_splat.live_again", icon="FILE_REFRESH")
-    elif (mesh := live.mesh_before(area)):
+    elif mesh := live.mesh_before(area):
         paragraph(context, layout, live.sentence_of_mesh(area), icon="ERROR")
         layout.operator(
-            "rle_splat.hide_mesh", text=filled("Hide {mesh}", mesh=mesh), translate=False, icon="HIDE_ON").mesh = mesh
+            "rle_splat.hide_mesh", text=filled("Hide {mesh}", mesh=mesh), translate=False, icon="HIDE_ON"
+        ).mesh = mesh
     elif not preferences.shows_live():
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
-    elif (viewports := live.viewports_of(area)):
+    elif viewports := live.viewports_of(area):
         if any(one.waits for one in viewports):
             layout.label(text="Reading files", icon="SORTTIME")
         elif any(one.is_busy for one in viewports):

@@ -93,7 +93,8 @@ def _draw_composite(context, layout) -> None:
     else:
         sentence = filled(
             "{volume} was deleted and is missing in renders. Include another volume, or press Remove from Renders.",
-            volume=settings.deleted_volume or pgettext_iface("The volume"))
+            volume=settings.deleted_volume or pgettext_iface("The volume"),
+        )
         paragraph(context, layout, sentence, icon="ERROR")
     if not context.scene.render.use_lock_interface:
         paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")

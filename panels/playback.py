@@ -27,8 +27,7 @@ class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("frame",) if properties.playback == FIXED else ("frame_offset", "frame_step"):
             column.prop(properties, name)
-        layout.label(text=filled(
-            "Shows {frame} of {frames}", frame=shown_frame(owner), frames=properties.frame_count))
+        layout.label(text=filled("Shows {frame} of {frames}", frame=shown_frame(owner), frames=properties.frame_count))
 
 
 CLASSES = (RLE_SPLAT_PT_playback,)

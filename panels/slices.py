@@ -31,8 +31,9 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             return
         for one in found:
             halves = layout.split(factor=0.5, align=True)
-            halves.operator("rle_splat.choose_object", text=_short_name(one), icon="MESH_PLANE", emboss=False).name = (
-                one.name)
+            halves.operator(
+                "rle_splat.choose_object", text=_short_name(one), icon="MESH_PLANE", emboss=False
+            ).name = one.name
             row = halves.row(align=True)
             row.prop(one, "location", index=2, text="")
             row.prop(one, "hide_viewport", text="")

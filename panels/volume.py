@@ -45,7 +45,7 @@ def _draw_in_renders(layout, is_on: bool) -> None:
     """The camera beside the eye: whether renders include the scene's volumes."""
     layout.operator(
         "rle_splat.remove_composite" if is_on else "rle_splat.composite", text="", depress=is_on,
-        icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")
+        icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")  # fmt: skip
 
 
 def _draw_views(layout, properties) -> None:
@@ -73,7 +73,7 @@ def _warn_without_numba(context, layout) -> None:
         box.alert = True
         box.label(text="No compiled code: rendering is very slow", icon="ERROR")
         paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
-                                "numba of their own, or reinstall this one, then restart Blender")
+                                "numba of their own, or reinstall this one, then restart Blender")  # fmt: skip
 
 
 CLASSES = (RLE_SPLAT_PT_volume,)

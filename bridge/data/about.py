@@ -6,8 +6,7 @@ import json
 from pathlib import Path
 
 NOT_FOR_DIAGNOSIS = (
-    "RLE Splat makes pictures for illustration and research. "
-    "It is not a medical device and not for diagnosis"
+    "RLE Splat makes pictures for illustration and research. It is not a medical device and not for diagnosis"
 )
 LICENSE = "GPL-3.0-or-later. The texts of all licenses are in the folder licenses of the extension"
 BUNDLED = Path(__file__).with_name("bundled.json")

@@ -97,7 +97,7 @@ def note_report(settings, report: dict) -> None:
         The report of the picture.
     """
     note_effects(settings, report.get("effects", ()), "For the last picture; the milliseconds are those of each "
-                 "effect's own work.")
+                 "effect's own work.")  # fmt: skip
 
 
 def note_effects(settings, listed, note: str) -> None:

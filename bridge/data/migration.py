@@ -48,10 +48,10 @@ def _give_to_volumes(scene) -> None:
                 setattr(one.rle_splat, name, value)
     if unlike:
         messages.complain(own, f"Mode and Lighting of {', '.join(map(repr, unlike))} are those of the file that it is "
-                               "linked from; make a library override to give it those of this scene.")
+                               "linked from; make a library override to give it those of this scene.")  # fmt: skip
     if any(curve.data_path.removeprefix("rle_splat.") in ITEMS_OF_SCENE for curve in curves_of(scene)):
         messages.complain(own, "Mode and Lighting are animated in the scene; they belong to each volume now, so insert "
-                               "these keyframes there.")
+                               "these keyframes there.")  # fmt: skip
 
 
 @persistent
@@ -93,7 +93,7 @@ def _adopt(scene) -> None:
         pictures.own(image, scene)
     for owner in volumes.volume_objects(scene):
         for kind in ("color", "depth", "error", "shadow"):
-            name = f"{owner.name[:pictures.LONGEST_NAME]} {pictures.SUFFIXES[kind]}"
+            name = f"{owner.name[: pictures.LONGEST_NAME]} {pictures.SUFFIXES[kind]}"
             _adopt_image(scene, bpy.data.images.get((name, None)), kind, owner)
 
 

@@ -36,18 +36,19 @@ class Playback:
     """Mix-in for the property group of a volume object."""
 
     frame_count: IntProperty(
-        name="Frames", description="Number of volumes in time that the source holds", default=1, min=1)
+        name="Frames", description="Number of volumes in time that the source holds", default=1, min=1
+    )
     data_frame: IntProperty(
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
-        options={"HIDDEN"})
+        options={"HIDDEN"})  # fmt: skip
     playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
     frame: LiveInt(name="Frame", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 shows the "
-        "first volume", default=0)
+        "first volume", default=0)  # fmt: skip
     frame_step: LiveFloat(
         name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
-        "negative step plays backward", default=1.0, precision=3)
+        "negative step plays backward", default=1.0, precision=3)  # fmt: skip
 
 
 def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:

@@ -41,40 +41,50 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     bl_idname = EXTENSION
 
     pictures: EnumProperty(
-        name="Pictures", description="Where pictures are saved with the .blend", default=BESIDE,
-        items=[(BESIDE, "Beside the .blend", "Save EXR files in a folder beside it, or pack them if that fails"),
-               (PACKED, "In the .blend", "Pack all pictures into the .blend, which makes the file larger")])
+        name="Pictures",
+        description="Where pictures are saved with the .blend",
+        default=BESIDE,
+        items=[
+            (BESIDE, "Beside the .blend", "Save EXR files in a folder beside it, or pack them if that fails"),
+            (PACKED, "In the .blend", "Pack all pictures into the .blend, which makes the file larger"),
+        ],
+    )
     failed_frame: EnumProperty(
         name="If a Frame Fails", description="What renders do if the volume cannot be drawn in a frame; a scene takes "
-        "it over when the volume is included in its renders", items=FAILED_FRAME_ITEMS)
+        "it over when the volume is included in its renders", items=FAILED_FRAME_ITEMS)  # fmt: skip
     show_live: BoolProperty(
         name="Show Volumes Live", default=True, update=_live_changed,
-        description="Draw volumes in all 3D viewports whose eye is open in the RLE Splat tab")
+        description="Draw volumes in all 3D viewports whose eye is open in the RLE Splat tab")  # fmt: skip
     show_imported: BoolProperty(
-        name="Show Imported Volumes", default=True,
+        name="Show Imported Volumes",
+        default=True,
         description="Open the eye of the window's viewports when a volume is imported. Without, the first volume of a "
-        "scene closes it")
+        "scene closes it",
+    )
     refine_live: BoolProperty(
-        name="Refine When Still", default=True, update=_live_changed,
-        description="Render a view with the scene's Quality once nothing changes. Without, viewports show drafts only")
+        name="Refine When Still",
+        default=True,
+        update=_live_changed,
+        description="Render a view with the scene's Quality once nothing changes. Without, viewports show drafts only",
+    )
     live_pixels: EnumProperty(
         name="Drafts", items=DRAFT_ITEMS, update=_live_changed,
-        description="Resolution of what viewports show while anything changes")
+        description="Resolution of what viewports show while anything changes")  # fmt: skip
     memory_limit: FloatProperty(
         name="Memory Limit", description="Most memory that one volume or picture may take, in GiB; 0 for all that is "
-        "free", default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)
+        "free", default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)  # fmt: skip
     use_free_memory: BoolProperty(
         name="All Free Memory", description="Let a volume or a picture take all memory that is free",
-        **switch("memory_limit", 0.0, 8.0))
+        **switch("memory_limit", 0.0, 8.0))  # fmt: skip
     threads: IntProperty(
         name="Threads", description="Number of threads of scenes that set none; 0 for all processor cores", default=0,
-        min=0, soft_max=64)
+        min=0, soft_max=64)  # fmt: skip
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
-        **switch("threads", 0, os.cpu_count() or 1))
+        **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip
     has_shown_tab: BoolProperty(
         name="Tab Shown", description="The tab was opened once after the extension was installed", default=False,
-        options={"HIDDEN"})
+        options={"HIDDEN"})  # fmt: skip
 
     def draw(self, _context):
         layout = self.layout

@@ -43,7 +43,7 @@ CLASSIFICATION_TEXTS = {
                           "(pre-classified)"),
     "post": ("Sharp Edges", "Interpolate the values, then look up color and opacity, as ray casting does "
                             "(post-classified)"),
-}
+}  # fmt: skip
 # The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
@@ -138,133 +138,153 @@ class SceneSettings(bpy.types.PropertyGroup):
 
     scene_scale: FloatProperty(
         name="Scene Scale", description="World units per millimeter; with 0.001 a millimeter has its real size in "
-        "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)
+        "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)  # fmt: skip
     quality: KnobEnum(
         name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
-        translation_context=OURS)
+        translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in gray levels of 255. The fastest settings that keep it are "
-        "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")
+        "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
-        **switch("max_error", 0.0, 2.0, when_special=False))
+        **switch("max_error", 0.0, 2.0, when_special=False))  # fmt: skip
     classification: EnumProperty(
         name="Edges", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
-        default=USUAL.classification, update=_classification_chosen)
+        default=USUAL.classification, update=_classification_chosen)  # fmt: skip
     depth_rule: KnobEnum(
         name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,
-        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))
+        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))  # fmt: skip
     kernel: KnobEnum(
         name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
-        default=USUAL.kernel)
+        default=USUAL.kernel)  # fmt: skip
     minification: KnobEnum(
         name="When Small", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
-        default=USUAL.minification)
+        default=USUAL.minification)  # fmt: skip
     warp_filter: LiveEnum(
         name="Final Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),
-        default=USUAL.warp_filter)
+        default=USUAL.warp_filter)  # fmt: skip
     model: KnobEnum(
-        name="Overlap", description=PLAIN_TEXTS["model"], items=knob_items.items(tables.MODELS), default=USUAL.model)
+        name="Overlap", description=PLAIN_TEXTS["model"], items=knob_items.items(tables.MODELS), default=USUAL.model
+    )
     record: KnobEnum(
-        name="Voxel Memory", description=PLAIN_TEXTS["record"], items=knob_items.RECORD_ITEMS,
-        default=str(USUAL.record))
+        name="Voxel Memory", description=PLAIN_TEXTS["record"], items=knob_items.RECORD_ITEMS, default=str(USUAL.record)
+    )
     sheet_density: LiveFloat(
         name="Pixel Density", description=PLAIN_TEXTS["sheet_density"], default=USUAL.sheet_density, min=0.0,
-        max=tables.MOST_SHEET_DENSITY)
+        max=tables.MOST_SHEET_DENSITY)  # fmt: skip
     termination: LiveFloat(
         name="Opaque Below", description=PLAIN_TEXTS["termination"], default=USUAL.termination, min=0.0, max=0.499,
-        precision=5)
+        precision=5)  # fmt: skip
     axis_fade: LiveFloat(
-        name="Blend Angle", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0,
-        max=tables.MOST_FADE)
+        name="Blend Angle", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE
+    )
     rays: LiveFloat(
-        name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3)
+        name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3
+    )
     threads: LiveInt(
-        name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64)
+        name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64
+    )
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
-        **switch("threads", 0, os.cpu_count() or 1))
+        **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip
     mode, use_grays, display, lighting = map(_of_all_volumes, ("mode", "use_grays", "display", "lighting"))
     use_shadows: LiveBool(
-        name="Shadows", default=True,
+        name="Shadows",
+        default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used with a Maximum Error and Soft Edges")
+        "Not used with a Maximum Error and Soft Edges",
+    )
     use_world: LiveBool(
-        name="World Light", default=True,
-        description="Light the volume from all sides with the world: its color, its environment image or any nodes")
+        name="World Light",
+        default=True,
+        description="Light the volume from all sides with the world: its color, its environment image or any nodes",
+    )
     world_light: StringProperty(
-        name="Rendered World Light", description="Light of the world as it was last rendered", options={"HIDDEN"})
+        name="Rendered World Light", description="Light of the world as it was last rendered", options={"HIDDEN"}
+    )
     use_mist: LiveBool(
-        name="Mist", default=False,
+        name="Mist",
+        default=False,
         description="Fade the volume toward the world's color with distance, by the Mist settings of the world. The "
-        "Mist pass of a view layer has no effect on the volume")
+        "Mist pass of a view layer has no effect on the volume",
+    )
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used with a Maximum Error and Soft Edges")
+        "Not used with a Maximum Error and Soft Edges")  # fmt: skip
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
-        "1 is full strength. Not used with Soft Edges")
+        "1 is full strength. Not used with Soft Edges")  # fmt: skip
     clip_objects: LivePointer(
-        name="Clip Objects", type=bpy.types.Collection,
+        name="Clip Objects",
+        type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
-        "arrow Empties as planes. The part that all of them keep is shown")
+        "arrow Empties as planes. The part that all of them keep is shown",
+    )
     use_clips: LiveBool(
-        name="Cut Volumes", default=True, description="Cut volumes by the clip objects; off shows them whole")
+        name="Cut Volumes", default=True, description="Cut volumes by the clip objects; off shows them whole"
+    )
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
-        description="Show a length in 3D viewports, in perspective as it is in the middle of the volume")
+        description="Show a length in 3D viewports, in perspective as it is in the middle of the volume")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,
-        description="Show the colors of the volume's window with their values in 3D viewports")
+        description="Show the colors of the volume's window with their values in 3D viewports")  # fmt: skip
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
-        description="Let meshes hide the part of the volume behind them, also inside the volume")
+        description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
     backdrop_depth: EnumProperty(
         name="Place", description="Where the camera view shows the pinned picture", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the pinned picture behind the objects"),
-               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])
+               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(
-        name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop")
+        name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop"
+    )
     backdrop_follows: BoolProperty(
         name="Keep Up to Date", default=False, update=evaluate_anew,
         description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
-        "setting changes")
+        "setting changes")  # fmt: skip
     composite_object: PointerProperty(
-        name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include")
+        name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include"
+    )
     deleted_volume: StringProperty(
         name="Deleted Volume", options={"HIDDEN"},
-        description="Name of the volume in renders, for messages once it is deleted")
+        description="Name of the volume in renders, for messages once it is deleted")  # fmt: skip
     composite_image: PointerProperty(
-        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders")
+        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders"
+    )
     use_previews, backend = _removed("use_previews", True), _removed("backend", "auto")
     message: StringProperty(name="Message", description="Problem of the last render or frame change")
     render_problem: StringProperty(
-        name="Problem of the Render", description="First problem of the last render, with the frames that failed")
+        name="Problem of the Render", description="First problem of the last render, with the frames that failed"
+    )
     failed_frames: StringProperty(
-        name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7")
+        name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7"
+    )
     on_failed_frame: EnumProperty(
         name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
-        items=FAILED_FRAME_ITEMS)
+        items=FAILED_FRAME_ITEMS)  # fmt: skip
     use_composite: BoolProperty(
         name="Include in Renders", description="Render the volume with every frame and combine it with the meshes",
-        default=False)
+        default=False)  # fmt: skip
     scene_id: StringProperty(
-        name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"})
+        name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"}
+    )
     pictures: CollectionProperty(type=PictureProperties, name="Pictures", description="Pictures of this scene")
     image: PointerProperty(name="Picture", type=bpy.types.Image, description="The last picture")
     depth_image: PointerProperty(name="Depth", type=bpy.types.Image, description="Depth of the last picture")
     last_report: StringProperty(name="Report", description="Report of the last picture, one fact per line")
     last_report_json: StringProperty(name="Report as JSON", description="Report of the last picture as JSON")
     effect_overrides: PointerProperty(
-        type=EffectOverrideProperties, name="Effects by Hand", description="Effects that are forced on or off")
-    effect_rows: CollectionProperty(
-        type=EffectRowProperties, name="Effects", description="State of each effect")
+        type=EffectOverrideProperties, name="Effects by Hand", description="Effects that are forced on or off"
+    )
+    effect_rows: CollectionProperty(type=EffectRowProperties, name="Effects", description="State of each effect")
     effects_note: StringProperty(name="Effects of", description="What the list of effects describes")
     accuracy_rows: CollectionProperty(
-        type=AccuracyRowProperties, name="Measured Plans", description="Measured time and error of each plan")
+        type=AccuracyRowProperties, name="Measured Plans", description="Measured time and error of each plan"
+    )
     accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")
     error_note: StringProperty(name="Errors", description="Summary of the last error map")
@@ -273,7 +293,7 @@ class SceneSettings(bpy.types.PropertyGroup):
 CLASSES = (
     EffectOverrideProperties, EffectRowProperties, AccuracyRowProperties, PictureProperties, LabelProperties,
     ChannelProperties, VolumeProperties, SceneSettings,
-)
+)  # fmt: skip
 
 
 def register():

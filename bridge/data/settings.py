@@ -52,7 +52,7 @@ def quality_of(scene) -> Quality:
             name="custom", sheet_density=typed(settings.sheet_density), termination=typed(settings.termination),
             rays=typed(settings.rays) if settings.classification == "post" else NO_RAYS,
             axis_fade=typed(settings.axis_fade), **knobs, **common,
-        )
+        )  # fmt: skip
     return Quality.preset(settings.quality, **common)
 
 

@@ -20,11 +20,10 @@ from .overridable import (
 )
 
 FILE_SAYS = ("AUTO", "From File", "Use what the file states, or a guess from its size and name")
-DTYPE_ITEMS = [FILE_SAYS] + [
-    (name, name, f"{np.dtype(name).itemsize} bytes for each voxel") for name in STORED_TYPES
-]
+DTYPE_ITEMS = [FILE_SAYS] + [(name, name, f"{np.dtype(name).itemsize} bytes for each voxel") for name in STORED_TYPES]
 BYTE_ORDER_ITEMS = [
-    FILE_SAYS, ("little", "Little Endian", "Least significant byte first, as on most computers"),
+    FILE_SAYS,
+    ("little", "Little Endian", "Least significant byte first, as on most computers"),
     ("big", "Big Endian", "Most significant byte first, as on some older workstations and scanners"),
 ]
 MODALITY_ITEMS = [
@@ -32,10 +31,11 @@ MODALITY_ITEMS = [
     ("MR", "MR", "Magnetic resonance, values without a unit"), ("XA", "X-Ray Angiography", "Rotational angiography"),
     ("SMOKE", "Smoke", "Simulated density"), ("PT", "PET", "Positron emission, values in SUV if the file allows"),
     ("RTDOSE", "Dose", "Dose of a radiation plan, values in gray"),
-]
+]  # fmt: skip
 
 UNIT_ITEMS = [
-    FILE_SAYS, ("um", "Micrometers", "One unit of the file is 0.001 millimeters"),
+    FILE_SAYS,
+    ("um", "Micrometers", "One unit of the file is 0.001 millimeters"),
     ("mm", "Millimeters", "One unit of the file is a millimeter"),
     ("cm", "Centimeters", "One unit of the file is 10 millimeters"),
     ("m", "Meters", "One unit of the file is 1000 millimeters"),
@@ -87,62 +87,63 @@ class SourceOptions:
     """Mix-in for property groups and operators; an option at its default is taken from the file."""
 
     shape: IntVectorProperty(
-        name="Shape", description="Number of voxels along x, y and z; 0 uses the file's", size=3, min=0)
+        name="Shape", description="Number of voxels along x, y and z; 0 uses the file's", size=3, min=0
+    )
     dtype: EnumProperty(name="Type", description="Number type of a stored voxel", items=DTYPE_ITEMS)
     byte_order: EnumProperty(name="Byte Order", description="Order of the bytes in a voxel", items=BYTE_ORDER_ITEMS)
     header_bytes: IntProperty(
         name="Header Bytes", description="Number of bytes before the first voxel; -1 uses the file's", default=-1,
-        min=-1)
+        min=-1)  # fmt: skip
     found_spacing: FloatVectorProperty(
-        name="Spacing in Use", description="Distance between voxel centers as it was read", size=3,
-        options={"HIDDEN"})
+        name="Spacing in Use", description="Distance between voxel centers as it was read", size=3, options={"HIDDEN"}
+    )
     use_file_spacing: BoolProperty(
         name="From File", description="Use the spacing that the file states, or 1 where it states none",
-        get=_is_files_spacing, set=_choose_spacing)
+        get=_is_files_spacing, set=_choose_spacing)  # fmt: skip
     length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
     orientation: StringProperty(
-        name="Orientation", description="Three letters: where voxel x, y and z grow in the patient, such as LPS for "
-        "left, posterior (back) and superior (head). Empty uses the file's")
-    flip: BoolVectorProperty(
-        name="Flip", description="Mirror the volume along its voxel axes x, y and z", size=3)
+        name="Orientation",
+        description="Three letters: where voxel x, y and z grow in the patient, such as LPS for "
+        "left, posterior (back) and superior (head). Empty uses the file's",
+    )
+    flip: BoolVectorProperty(name="Flip", description="Mirror the volume along its voxel axes x, y and z", size=3)
     # Without a lower limit, so that a negative spacing gets an error message instead of silently becoming zero.
     spacing: FloatVectorProperty(
         name="Spacing", description="Distance between voxel centers along x, y and z in the volume's unit; 0 uses the "
-        "file's", size=3, precision=4)
+        "file's", size=3, precision=4)  # fmt: skip
     use_calibration: BoolProperty(
         name="Calibrate", description="Compute values with this slope and intercept instead of the file's",
-        default=False)
+        default=False)  # fmt: skip
     slope: FloatProperty(name="Slope", description="Value per stored unit", default=1.0)
     intercept: FloatProperty(name="Intercept", description="Value of a stored zero", default=0.0)
-    value_unit: StringProperty(
-        name="Value Unit", description="Unit of the values, such as HU; empty if they have none")
+    value_unit: StringProperty(name="Value Unit", description="Unit of the values, such as HU; empty if they have none")
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
-        "the grid density, or else the first grid of numbers")
+        "the grid density, or else the first grid of numbers")  # fmt: skip
     series: IntProperty(
         name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
-        min=0)
+        min=0)  # fmt: skip
     use_only_series: BoolProperty(
         name="The Only One", description="Read the series that the place holds, and ask where it holds several",
-        **switch("series", 0, 1))
+        **switch("series", 0, 1))  # fmt: skip
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
-        options={"HIDDEN"})
+        options={"HIDDEN"})  # fmt: skip
     frame: IntProperty(
         name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
-        "the first", default=0, min=0)
+        "the first", default=0, min=0)  # fmt: skip
     level: IntProperty(
         name="Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest that fits into "
-        "memory when it is imported", default=-1, min=-1)
+        "memory when it is imported", default=-1, min=-1)  # fmt: skip
     use_fitting_level: BoolProperty(
         name="The Finest That Fits", description="Read the finest level whose voxels fit into memory",
-        **switch("level", -1, 0))
+        **switch("level", -1, 0))  # fmt: skip
     use_first_frame: BoolProperty(
         name="The First", description="Read the first volume, and show others with the timeline",
-        **switch("frame", 0, 1))
+        **switch("frame", 0, 1))  # fmt: skip
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "
-        "smoke_0001.vdb, as volumes in time", default=False)
+        "smoke_0001.vdb, as volumes in time", default=False)  # fmt: skip
     modality: EnumProperty(name="Modality", description="Kind of scanner or simulation", items=MODALITY_ITEMS)
 
 

@@ -118,21 +118,23 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
 
     is_volume: BoolProperty(
         name="Is a Volume", description="This object is a volume of RLE Splat", default=False, options={"HIDDEN"},
-        update=_look_again)
+        update=_look_again)  # fmt: skip
     filepath: StringProperty(
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)  # fmt: skip
     data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
     files_digest: StringProperty(
-        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import")
+        name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import"
+    )
     facts: StringProperty(name="Facts", description="Facts about the volume, one per line")
     remarks: StringProperty(name="Notes", description="Notes on unusual data, one sentence per line")
     histogram: StringProperty(name="Histogram", description="Histogram of the values as JSON")
     stored_transfer: StringProperty(
         name="Stored Transfer Function", description="Transfer function of encoded voxels (.rle) as JSON; empty for "
-        "other volumes", options={"HIDDEN"})
+        "other volumes", options={"HIDDEN"})  # fmt: skip
     space: StringProperty(
-        name="Space", description="\"patient\" if the file says where the patient's left, front and head are")
+        name="Space", description='"patient" if the file says where the patient\'s left, front and head are'
+    )
     length_unit: StringProperty(name="Length Unit", description="Unit of length of the file", default="mm")
     value_low: FloatProperty(name="Smallest Value", description="Smallest physical value of the volume")
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
@@ -140,125 +142,143 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     label_file: StringProperty(
         name="Label File", description="Label file: a volume of whole numbers on the same grid, such as a "
         "segmentation. If a segment has its own transfer function or color, edges inside the volume are softer",
-        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)
+        subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
-        name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"})
+        name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"}
+    )
     label_frames: IntProperty(
         name="Frames of Segments", description="Number of volumes in the label file; above 1 the segments change with "
-        "time", options={"HIDDEN"}, default=1, min=1)
+        "time", options={"HIDDEN"}, default=1, min=1)  # fmt: skip
     active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
     smooth_labels: LiveBool(
         name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
-        default=True)
+        default=True)  # fmt: skip
     channels: CollectionProperty(
-        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture")
-    clip_flipped: BoolProperty(
-        name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
-    clip_keep: LiveEnum(
-        name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
+        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture"
+    )
+    clip_flipped: BoolProperty(name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
+    clip_keep: LiveEnum(name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     clip_only_parent: LiveBool(
         name="Only Its Volume", default=False,
-        description="Cut only the volume that this clip object is a child of, not the others in the scene")
+        description="Cut only the volume that this clip object is a child of, not the others in the scene")  # fmt: skip
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
-        options={"HIDDEN"}, update=_look_again)
+        options={"HIDDEN"}, update=_look_again)  # fmt: skip
     is_shadow_grid: BoolProperty(
         name="Is for Shadows", description="This object lets renders show the shadow of the volume that it is a child "
-        "of, and its reflection", default=False, options={"HIDDEN"})
+        "of, and its reflection", default=False, options={"HIDDEN"})  # fmt: skip
     slice_kind: StringProperty(
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
-        options={"HIDDEN"})
+        options={"HIDDEN"})  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
-        description="Let slices use the level and window of the volume's colors instead of their own")
+        description="Let slices use the level and window of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
         name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
-        translation_context=OURS)
+        translation_context=OURS)  # fmt: skip
     slice_width: LiveFloat(
         name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
-        min=1e-6, precision=2)
+        min=1e-6, precision=2)  # fmt: skip
     slices_clear_black: LiveBool(
-        name="Clear Black", default=False,
+        name="Clear Black",
+        default=False,
         description="Make transparent what slices would show black, such as the air around the body. The volume "
-        "behind it shows there")
+        "behind it shows there",
+    )
     slice_image: PointerProperty(name="Slice", type=bpy.types.Image, description="The image that this slice shows")
     transfer: LivePointer(
         name="Transfer Function", type=bpy.types.NodeTree, poll=lambda self, tree: is_transfer_tree(tree),
-        description="Colors and opacity curve, stored in a node group. Copies of the object share it")
+        description="Colors and opacity curve, stored in a node group. Copies of the object share it")  # fmt: skip
     transfer_name: LiveString(name="Preset", description="Name of the transfer function last applied")
     transfer_unit: LiveString(name="Unit", description="Unit of the transfer function's values")
     window_center: LiveFloat(
         name="Level", description="Value at the center of the colors and the opacity curve", default=0.5, precision=2,
-        translation_context=OURS)
+        translation_context=OURS)  # fmt: skip
     window_width: LiveFloat(
         name="Window", description="Width of the range of values that the colors and the opacity curve cover",
-        default=1.0, min=1e-6, precision=2)
+        default=1.0, min=1e-6, precision=2)  # fmt: skip
     preset_center: FloatProperty(
         name="Level of the Preset", description="Level of the transfer function when it was last applied",
-        options={"HIDDEN"})
+        options={"HIDDEN"})  # fmt: skip
     shift_by: FloatProperty(  # a drag moves it by a unit for each pixel
         name="Shift", translation_context=OURS, step=100, precision=1, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")
+        description="Move the whole transfer function to higher or lower values, in their unit")  # fmt: skip
     shift_finely: FloatProperty(
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")
+        description="Move the whole transfer function to higher or lower values, in their unit")  # fmt: skip
     opacity_scale: LiveFloat(
-        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0)
+        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
+    )
     opacity_unit_distance: LiveFloat(
         name="Thickness", description="Thickness of material that has the opacity of the curve; 0 uses the "
-        "smallest voxel spacing", default=0.0, min=0.0, precision=4)
+        "smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
-        **switch("opacity_unit_distance", 0.0, 1.0))
+        **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
     use_shading: LiveBool(
-        name="Shading", description="Light the volume like a surface where its values change", default=True)
+        name="Shading", description="Light the volume like a surface where its values change", default=True
+    )
     ambient: LiveFloat(
         name="Base Light", default=0.2, min=0.0, soft_max=1.0,
-        description="Brightness that does not depend on the lights")
+        description="Brightness that does not depend on the lights")  # fmt: skip
     diffuse: LiveFloat(
-        name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light")
+        name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light"
+    )
     mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
     use_grays: LiveBool(
-        name="Grays", default=False,
+        name="Grays",
+        default=False,
         description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
-        "in the mode Shaded")
+        "in the mode Shaded",
+    )
     use_inverted_grays: LiveBool(
-        name="Inverted", default=False,
-        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray")
+        name="Inverted",
+        default=False,
+        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray",
+    )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
         "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,
-        set=_choose_mode)
+        set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
         name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
-        size=3, options={"HIDDEN"})
+        size=3, options={"HIDDEN"})  # fmt: skip
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
-        name="Only Where Values Change", default=False,
+        name="Only Where Values Change",
+        default=False,
         description="Multiply the opacity by a curve over how fast values change, so that even regions become "
-        "transparent and surfaces remain")
+        "transparent and surfaces remain",
+    )
     gradient_low: LiveFloat(
-        name="Change From", default=0.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length, such as HU per mm, at the left end of the curve")
+        name="Change From",
+        default=0.0,
+        min=0.0,
+        soft_max=1000.0,
+        precision=2,
+        description="Change of the values per unit of length, such as HU per mm, at the left end of the curve",
+    )
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length at the right end of the curve")
+        description="Change of the values per unit of length at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
-        name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights")
+        name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
+    )
     shininess: LiveFloat(
         name="Sharpness", default=20.0, min=1.0, soft_max=100.0,
-        description="Sharpness of the highlights; higher is smaller and sharper")
+        description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
         name="Formula", description="Formula of the highlights", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera"),
-               ("PHONG", "Mirror", "Use the mirror direction of the light")))
+               ("PHONG", "Mirror", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used with Soft Edges")
+        "of thick slices. 0 is off. Not used with Soft Edges")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
-        **switch("smoothness", -1.0, 1.0))
+        **switch("smoothness", -1.0, 1.0))  # fmt: skip
     two_sided: LiveBool(
-        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans")
+        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans"
+    )

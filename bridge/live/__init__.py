@@ -266,7 +266,8 @@ def remark_of(area) -> str:
         return ""
     return filled(
         "Shown with voxels {times} times as large, because the volume's own need more memory than is free.",
-        times=2**halvings)
+        times=2**halvings,
+    )
 
 
 def try_again(area) -> None:

@@ -55,7 +55,8 @@ def add_slice(context, owner, volume, name: str):
     mesh = bpy.data.meshes.new(title)
     mesh.from_pydata(CORNERS, [], [(0, 1, 2, 3)])
     mesh.uv_layers.new(name="UVMap").uv.foreach_set(
-        "vector", np.array([(0.5 * (x + 1), 0.5 * (y + 1)) for x, y, _ in CORNERS], np.float32).ravel())
+        "vector", np.array([(0.5 * (x + 1), 0.5 * (y + 1)) for x, y, _ in CORNERS], np.float32).ravel()
+    )
     one = bpy.data.objects.new(title, mesh)
     home = context.collection if linked.is_own(context.collection) else context.scene.collection
     home.objects.link(one)

@@ -46,12 +46,12 @@ def request_of(context, volumes: tuple) -> Request:
         tuple(value for row in view.view_matrix for value in row),
         tuple(value for row in view.window_matrix for value in row),
         region.width, region.height, clip_of(context, space, view),
-    )
+    )  # fmt: skip
     shading = space.shading
     drawn = (
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
         shading.show_xray_wireframe,
-    )
+    )  # fmt: skip
     return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()), _draws_floor(space.overlay))
 
 

@@ -104,7 +104,7 @@ def view_of(matrices: Matrices, nearest: float = np.inf) -> ViewportView:
         matrix_world=to_world, type="ORTHO" if parallel else "PERSP", sensor_fit="HORIZONTAL", sensor_width=SENSOR,
         lens=0.5 * SENSOR * across, ortho_scale=2.0 / across, shift_x=float(0.5 * right), clip_start=begin,
         clip_end=end, **_of_size(window, width, height),
-    )
+    )  # fmt: skip
     return ViewportView(camera, width, height, window, set_back)
 
 

@@ -23,6 +23,7 @@ SUFFIX = ".json"
 REFUSED = '/\\:*?"<>|'  # in file names of one system or another
 LONGEST = 80  # letters
 
+
 @dataclass(frozen=True)
 class OwnPreset:
     """A preset of the user.

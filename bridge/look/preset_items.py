@@ -13,7 +13,7 @@ IMPORT_ITEMS = [(SUGGESTED, "Suggested", "Choose from the values and the modalit
 # Kinds of scan in the order of the menu, with the names of their presets.
 KINDS = {
     "CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Simulation", None: "Any Volume",
-}
+}  # fmt: skip
 BY_MODALITY = {
     kind: [row.name for row in PRESETS.values() if row.modality == modality] for modality, kind in KINDS.items()
 }

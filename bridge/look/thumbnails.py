@@ -221,7 +221,8 @@ def picture_steps(entry: Entry, volume):
     # The viewport has compiled the kernels of others.
     if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
         raise RleSplatError(
-            "A preset that shows only where values change has no picture here, since it would take long.")
+            "A preset that shows only where values change has no picture here, since it would take long."
+        )
     if not _coarse or _coarse[0].key != volume.key:
         small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
         _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]

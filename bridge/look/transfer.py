@@ -60,9 +60,11 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     kept = nodes.fewest_stops(color)
     scale = 1.0 / (high - low)
     nodes.write_curve(
-        nodes.opacity_mapping(properties.transfer), [(_unit((v - low) * scale), alpha) for v, alpha in opacity])
+        nodes.opacity_mapping(properties.transfer), [(_unit((v - low) * scale), alpha) for v, alpha in opacity]
+    )
     nodes.write_ramp(
-        nodes.color_ramp(properties.transfer), [(_unit((color[i][0] - low) * scale), *color[i][1:]) for i in kept])
+        nodes.color_ramp(properties.transfer), [(_unit((color[i][0] - low) * scale), *color[i][1:]) for i in kept]
+    )
     properties.property_unset("shaded_window")  # the new one is for all modes
     properties.transfer_name = transfer_function.name
     properties.transfer_unit = transfer_function.unit or ""
@@ -83,7 +85,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     nodes.write_curve(nodes.gradient_mapping(properties.transfer), RAMP if steep is None else steep.curve)
     if len(kept) < len(color):
         return (f"The transfer function has {len(color)} colors, but a color ramp in Blender holds {nodes.MOST_STOPS}; "
-                f"the {nodes.MOST_STOPS} that keep it closest to the original were stored.")
+                f"the {nodes.MOST_STOPS} that keep it closest to the original were stored.")  # fmt: skip
     return ""
 
 
@@ -103,7 +105,7 @@ def why_unusable(volume_object) -> str:
     missing = nodes.missing_nodes(tree)
     if missing:
         return (f"The transfer function of {volume_object.name!r} lacks its node {missing[0]!r}; undo, or apply a "
-                "preset in the RLE Splat tab")
+                "preset in the RLE Splat tab")  # fmt: skip
     return ""
 
 
@@ -136,7 +138,7 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     # A script's edits of the points are evaluated only after a tag; the original tree has them at once.
     curve_of, ramp_of, steep_of = (
         tree.original.evaluated_get(depsgraph) if depsgraph is not None and _is_animated(tree.original, name)
-        else tree.original for name in nodes.NODES)
+        else tree.original for name in nodes.NODES)  # fmt: skip
     low, high = window_of(properties)
     width = high - low
     scale = typed(properties.opacity_scale)
@@ -144,8 +146,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     def value(position):
         return rounded_to_span(low + position * width, width)
 
-    opacity = [(value(p), min(1.0, max(0.0, typed(a) * scale)))
-               for p, a in nodes.read_curve(nodes.opacity_mapping(curve_of))]
+    opacity = [
+        (value(p), min(1.0, max(0.0, typed(a) * scale))) for p, a in nodes.read_curve(nodes.opacity_mapping(curve_of))
+    ]
     color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(ramp_of))]
     shade = None
     if properties.use_shading:
@@ -161,7 +164,7 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     return TransferFunction(
         name=properties.transfer_name, unit=properties.transfer_unit or None, opacity=tuple(opacity),
         color=tuple(color), opacity_unit_distance=typed(properties.opacity_unit_distance) or None, shade=shade,
-        gradient_opacity=steep)
+        gradient_opacity=steep)  # fmt: skip
 
 
 def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
@@ -277,7 +280,7 @@ _ITEM_OF_HIGHLIGHT = {"blinn-phong": "BLINN_PHONG", "phong": "PHONG"}
 KEYED = (
     "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
     "shininess", "smoothness", "gradient_low", "gradient_high",
-)
+)  # fmt: skip
 
 
 def keyframe(volume_object, frame: float) -> int:
@@ -307,7 +310,8 @@ def keyframe(volume_object, frame: float) -> int:
         curves[nodes.GRADIENT_NODE] = nodes.gradient_mapping(tree)
     paths = [
         f'nodes["{name}"].mapping.curves[0].points[{i}].location'
-        for name, mapping in curves.items() for i in range(len(mapping.curves[0].points))
+        for name, mapping in curves.items()
+        for i in range(len(mapping.curves[0].points))
     ]
     for i in range(len(nodes.color_ramp(tree).elements)):
         element = f'nodes["{nodes.COLOR_NODE}"].color_ramp.elements[{i}]'
@@ -328,7 +332,8 @@ def _usable_window(transfer_function, properties) -> tuple[float, float]:
 def _without_inner_repeats(points) -> list:
     """The points without those between the first and the last at a repeated value, which have no effect."""
     return [
-        p for i, p in enumerate(points)
+        p
+        for i, p in enumerate(points)
         if not (0 < i < len(points) - 1 and points[i - 1][0] == p[0] == points[i + 1][0])
     ]
 

@@ -223,7 +223,8 @@ def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
         chosen.sort()
         error = np.max(
             [np.abs(np.interp(table[:, 0], table[chosen, 0], table[chosen, c]) - table[:, c]) for c in (1, 2, 3)],
-            axis=0)
+            axis=0,
+        )
         error[chosen] = -1.0
         chosen.append(int(np.argmax(error)))
     return sorted(chosen)

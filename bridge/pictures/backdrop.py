@@ -15,7 +15,7 @@ from . import pictures
 # Properties of a background image that ``show`` sets and ``restore`` resets, besides source, image and offset.
 RESTORED = (
     "alpha", "display_depth", "frame_method", "scale", "rotation", "use_flip_x", "use_flip_y", "show_background_image",
-)
+)  # fmt: skip
 
 
 def show(camera, image, place: str):

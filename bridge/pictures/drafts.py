@@ -27,8 +27,7 @@ def draft_of(quality: Quality) -> Quality:
     """The quality of drafts: the preset's, with what a scene sets beside presets."""
     if quality.model != "extinction":  # the paper's own model has no presets
         return quality
-    return Quality.preset(
-        PRESET, classification=quality.classification, record=quality.record, threads=quality.threads)
+    return Quality.preset(PRESET, classification=quality.classification, record=quality.record, threads=quality.threads)
 
 
 def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_empty_view: bool = True):

@@ -62,7 +62,7 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
         tuple(value for row in view.view_matrix for value in row),
         tuple(value for row in view.window_matrix for value in row),
         region.width, region.height, clip_of(context, space, view),
-    )
+    )  # fmt: skip
     corners = box.world_corners(volume_object)
     ahead = -(np.column_stack((corners, np.ones(len(corners)))) @ np.array(view.view_matrix, np.float64).T)[:, 2]
     nearest = float(ahead.min()) if len(corners) else -np.inf  # somebody may have removed the box
@@ -94,8 +94,7 @@ def figure_of(panels: tuple[Panel, ...], style: FigureStyle) -> Figure:
     plain = panels[0].scene
     style = replace(style, aspect=plain.width / plain.height)
     width, height = tile_size(style, len(panels))
-    return Figure(
-        tuple(replace(one, scene=replace(one.scene, width=width, height=height)) for one in panels), style)
+    return Figure(tuple(replace(one, scene=replace(one.scene, width=width, height=height)) for one in panels), style)
 
 
 def is_free(path: str) -> bool:

@@ -52,7 +52,8 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         backdrop_work.stop()
         if image is None:
             image = pictures.find_or_make(
-                scene, volume_object, "backdrop", *image_size(depsgraph.scene_eval.render), camera)
+                scene, volume_object, "backdrop", *image_size(depsgraph.scene_eval.render), camera
+            )
         backdrop.show(camera, image, settings.backdrop_depth)
         wish = dict(tolerance=tolerance, refuse_empty_view=False)
         if later:

@@ -105,7 +105,8 @@ def out_of_date(scene) -> list:
         The images.
     """
     return [
-        row.image for row in shown_rows(scene)
+        row.image
+        for row in shown_rows(scene)
         if row.image.session_uid in _out_of_date or _has_new_transfer_function(scene, row)
     ]
 
@@ -160,7 +161,7 @@ def shown_rows(scene) -> list:
         row for row in scene.rle_splat.pictures
         if row.image is not None and row.image == images.get(row.kind) and row.volume is not None
         and pictures.owned_by(row.image, scene) and made_from(row.image) is not None
-    ]
+    ]  # fmt: skip
 
 
 def _has_new_transfer_function(scene, row) -> bool:

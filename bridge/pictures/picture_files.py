@@ -70,7 +70,8 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
             image.pack()
         return
     folder = os.path.join(
-        os.path.dirname(os.path.abspath(blend_file)), os.path.splitext(os.path.basename(blend_file))[0] + FOLDER)
+        os.path.dirname(os.path.abspath(blend_file)), os.path.splitext(os.path.basename(blend_file))[0] + FOLDER
+    )
     path = os.path.join(folder, _file_name(image.name, folder, taken))
     is_there = image.source == "FILE" and image.packed_file is None and not image.is_dirty and os.path.isfile(path)
     if not (is_there and os.path.normpath(bpy.path.abspath(image.filepath_raw)) == path):
@@ -83,7 +84,7 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
                 if pictures.owned_by(image, scene):
                     messages.complain(
                         scene.rle_splat, f"{image.name!r} could not be written to the folder beside the .blend "
-                        f"({_reason(problem)}), so it was packed into the .blend.")
+                        f"({_reason(problem)}), so it was packed into the .blend.")  # fmt: skip
             return
     image.filepath_raw = path
 

@@ -209,8 +209,10 @@ def release_deleted(scene, is_deleted) -> None:
     is_deleted : callable
         ``is_deleted(object)`` returns whether an object was deleted.
     """
-    _forget_rows(scene, lambda row: (
-        row.volume is None or is_deleted(row.volume) or (row.camera is not None and is_deleted(row.camera))))
+    _forget_rows(
+        scene,
+        lambda row: row.volume is None or is_deleted(row.volume) or (row.camera is not None and is_deleted(row.camera)),
+    )
 
 
 def _forget_rows(scene, unwanted) -> None:
@@ -244,10 +246,10 @@ def note_report(settings, report: dict) -> None:
     """
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
-             if isinstance(value, (int, float))]
+             if isinstance(value, (int, float))]  # fmt: skip
     settings.last_report = "\n".join((
         *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),
         *describe_rays(report.get("rays")), *lines
-    ))
+    ))  # fmt: skip
     settings.last_report_json = json.dumps(report, default=str)
     effects.note_report(settings, report)

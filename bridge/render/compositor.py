@@ -235,7 +235,7 @@ def problem(scene) -> str | None:
     tree = versions.compositor_tree(scene)
     if not scene.render.use_compositing:
         return ("Compositing is switched off in the output properties, so the volume is not in the render; switch it "
-                "on, or press Remove from Renders.")
+                "on, or press Remove from Renders.")  # fmt: skip
     if tree is None:
         return f"The scene's compositor is switched off, so the volume is not in the render; {_AGAIN}."
     nodes, overs, reaching = _marked(tree, _PICTURE), _marked(tree, _OVER), _reaching(_results(tree))
@@ -246,19 +246,19 @@ def problem(scene) -> str | None:
             return f"The image of the compositor's node {_title(node)} was deleted or removed; {_AGAIN}."
         if not _is_ours(node.image, scene):
             return (f"The compositor's node {_title(node)} holds the image {node.image.name!r}, which is not the "
-                    f"volume's picture; {_AGAIN}.")
+                    f"volume's picture; {_AGAIN}.")  # fmt: skip
     if {node.image for node in nodes} != {node.image for node in reaching}:
         for node in [*nodes, *overs]:
             if node.mute:
                 return (f"The compositor's node {_title(node)} is muted, so the volume is not in the render; unmute "
-                        "it, or press Remove from Renders.")
+                        "it, or press Remove from Renders.")  # fmt: skip
         return ("The volume's picture is not linked to the compositor's output, so it is not in the render; link it, "
-                f"or {_AGAIN}.")
+                f"or {_AGAIN}.")  # fmt: skip
     for over in overs:
         factor = _factor(over)
         if not factor.is_linked and factor.default_value == 0.0:
             return (f"The factor of the compositor's node {_title(over)} is 0, so the volume is not in the render; "
-                    "raise it, or press Remove from Renders.")
+                    "raise it, or press Remove from Renders.")  # fmt: skip
     for socket in _results(tree):
         if _layers_behind([socket], scene, end=_is_over):
             return f"The compositor's node {_title(socket.node)} shows the render without the volume; {_AGAIN}."
@@ -273,8 +273,7 @@ def drop(image) -> None:
 
 def _is_ours(image, scene) -> bool:
     """Whether an image is a picture of this scene; pictures of version 0.1.0 name no scene and always count."""
-    return image is not None and images.MARK in image and (
-        images.OWNER not in image or images.owned_by(image, scene))
+    return image is not None and images.MARK in image and (images.OWNER not in image or images.owned_by(image, scene))
 
 
 def _title(node) -> str:
@@ -309,7 +308,7 @@ def _factor(over):
 def _results(tree) -> list:
     """The input sockets of the compositor's results: the color of its output, and of File Output nodes."""
     ends = [one for one in tree.nodes if one.bl_idname == versions.OUTPUT_NODE and not one.mute
-            and getattr(one, "is_active_output", True)]
+            and getattr(one, "is_active_output", True)]  # fmt: skip
     found = [next((socket for socket in end.inputs if socket.type == "RGBA"), None) for end in ends]
     files = [one for one in tree.nodes if one.bl_idname == "CompositorNodeOutputFile" and not one.mute]
     return [socket for socket in found if socket is not None] + [socket for one in files for socket in one.inputs]
@@ -318,7 +317,8 @@ def _results(tree) -> list:
 def _ends(tree) -> list:
     """The input sockets of all that shows something: the compositor's results and its viewers."""
     return _results(tree) + [
-        one.inputs[0] for one in tree.nodes if one.bl_idname == "CompositorNodeViewer" and not one.mute]
+        one.inputs[0] for one in tree.nodes if one.bl_idname == "CompositorNodeViewer" and not one.mute
+    ]
 
 
 def _reaching(sockets) -> set:
@@ -333,7 +333,7 @@ def _is_over(node) -> bool:
 def _layers_behind(sockets, scene, end=None, links=None) -> list:
     """The Render Layers nodes whose Image is part of what input sockets show; ``end``, ``links``: see ``feeding``."""
     return [node for node, output, _holders in feeding(sockets, end=end, links=links)
-            if _is_layer(node, scene) and output.identifier == "Image"]
+            if _is_layer(node, scene) and output.identifier == "Image"]  # fmt: skip
 
 
 def _layers_of(tree, picture, scene) -> set[str]:
@@ -428,7 +428,7 @@ def _put_behind(tree, layers) -> list[tuple]:
 def _reads_passes(node, layers) -> bool:
     """Whether a node reads other passes of a Render Layers node than its Image."""
     return any(link.from_node == layers and link.from_socket.identifier != "Image"
-               for entry in node.inputs for link in entry.links)
+               for entry in node.inputs for link in entry.links)  # fmt: skip
 
 
 def _result_socket(tree, scene):

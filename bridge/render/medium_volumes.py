@@ -22,7 +22,7 @@ LOOKS = [
     ("LIT", "As Lit Here", "Keep the light of this moment: the material absorbs, and emits the lit colors"),
     ("CYCLES", "Lit by Cycles", "Let the lights of the scene shine on it: the material scatters light in the unlit "
                                 "colors"),
-]
+]  # fmt: skip
 
 # Names of effects.
 OF_LIGHT = ("shading", "lights", "headlight", "world light", "shadows", "ambient occlusion", "indirect light")
@@ -151,7 +151,7 @@ def unlit(plain: Scene) -> Scene:
     """The scene in the colors of the transfer function, for a material that light falls on."""
     function = replace(plain.transfer_function, shade=None)
     return replace(plain, transfer_function=function, effects={
-        name: on for name, on in plain.effects.items() if name not in OF_LIGHT})
+        name: on for name, on in plain.effects.items() if name not in OF_LIGHT})  # fmt: skip
 
 
 def _new_material(name: str) -> tuple:

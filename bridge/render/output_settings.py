@@ -142,8 +142,9 @@ def check_frames(scene, frames, were_typed: bool) -> None:
     for path in [scene.render.filepath] if is_movie else [scene.render.frame_path(frame=frame) for frame in frames]:
         check_is_no_scan(path)
         if were_typed and not is_movie and os.path.exists(path):
-            raise RleSplatError(filled(
-                "{path} is there already; give another name, or delete the old pictures.", path=path))
+            raise RleSplatError(
+                filled("{path} is there already; give another name, or delete the old pictures.", path=path)
+            )
 
 
 def write_to(scene, output: str, path: str) -> str:
@@ -197,4 +198,4 @@ def why_no_movie(render) -> str:
         return ""
     return filled(
         "A movie needs an even width and height, and the picture is {width} x {height} pixels; change the resolution "
-        "in the output properties, or write pictures.", width=width, height=height)
+        "in the output properties, or write pictures.", width=width, height=height)  # fmt: skip

@@ -32,7 +32,7 @@ from .render_log import RenderLog
 
 LAST_FRAME = 1048574  # Blender's largest frame number
 UNLOCKED = ("Lock Interface is off, so Blender may draw a picture of the volume while a render writes it, and crash; "
-            "switch it on in the Render menu.")
+            "switch it on in the Render menu.")  # fmt: skip
 
 # The scenes that are being rendered, by session id.  The first is the one whose render was started, the others are in
 # its scene strips.  It is empty when nothing is rendered: exporters change frames with a render depsgraph too.
@@ -209,7 +209,8 @@ def _why_empty(settings, depsgraph) -> str:
         name = settings.deleted_volume if owner is None else owner.name
         raise RleSplatError(
             f"{messages.the_volume(name)} was deleted and renders show no other one; import one, or press Remove from "
-            "Renders.")
+            "Renders."
+        )
     return placements.why_hidden(placements.Placement(owner), depsgraph) or "it is no volume"
 
 
@@ -234,7 +235,8 @@ def _render(scene, depsgraph, placed: list, log: RenderLog) -> tuple:
     """
     with_meshes = scene.rle_splat.meshes_occlude and depsgraph.view_layer.use_solid
     scenes, problems, quality = render_scene.read_scenes(
-        placed, depsgraph, with_meshes=with_meshes, warn=lambda sentence: log.note(scene, sentence))
+        placed, depsgraph, with_meshes=with_meshes, warn=lambda sentence: log.note(scene, sentence)
+    )
     rendering = None
     while scenes and rendering is None:
         try:
@@ -247,7 +249,7 @@ def _render(scene, depsgraph, placed: list, log: RenderLog) -> tuple:
     for n, problem in sorted(problems.items()):
         log.fail(scene, filled(
             "{volume} is left out of the picture: {reason}", volume=repr(placed[n].stands_for.name),
-            reason=translate(messages.sentence_of(problem))))
+            reason=translate(messages.sentence_of(problem))))  # fmt: skip
     return rendering, scenes, quality
 
 
@@ -262,7 +264,8 @@ def _picture_steps(placed: list, scenes: dict, quality, tolerance: float | None,
         planned, earlier = log.plans.get(drawn_as, (quality, None))
         try:
             rendering = yield from render_scene.steps(
-                plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False)
+                plain, planned, tolerance=tolerance, earlier=earlier, refuse_empty_view=False
+            )
         except Exception as problem:
             raise _VolumeError(n, problem) from problem
         plan = rendering.report["plan"]

@@ -139,5 +139,7 @@ class RenderLog:
     def _keep_report(self, scene) -> None:
         remarks = [line for line in (scene.rle_splat.render_problem,) if line]
         remarks += [line for line in self.report.get("remarks", ()) if line not in remarks]
-        pictures.note_report(scene.rle_splat, {
-            **self.report, "remarks": remarks, "failed_frames": self._failed, "first_problem": self._first})
+        pictures.note_report(
+            scene.rle_splat,
+            {**self.report, "remarks": remarks, "failed_frames": self._failed, "first_problem": self._first},
+        )

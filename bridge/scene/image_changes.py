@@ -63,7 +63,7 @@ def state_of(image, frame: int = 0) -> tuple:
         image.generated_type, tuple(image.generated_color), image.source in ("MOVIE", "SEQUENCE") and frame,
         tuple(one.packed_file.size for one in image.packed_files), _file_of(image),
         _hash_of(image) if image.is_dirty else "",
-    )
+    )  # fmt: skip
 
 
 def look_again() -> None:

@@ -126,7 +126,8 @@ def known_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
         return read_surfaces(depsgraph, without, instead)
     of = depsgraph.scene.session_uid, depsgraph.view_layer.name
     by = (
-        _Read.stamp, tuple(one.session_uid for one in without),
+        _Read.stamp,
+        tuple(one.session_uid for one in without),
         tuple((one.session_uid, triangles.tobytes()) for one, triangles in instead.items()),
     )
     view = _Read.known.get(of)

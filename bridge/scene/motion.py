@@ -131,13 +131,13 @@ def _own_place(one, time: float) -> Matrix:
     if mode == "QUATERNION":
         turned, delta = (
             Quaternion(value(path)).normalized().to_matrix()
-            for path in ("rotation_quaternion", "delta_rotation_quaternion"))
+            for path in ("rotation_quaternion", "delta_rotation_quaternion")
+        )
     elif mode == "AXIS_ANGLE":
         angle, *axis = value("rotation_axis_angle")
         turned, delta = Matrix.Rotation(angle, 3, axis), Matrix.Identity(3)
     else:
-        turned, delta = (
-            Euler(value(path), mode).to_matrix() for path in ("rotation_euler", "delta_rotation_euler"))
+        turned, delta = (Euler(value(path), mode).to_matrix() for path in ("rotation_euler", "delta_rotation_euler"))
     scale = Vector(value("scale")) * Vector(value("delta_scale"))
     place = (delta @ turned @ Matrix.Diagonal(scale)).to_4x4()
     place.translation = Vector(value("location")) + Vector(value("delta_location"))

@@ -40,7 +40,7 @@ def forget_stages() -> None:
 def read_scene(
     volume_object, depsgraph, *, with_meshes: bool, with_shadows: bool = True, in_region: bool = False,
     moving: bool = True, camera=None, warn=None,
-):
+):  # fmt: skip
     """Read everything that a picture of a volume depends on, at the depsgraph's time.
 
     Parameters
@@ -74,7 +74,8 @@ def read_scene(
     view = read_camera(depsgraph, camera)
     surfaces = read_occluders(depsgraph) if with_meshes else {}
     plain = _in_picture(
-        volume_object, depsgraph, view, in_region, moving, camera, with_shadows=with_shadows, warn=warn, **surfaces)
+        volume_object, depsgraph, view, in_region, moving, camera, with_shadows=with_shadows, warn=warn, **surfaces
+    )
     return plain, encoded.suited(settings.quality_of(depsgraph.scene_eval), plain.volume)
 
 
@@ -105,7 +106,8 @@ def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
     for n, one in enumerate(placed):
         try:
             scenes[n] = _in_picture(
-                one.owner, depsgraph, view, True, one.matrix is None, None, matrix=one.matrix, warn=warn, **surfaces)
+                one.owner, depsgraph, view, True, one.matrix is None, None, matrix=one.matrix, warn=warn, **surfaces
+            )
         except Exception as problem:  # the others are shown all the same
             problems[n] = problem
     return scenes, problems, settings.quality_of(depsgraph.scene_eval)
@@ -123,7 +125,7 @@ def _in_picture(volume_object, depsgraph, view, in_region: bool, moving: bool, c
         motion=motion,
         reasons_off={"motion blur": still_because} if still_because else {},
         **of_view,
-    )
+    )  # fmt: skip
 
 
 def check_kept_up(volume_object, depsgraph) -> None:
@@ -246,7 +248,7 @@ def is_rendered(volume_object, depsgraph) -> bool:
 def steps(
     plain: Scene, quality, *, tolerance: float | None = None, earlier: dict | None = None,
     refuse_empty_view: bool = True, drafts: bool = False,
-):
+):  # fmt: skip
     """Make a picture, as a generator.
 
     Parameters
@@ -278,6 +280,6 @@ def steps(
     if tolerance is not None:
         return tolerance_steps(
             plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
-            earlier=earlier)
+            earlier=earlier)  # fmt: skip
     make = drafted_steps if drafts else render_steps
     return make(plain, encoded.suited(quality, plain.volume), KEPT, refuse_empty_view=refuse_empty_view)

@@ -37,7 +37,8 @@ EVEN = 0.005  # of the mean: a light that changes by less with direction is one 
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
 MOST_KEPT = 1024  # states of a world
 STALE = (
-    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.")
+    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light."
+)
 NOT_YET = "The world's light is not rendered yet, so it is left out; press Update World Light."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
@@ -218,7 +219,8 @@ def _bake(own, made: list) -> tuple[np.ndarray, np.ndarray]:
     made.extend((ball, mesh, mesh.materials[0]))
     own.collection.objects.link(ball)
     with bpy.context.temp_override(
-            scene=own, view_layer=own.view_layers[0], object=ball, active_object=ball, selected_objects=[ball]):
+        scene=own, view_layer=own.view_layers[0], object=ball, active_object=ball, selected_objects=[ball]
+    ):
         bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT"}, target="VERTEX_COLORS")
     normals, colors = np.empty(3 * len(mesh.vertices)), np.empty(4 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", normals)

@@ -62,7 +62,7 @@ WHOLE = (
     "Looking through the voxels", "Shading", "Splatting", "Warping", "counting the values", "adding the volume",
     "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
     "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",
-)
+)  # fmt: skip
 CONTEXTS = ("*", "Operator", OURS)  # Blender looks the labels of operators up in a context of their own
 
 
@@ -98,9 +98,10 @@ def translate(sentence: str) -> str:
     for template in COMPOSED:
         found = _pattern(template).fullmatch(sentence)
         if found is not None:
-            return filled(template, **{
-                name: translate(value) if name in REASONS else value for name, value in found.groupdict().items()
-            })
+            return filled(
+                template,
+                **{name: translate(value) if name in REASONS else value for name, value in found.groupdict().items()},
+            )
     return sentence
 
 

@@ -30,8 +30,12 @@ class ChannelProperties(bpy.types.PropertyGroup):
     """One channel.  ``name`` is unique, because library overrides find rows by name."""
 
     source: PointerProperty(
-        name="Volume", type=bpy.types.Object, poll=lambda row, other: can_be_added(row.id_data, other),
-        description="A volume of the same place, shown with its own transfer function", update=_evaluate_anew)
+        name="Volume",
+        type=bpy.types.Object,
+        poll=lambda row, other: can_be_added(row.id_data, other),
+        description="A volume of the same place, shown with its own transfer function",
+        update=_evaluate_anew,
+    )
     show: BoolProperty(name="Show", description="Add this volume to the picture", default=True, update=_evaluate_anew)
 
 
@@ -160,7 +164,8 @@ def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
     """
     return tuple(
         Channel(
-            drain(placed_steps(
-                wish_of(owner, one, depsgraph), volumes.load_volume(one, depsgraph=depsgraph), volume)),
-            transfer.read_transfer(one, depsgraph))
-        for one in sources_of(owner, depsgraph))
+            drain(placed_steps(wish_of(owner, one, depsgraph), volumes.load_volume(one, depsgraph=depsgraph), volume)),
+            transfer.read_transfer(one, depsgraph),
+        )
+        for one in sources_of(owner, depsgraph)
+    )

@@ -60,7 +60,8 @@ def open_steps(path: str, options: dict):
         name = next(iter(options)).replace("_", " ")
         raise RleSplatError(
             f"The option {name} does not apply to {os.path.basename(path)}, because a .rle file says all about itself; "
-            "import it as a new volume.")
+            "import it as a new volume."
+        )
     stored = load(path)
     if stored.transfer_function is None:
         raise RleSplatError(f"{path} lacks its transfer function; encode the volume again.")
@@ -105,8 +106,9 @@ def suited(quality: Quality, volume) -> Quality:
         return replace(quality, **own)
     if quality.is_preset:
         return Quality.preset(
-            quality.name, volume.classification, threads=quality.threads, axis_fade=quality.axis_fade, **own)
+            quality.name, volume.classification, threads=quality.threads, axis_fade=quality.axis_fade, **own
+        )
     # A knob that only the other classification has takes its usual value.
     return replace(
         quality, classification=volume.classification, depth_rule=None, kernel="tent", rays=NO_RAYS,
-        length_correction=True, **own)
+        length_correction=True, **own)  # fmt: skip

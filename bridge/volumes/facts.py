@@ -151,7 +151,8 @@ def stored_histogram(properties) -> StoredHistogram | None:
     try:
         kept = json.loads(properties.histogram)
         return StoredHistogram(
-            np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype"))
+            np.array(kept["counts"], dtype=np.int64), *kept["edges"], kept.get("shape"), kept.get("dtype")
+        )
     except (ValueError, TypeError, LookupError, AttributeError):
         return None
 
@@ -215,8 +216,15 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     def wanted(meshes: bool = False, traced: bool = quality.rays > 0.0) -> MemoryEstimate:
         scratch = scratch_bytes(plane, shape, quality, scalars, meshes)
         picture = picture_bytes(
-            (plane,), width, height, quality, shortened=meshes, meshes=meshes, scratch=scratch,
-            traced=traced and not meshes)  # single rays are not used with meshes
+            (plane,),
+            width,
+            height,
+            quality,
+            shortened=meshes,
+            meshes=meshes,
+            scratch=scratch,
+            traced=traced and not meshes,
+        )  # single rays are not used with meshes
         return estimate_visible(found, quality, shaded=shaded, picture=picture)
 
     alone, others = wanted(), []
@@ -227,4 +235,4 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
     beside = f" ({', '.join(others)})" if others else ""
     return filled(
         "About {memory}, {share} of the voxels", memory=f"{memory_text(alone.needed)}{beside}",
-        share=f"{alone.visible_fraction:.1%}")
+        share=f"{alone.visible_fraction:.1%}")  # fmt: skip

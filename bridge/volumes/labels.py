@@ -39,9 +39,7 @@ SOLID = "SOLID"
 FUNCTION_ITEMS = [
     (OWN, "As the Volume", "Use the volume's own transfer function"),
     (SOLID, "Solid", "Give all voxels of the segment the same opacity, whatever their values"),
-] + [
-    item for item in IMPORT_ITEMS if item[0] != SUGGESTED
-]
+] + [item for item in IMPORT_ITEMS if item[0] != SUGGESTED]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
 FIRST = 0.5  # share of the time until the first of several frames is read
 PURPOSE = "labels"  # see ``store.Wish``
@@ -67,24 +65,23 @@ class LabelProperties(bpy.types.PropertyGroup):
 
     label: IntProperty(name="Number", description="Value of the segment's voxels in the label file")
     label_name: StringProperty(name="Name", description="Name of the segment")
-    show: BoolProperty(
-        name="Show", description="Show the voxels of this segment", default=True, update=_evaluate_anew)
+    show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=_evaluate_anew)
     use_color: BoolProperty(
         name="Own Color", description="Use one color for this segment instead of the transfer function's colors",
-        default=False, update=_evaluate_anew)
+        default=False, update=_evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
-        default=(0.8, 0.3, 0.2), update=_evaluate_anew)
+        default=(0.8, 0.3, 0.2), update=_evaluate_anew)  # fmt: skip
     look: EnumProperty(
         name="Transfer Function", description="Transfer function for the voxels of this segment", items=FUNCTION_ITEMS,
-        default=OWN, update=_evaluate_anew)
+        default=OWN, update=_evaluate_anew)  # fmt: skip
 
     opacity: FloatProperty(
         name="Opacity", description="Factor on the opacity of this segment", default=1.0, min=0.0, max=1.0,
-        subtype="FACTOR", update=_evaluate_anew)
+        subtype="FACTOR", update=_evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
         name="Color", description="Color of the segment. Choosing one shows all voxels of the segment in it, with one "
-        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0, get=_color_of, set=_give_color)
+        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0, get=_color_of, set=_give_color)  # fmt: skip
 
     def plain(self) -> LabelStyle:
         return LabelStyle(
@@ -92,7 +89,7 @@ class LabelProperties(bpy.types.PropertyGroup):
             tuple(typed(c) for c in self.color) if self.use_color else None,
             None if self.look in (OWN, SOLID) else self.look,
             opacity=typed(self.opacity), solid=self.look == SOLID,
-        )
+        )  # fmt: skip
 
 
 class LabelMap(NamedTuple):

@@ -92,7 +92,7 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
     return _one_after_another(
         volumes.load_steps(owner, depsgraph), file, store.wish_of(owner, depsgraph, labels.PURPOSE),
         [(volumes.load_steps(one, depsgraph), channels.wish_of(owner, one, depsgraph)) for one in sources],
-    )
+    )  # fmt: skip
 
 
 def withdraw_unused(owner, depsgraph) -> None:

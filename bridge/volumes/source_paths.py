@@ -189,4 +189,4 @@ def after_import(imported, *_):
 HANDLERS = (
     ("save_pre", before_save), ("save_post", after_save), ("save_post_fail", after_save), ("load_post", after_load),
     ("blend_import_post", after_import),
-)
+)  # fmt: skip

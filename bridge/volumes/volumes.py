@@ -215,7 +215,7 @@ def load_volume(owner, warn=None, depsgraph=None):
     if frame != properties.data_frame:
         if properties.files_digest and properties.files_digest != files_digest(owner):
             warn(f"The files of {owner.name!r} have changed since the import; if frame {frame} looks wrong, import "
-                 "them again.")
+                 "them again.")  # fmt: skip
     elif hash_of(volume) != properties.data_key:
         warn(_changed(owner))
     return volume
@@ -224,7 +224,7 @@ def load_volume(owner, warn=None, depsgraph=None):
 def _changed(owner) -> str:
     return filled(
         "The voxels of {volume} are not those that were imported, because {path} has changed; import it again, or "
-        "press Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))
+        "press Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))  # fmt: skip
 
 
 def list_changes(scene) -> list[str]:

@@ -64,7 +64,7 @@ class ClassifiedVolume:
     def from_lists(
         cls, shape_xyz, row_start, column, extinction, opacity, color, nan_voxels=0, unit_length=1.0,
         opacity_distance=1.0,
-    ) -> ClassifiedVolume:
+    ) -> ClassifiedVolume:  # fmt: skip
         """Make a ClassifiedVolume from one array per property of its m voxels.
 
         Parameters
@@ -296,7 +296,7 @@ def _properties_by_points(shown: Visibility, stored, distance, threads) -> np.nd
             passes.properties_by_points(
                 stored, *scaling, opacity.values, opacity.heights, opacity.rates, color.values, color.heights,
                 color.rates, ALPHA_CAP, distance, properties,
-            )
+            )  # fmt: skip
         return properties
     alpha, properties[:, RED:] = reference.look_up(stored, *scaling, opacity, color)
     properties[:, EXTINCTION], properties[:, OPACITY] = optical_depth(alpha) / distance, alpha

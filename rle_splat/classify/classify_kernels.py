@@ -88,7 +88,7 @@ def _mark_by_points(begin, end, rows, n_y, relevant, slope, intercept, intervals
 def properties_by_points(
     stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights, color_rates,
     alpha_cap, distance, properties,
-):
+):  # fmt: skip
     """Optical properties of ``stored`` values (m,) by the points of a transfer function.
 
     ``opacity_*``, ``color_*``: arrays of ``points.Pieces``; ``distance``: world length to which opacity refers. Writes
@@ -97,7 +97,7 @@ def properties_by_points(
     arguments = (
         stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
         color_rates, alpha_cap, distance, properties,
-    )
+    )  # fmt: skip
     share_out(_properties_by_points, stored.size, arguments)
 
 
@@ -105,7 +105,7 @@ def properties_by_points(
 def _properties_by_points(
     begin, end, stored, slope, intercept, opacity_values, opacity_heights, opacity_rates, color_values, color_heights,
     color_rates, alpha_cap, distance, properties,
-):
+):  # fmt: skip
     """``properties_by_points`` for values [begin, end)."""
     for i in range(begin, end):
         value = _physical(stored[i], slope, intercept)

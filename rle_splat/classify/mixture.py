@@ -294,7 +294,7 @@ class Mixture:
                     add_channel(
                         indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
                         threads=threads,
-                    )
+                    )  # fmt: skip
                 if part.is_smooth:
                     edges, offset = part.edges(first, last, threads), first * ny * nx
                     blended = part.blend(edges, offset, table, self.volume, length, distance)

@@ -47,7 +47,7 @@ def mark_seen(stored, labels, numbers, shown, size: int, seen, threads: int = 0)
 
 def add_channel(
     indices, stored, labels, numbers, tables, size: int, distance: float, properties, threads: int = 0,
-) -> None:
+) -> None:  # fmt: skip
     """Add one channel to the optical properties of voxels.
 
     Parameters

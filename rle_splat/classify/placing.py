@@ -56,7 +56,7 @@ class RecordPositions:
         return (
             voxels.shape_xyz[1], self.first_plane, read_only(voxels.row_start), read_only(voxels.column), self.across,
             starts,
-        )
+        )  # fmt: skip
 
 
 @kernel(inline="always")

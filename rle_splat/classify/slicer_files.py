@@ -124,9 +124,7 @@ def _points(text: str, width: int, what: str) -> list[tuple]:
     words = text.split()
     count = number(words[0], f"The count of {what}")
     if count != len(words) - 1:
-        raise RleSplatError(
-            f"{what} announces {count:g} numbers, but {len(words) - 1} follow; correct the file."
-        )
+        raise RleSplatError(f"{what} announces {count:g} numbers, but {len(words) - 1} follow; correct the file.")
     if count == 0 or count % width:
         raise RleSplatError(f"{what} must have {width} numbers for each point, but has {count:g}; correct the file.")
     numbers = [number(word, f"Each number of {what}") for word in words[1:]]
@@ -150,7 +148,8 @@ def _build(name: str, what: str, curves: dict, lighting: dict | None, distance: 
             ambient, diffuse, specular, power = (lighting[key] for key in LIGHTING)
             shade = Shade(ambient, diffuse, specular, power, "phong", True)
         function = TransferFunction(
-            name, None, tuple(curves["scalarOpacity"]), tuple(scene_linear_points(colors)), distance, shade, steep)
+            name, None, tuple(curves["scalarOpacity"]), tuple(scene_linear_points(colors)), distance, shade, steep
+        )
     except RleSplatError as problem:
         raise RleSplatError(f"{what}: {problem}") from None
     return FileFunction(function, (*remarks, *more))

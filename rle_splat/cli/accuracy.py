@@ -40,7 +40,7 @@ def add_arguments(parser) -> None:
     parser.add_argument(
         "--front", default=ERROR_NAMES[0], metavar="|".join(ERROR_NAMES),
         help=f"the error that decides which plans are on the front ({ERROR_NAMES[0]})",
-    )
+    )  # fmt: skip
     parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)

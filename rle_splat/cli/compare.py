@@ -33,7 +33,7 @@ def add_arguments(parser) -> None:
     parser.add_argument(
         "--system", action="append", metavar="NAME",
         help="compare only this system; repeatable, the others are measured against the first one",
-    )
+    )  # fmt: skip
     parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
     add_size_option(parser)
@@ -70,7 +70,7 @@ def run(args) -> None:
             "transfer_function": {"name": function.name, "reason": reason},
             "remarks": [*volume.remarks, *remark_on_removed(args)],
             "total_ms": 1e3 * (perf_counter() - start),
-        }
+        }  # fmt: skip
         with whole_files(outputs) as parts:
             if parts:
                 write_report(parts[0], report)

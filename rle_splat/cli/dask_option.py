@@ -18,21 +18,23 @@ def add_dask_option(parser) -> None:
     group.add_argument(
         "--dask", nargs="?", const=LOCAL, type=_address, metavar="ADDRESS",
         help="render on a Dask cluster, such as tcp://host:8786; without an address, on processes of this machine",
-    )
+    )  # fmt: skip
     group.add_argument(
-        "--workers", type=int, metavar="N", help="processes of --dask without an address (default: 2 or more)")
+        "--workers", type=int, metavar="N", help="processes of --dask without an address (default: 2 or more)"
+    )
     group.add_argument(
         "--slabs", type=int, metavar="N",
         help="draw a folder of tables in N slabs from front to back, so that a worker reads only some of them; the "
         "picture has no depth",
-    )
+    )  # fmt: skip
 
 
 def _address(word: str) -> str:
     """The word behind --dask, which may be the volume in its place."""
     if word != LOCAL and (":" not in word or os.path.exists(word)):
         raise ArgumentTypeError(
-            f"{word!r} is no address such as tcp://host:8786; if it is the volume, put it before --dask")
+            f"{word!r} is no address such as tcp://host:8786; if it is the volume, put it before --dask"
+        )
     return word
 
 

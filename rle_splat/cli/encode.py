@@ -36,12 +36,14 @@ def add_arguments(parser) -> None:
     add_volume_argument(parser)
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
     parser.add_argument(
-        "--folder", action="store_true",
+        "--folder",
+        action="store_true",
         help="write a folder of tables, some planes at a time, for a volume larger than memory; the same command goes "
-        "on where it was killed")
+        "on where it was killed",
+    )
     parser.add_argument(
         "--classification", metavar="|".join(CLASSIFICATIONS), default="pre",
-        help="pre (the default), or post, which a folder of tables alone can hold")
+        help="pre (the default), or post, which a folder of tables alone can hold")  # fmt: skip
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
     add_report_options(parser)
     add_scene_options(parser)
@@ -94,7 +96,7 @@ def run(args) -> None:
                 "transfer_function": {"name": function.name, "reason": reason},
                 "lighting": stored.lighting,
                 "remarks": [*volume.remarks, *remark_on_removed(args)],
-            }
+            }  # fmt: skip
             if args.json:
                 write_report(parts[1], report)
     _say(report)

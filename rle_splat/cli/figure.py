@@ -51,10 +51,12 @@ def add_arguments(parser) -> None:
         "-o", "--output", action="append", required=True, metavar=f"FIG.{{{suffixes}}}",
         help=f"the figure to write; may be given several times. FIG{SIDECAR_SUFFIX} is written beside the first one; "
         "given in place of VOLUME, it makes the same figure again",
-    )
+    )  # fmt: skip
     parser.add_argument(
-        "--data", metavar="FILE",
-        help="where the data of a sidecar is now; --labels and --channel do the same for its labels and channels")
+        "--data",
+        metavar="FILE",
+        help="where the data of a sidecar is now; --labels and --channel do the same for its labels and channels",
+    )
     add_figure_options(parser)
     add_mode_option(parser)
     add_mist_option(parser)
@@ -110,8 +112,7 @@ def _report(args, made, remarks, written) -> dict:
         "input": {"path": str(args.volume)},
         "page": {"width": made.page.width, "height": made.page.height, "dpi": made.page.dpi},
         "panels": [
-            {"title": panel.title, **rendering.report}
-            for panel, rendering in zip(made.figure.panels, made.renderings)
+            {"title": panel.title, **rendering.report} for panel, rendering in zip(made.figure.panels, made.renderings)
         ],
         "remarks": list(remarks),
         "outputs": list(written),
@@ -196,9 +197,7 @@ def _make_again(args, line):
     if same_bits(sidecar, made.renderings):
         remarks.append("Its pictures are bit-identical to those of the sidecar.")
     else:
-        remarks.append(
-            "Its pictures differ from those of the sidecar, which another version or processor made."
-        )
+        remarks.append("Its pictures differ from those of the sidecar, which another version or processor made.")
     return made, remarks, None
 
 

@@ -21,40 +21,56 @@ def add_figure_options(parser) -> None:
     page = parser.add_argument_group("page")
     page.add_argument(
         "--width-cm", type=float, default=DEFAULT.width_cm, metavar="CM",
-        help=f"width of the figure (default {DEFAULT.width_cm:g})")
-    page.add_argument("--dpi", type=float, default=DEFAULT.dpi, metavar="N",
-                      help=f"pixels per inch (default {DEFAULT.dpi:g})")
+        help=f"width of the figure (default {DEFAULT.width_cm:g})")  # fmt: skip
+    page.add_argument(
+        "--dpi", type=float, default=DEFAULT.dpi, metavar="N", help=f"pixels per inch (default {DEFAULT.dpi:g})"
+    )
     page.add_argument(
         "--aspect", type=float, default=DEFAULT.aspect, metavar="R",
-        help=f"width of a picture over its height (default {DEFAULT.aspect:g})")
+        help=f"width of a picture over its height (default {DEFAULT.aspect:g})")  # fmt: skip
     page.add_argument("--columns", type=int, default=DEFAULT.columns, metavar="N",
-                      help="pictures side by side (default: as many as rows, or one more)")
+                      help="pictures side by side (default: as many as rows, or one more)")  # fmt: skip
     page.add_argument(
         "--background", default=DEFAULT.background, metavar="|".join(BACKGROUNDS),
-        help=f"of the figure (default {DEFAULT.background})")
+        help=f"of the figure (default {DEFAULT.background})")  # fmt: skip
     page.add_argument(
         "--font-size", type=float, default=DEFAULT.font_size, metavar="PT",
-        help=f"size of the lettering in points (default {DEFAULT.font_size:g})")
+        help=f"size of the lettering in points (default {DEFAULT.font_size:g})")  # fmt: skip
     page.add_argument("--caption", metavar="TEXT", help="below the pictures (default: what is seen); '' for none")
     page.add_argument(
-        "--scale-bar", type=_length, default=DEFAULT.scale_bar, metavar=f"{AUTO}|{OFF}|MM",
-        help=f"length of the scale bar in mm, or in the volume's unit if that is no metric one (default {AUTO})")
+        "--scale-bar",
+        type=_length,
+        default=DEFAULT.scale_bar,
+        metavar=f"{AUTO}|{OFF}|MM",
+        help=f"length of the scale bar in mm, or in the volume's unit if that is no metric one (default {AUTO})",
+    )
     page.add_argument(
-        "--scale-depth", type=_length, metavar=f"{CENTER}|D",
-        help="distance from the camera, in world units, at which the scale bar of a perspective view holds")
-    page.add_argument("--sides", default=DEFAULT.sides, metavar="|".join(SIDES),
-                      help=f"how the patient's sides are shown (default {DEFAULT.sides}: letters where they are known)")
+        "--scale-depth",
+        type=_length,
+        metavar=f"{CENTER}|D",
+        help="distance from the camera, in world units, at which the scale bar of a perspective view holds",
+    )
+    page.add_argument(
+        "--sides",
+        default=DEFAULT.sides,
+        metavar="|".join(SIDES),
+        help=f"how the patient's sides are shown (default {DEFAULT.sides}: letters where they are known)",
+    )
     page.add_argument("--no-color-bar", action="store_true", help="leave the color bar out")
     panels = parser.add_argument_group("panels", "one picture unless given; both together make a grid")
     panels.add_argument(
-        "--compare", action="append", default=[], metavar="NAME|FILE",
-        help="a preset or a transfer function file, each in a panel of its own; may be given several times")
+        "--compare",
+        action="append",
+        default=[],
+        metavar="NAME|FILE",
+        help="a preset or a transfer function file, each in a panel of its own; may be given several times",
+    )
     panels.add_argument(
         "--view", action="append", nargs=2, type=float, default=[], metavar=("AZIMUTH", "ELEVATION"),
-        help="a view of the turntable, each in a panel of its own; may be given several times")
+        help="a view of the turntable, each in a panel of its own; may be given several times")  # fmt: skip
     panels.add_argument(
         "--title", action="append", default=[], metavar="TEXT",
-        help="title of a panel, once for each (default: what they differ in)")
+        help="title of a panel, once for each (default: what they differ in)")  # fmt: skip
 
 
 def _length(text: str) -> float | str:

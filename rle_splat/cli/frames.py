@@ -24,17 +24,19 @@ def add_frames_option(parser) -> None:
         "--frames", nargs=2, type=int, metavar=("A", "B"),
         help="render the frames A to B, counted from 1, of --turn, of --camera-path, or else of a volume in time; "
         "pictures that are there already, whole and of the same scene, are not made again",
+    )  # fmt: skip
+    group.add_argument(
+        "--turn", type=float, metavar="DEG", help="with --frames: turn the turntable by so many degrees each frame"
     )
     group.add_argument(
-        "--turn", type=float, metavar="DEG", help="with --frames: turn the turntable by so many degrees each frame")
-    group.add_argument(
-        "--camera-path", metavar="FILE.json",
+        "--camera-path",
+        metavar="FILE.json",
         help="a list of cameras as of --camera, one for each frame; without --frames all of them",
     )
     group.add_argument(
         "--like", type=int, metavar="N",
         help="the frame whose transfer function and view all frames of a volume in time have (default A)",
-    )
+    )  # fmt: skip
     group.add_argument("--again", action="store_true", help="make all frames, also those that are there already")
 
 

@@ -15,30 +15,33 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     """Add these options; ``with_pass``: the one of the shadow pass too."""
     group = parser.add_argument_group("shadows and ambient light")
     group.add_argument(
-        "--shadows", action="store_true",
+        "--shadows",
+        action="store_true",
         help="let the lights of --lights cast shadows, except those with casts_shadow false; a headlight casts none",
     )
     group.add_argument(
         "--world", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear radiance from all directions, like the color of Blender's world",
-    )
+    )  # fmt: skip
     group.add_argument(
-        "--environment", metavar="FILE.exr",
+        "--environment",
+        metavar="FILE.exr",
         help="an equirectangular picture of the radiance from all directions, as of Blender's environment texture: row "
         "0 is +Z, the middle +X; it replaces the default headlight",
     )
     group.add_argument(
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
         help="darken places where the volume blocks the light from all directions, 0 (off, the default) to 1",
-    )
+    )  # fmt: skip
     group.add_argument(
         "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
         help="scatter light that casts shadows, so that thin and soft matter is translucent, 0 (off, the default) to "
         "1; classification post only",
-    )
+    )  # fmt: skip
     if with_pass:
         group.add_argument(
-            "--shadow-pass", metavar="FILE",
+            "--shadow-pass",
+            metavar="FILE",
             help="also write a picture of the share of each pixel's light that shadows and ambient occlusion remove",
         )
 
@@ -48,7 +51,7 @@ def check_light_effects(args) -> None:
     wanted = {
         "shadows": args.shadows, "world": args.world is not None, "environment": args.environment is not None,
         "ambient-occlusion": args.ambient_occlusion != 0.0, "indirect-light": args.indirect_light != 0.0,
-    }
+    }  # fmt: skip
     if wanted["world"] and wanted["environment"]:
         raise RleSplatError("--world and --environment are both the light from all directions; give one of the two.")
     name = next((name for name, given in wanted.items() if given), None)
@@ -96,7 +99,7 @@ def with_light_effects(args, scene: Scene, sky) -> Scene:
     scene = replace(
         scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion,
         indirect_light=args.indirect_light,
-    )
+    )  # fmt: skip
     if sky is None:
         return replace(scene, world=None if args.world is None else tuple(args.world))
     mean, environment = sky

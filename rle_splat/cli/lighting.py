@@ -35,13 +35,15 @@ def check_lighting(args, lighting, lights, camera) -> None:
         raise RleSplatError(f"{args.volume} was encoded with shading; remove --no-shading, or encode it again.")
     if args.lights is not None and plain(lights) != lighting.get("lights"):
         raise RleSplatError(
-            f"{args.volume} was encoded with other lights than {args.lights}; remove --lights, or encode it again.")
+            f"{args.volume} was encoded with other lights than {args.lights}; remove --lights, or encode it again."
+        )
     headlight = lighting.get("headlight_direction")
     if args.headlight is False and headlight is not None:
         raise RleSplatError(f"{args.volume} was encoded with a headlight; remove --no-headlight, or encode it again.")
     if args.headlight and not _shines_along(headlight, depth_row(camera)[:3]):
         raise RleSplatError(
-            f"{args.volume} was not encoded with a headlight from this view; remove --headlight, or encode it again.")
+            f"{args.volume} was not encoded with a headlight from this view; remove --headlight, or encode it again."
+        )
 
 
 def _shines_along(headlight, looking) -> bool:

@@ -23,11 +23,11 @@ LABEL_EDGES = ("smooth", "voxels")
 
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
-    group = parser.add_argument_group(
-        "labels and channels", "further volumes on the same grid")
+    group = parser.add_argument_group("labels and channels", "further volumes on the same grid")
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
-        "--label-functions", metavar="FILE.json",
+        "--label-functions",
+        metavar="FILE.json",
         help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
         "the label file, or distinct colors if it has none",
@@ -35,20 +35,21 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0],
         help="smooth edges of labels (default), or voxels, which show the steps of the label map as it is",
-    )
+    )  # fmt: skip
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
         help="a volume to add to the picture; may be given several times",
-    )
+    )  # fmt: skip
     group.add_argument(
-        "--file-channels", action="store_true",
+        "--file-channels",
+        action="store_true",
         help="add the other channels in the file of the volume, each in its color and with a window of its own",
     )
     group.add_argument(
         "--channel-function", action="append", default=[], metavar="FILE.json|PRESET",
         help="the transfer function of a channel, a file or a preset; give one for each --channel, in the same order, "
         "or none for automatic ones",
-    )
+    )  # fmt: skip
 
 
 def mixing_inputs(args) -> tuple:

@@ -54,7 +54,7 @@ EFFECT_STATES = {"on": True, "off": False, "auto": None}
 READ_OPTIONS = (
     "shape", "dtype", "byte_order", "header_bytes", "spacing", "slope", "intercept", "grid", "series", "frame", "unit",
     "value_unit", "modality", "orientation", "flip", "level",
-)
+)  # fmt: skip
 
 
 def add_volume_argument(parser, also=()) -> None:
@@ -65,26 +65,31 @@ def add_volume_argument(parser, also=()) -> None:
 def add_volume_options(parser) -> None:
     """Add the options for a file that does not describe its own layout."""
     group = parser.add_argument_group(
-        "volume options", "taken from the file, or guessed from its name and size, unless given")
+        "volume options", "taken from the file, or guessed from its name and size, unless given"
+    )
     group.add_argument(
-        "--shape", nargs=3, type=int, metavar=("NX", "NY", "NZ"), help="number of voxels along x (fastest), y and z")
+        "--shape", nargs=3, type=int, metavar=("NX", "NY", "NZ"), help="number of voxels along x (fastest), y and z"
+    )
     group.add_argument("--dtype", metavar="TYPE", help=f"number type of a voxel: {'|'.join(STORED_TYPES)}")
     group.add_argument("--byte-order", metavar="ORDER", help=f"order of a voxel's bytes: {'|'.join(BYTE_ORDERS)}")
     group.add_argument("--header-bytes", type=int, metavar="N", help="bytes to skip before the voxels")
     group.add_argument(
-        "--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="distance between voxel centers")
+        "--spacing", nargs=3, type=float, metavar=("SX", "SY", "SZ"), help="distance between voxel centers"
+    )
     group.add_argument(
-        "--orientation", metavar="LETTERS", help="where voxel x, y and z grow in the patient, such as LPS")
+        "--orientation", metavar="LETTERS", help="where voxel x, y and z grow in the patient, such as LPS"
+    )
     group.add_argument("--flip", metavar="AXES", help="voxel axes to mirror, each once, such as x or xz")
     group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
     group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")
     group.add_argument(
-        "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them")
+        "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them"
+    )
     group.add_argument(
         "--level", type=int, metavar="N",
         help="the level of an OME-Zarr pyramid, 0 for the finest (default the finest that fits into memory); of other "
-        "formats, keep every 2^N-th voxel along each axis, for a quick look (default 0, all)")
+        "formats, keep every 2^N-th voxel along each axis, for a quick look (default 0, all)")  # fmt: skip
     group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a volume in time (default 1)")
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")
@@ -115,13 +120,13 @@ def add_report_options(parser) -> None:
     parser.add_argument(
         "--progress", action=argparse.BooleanOptionalAction, default=None,
         help="show progress on stderr (default: only on a terminal)",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
         help="the most memory of its own to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a "
              "command that needs more is refused; mapped files do not count, though the system may show them as memory "
              "of the process",
-    )
+    )  # fmt: skip
 
 
 def add_transfer_function_options(parser) -> None:
@@ -129,7 +134,8 @@ def add_transfer_function_options(parser) -> None:
     group = parser.add_argument_group("transfer function", "chosen from the volume's values unless given")
     one = group.add_mutually_exclusive_group()
     one.add_argument(
-        "--transfer-function", metavar="FILE",
+        "--transfer-function",
+        metavar="FILE",
         help="a file with points of opacity and color (JSON), presets of 3D Slicer (.xml, .mrml, .vp, .vp.json), or a "
         "color map of niivue (.json) or FSL (.cmap)",
     )
@@ -139,7 +145,7 @@ def add_transfer_function_options(parser) -> None:
         "--smoothness", type=float, metavar="MM",
         help="standard deviation of the Gaussian that values are smoothed with before light is computed, 0 for none; "
         "by default that of the transfer function, else the largest voxel spacing, at most 2 mm; post only",
-    )
+    )  # fmt: skip
 
 
 def add_light_options(parser) -> None:
@@ -149,9 +155,10 @@ def add_light_options(parser) -> None:
     group.add_argument(
         "--headlight", action=argparse.BooleanOptionalAction, default=None,
         help="one white parallel light along the camera's axis (default for the turntable without --lights)",
-    )
+    )  # fmt: skip
     group.add_argument(
-        "--no-shading", action="store_true", help="show the colors of the transfer function without lights")
+        "--no-shading", action="store_true", help="show the colors of the transfer function without lights"
+    )
 
 
 def add_effect_options(parser) -> None:
@@ -161,7 +168,7 @@ def add_effect_options(parser) -> None:
         "--effect", action="append", default=[], metavar="NAME=on|off|auto",
         help="force an effect on or off; auto (the default) uses it if the scene needs it; may be given several times; "
         "an unknown name lists them all",
-    )
+    )  # fmt: skip
 
 
 def effects_from(args) -> dict[str, bool]:
@@ -200,9 +207,10 @@ def add_turntable_options(parser) -> None:
     group.add_argument("--elevation", type=float, metavar="DEG", help="0 (default) is level, 90 looks straight down")
     group.add_argument(
         "--fit", type=float, metavar="F",
-        help="height of the view as a multiple of the volume's largest side (default 1.25)")
+        help="height of the view as a multiple of the volume's largest side (default 1.25)")  # fmt: skip
     group.add_argument(
-        "--perspective", action="store_true", default=None, help="a perspective view instead of an orthographic one")
+        "--perspective", action="store_true", default=None, help="a perspective view instead of an orthographic one"
+    )
     group.add_argument("--fov", type=float, metavar="DEG", help="vertical angle of a perspective view (default 40)")
 
 
@@ -211,11 +219,13 @@ def add_placement_options(parser) -> None:
     group = parser.add_argument_group("placement")
     group.add_argument(
         "--camera", metavar="FILE.json",
-        help="a camera with the properties of Blender's camera, instead of the turntable")
+        help="a camera with the properties of Blender's camera, instead of the turntable")  # fmt: skip
     group.add_argument(
-        "--volume-matrix", metavar="FILE.json", help="4x4 matrix from the volume's own space to the world")
+        "--volume-matrix", metavar="FILE.json", help="4x4 matrix from the volume's own space to the world"
+    )
     group.add_argument(
-        "--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (default 1)")
+        "--scene-scale", type=float, default=1.0, metavar="S", help="world units per volume unit (default 1)"
+    )
 
 
 def add_scene_options(parser) -> None:
@@ -238,7 +248,8 @@ def add_clip_option(parser) -> None:
 def add_mist_option(parser) -> None:
     """Add the option of the mist."""
     parser.add_argument(
-        "--mist", metavar="FILE.json", help="mist as in Blender's world: {start, depth, falloff, color}")
+        "--mist", metavar="FILE.json", help="mist as in Blender's world: {start, depth, falloff, color}"
+    )
 
 
 def scene_inputs(args) -> tuple:
@@ -250,7 +261,8 @@ def scene_inputs(args) -> tuple:
 def add_size_option(parser) -> None:
     """Add the option of the image size."""
     parser.add_argument(
-        "--size", type=image_size, default=DEFAULT_SIZE, metavar="W [H]", help="image size in pixels (default 512)")
+        "--size", type=image_size, default=DEFAULT_SIZE, metavar="W [H]", help="image size in pixels (default 512)"
+    )
 
 
 def add_image_options(parser) -> None:
@@ -259,11 +271,11 @@ def add_image_options(parser) -> None:
     parser.add_argument(
         "--crop", nargs=4, type=int, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
         help="render only this part of the picture, in pixels from the top left; RIGHT and BOTTOM are not included",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--background", nargs=3, type=float, metavar=("R", "G", "B"),
         help="scene-linear color behind the picture in a .png; without it a .png has straight alpha",
-    )
+    )  # fmt: skip
 
 
 def add_mode_option(parser) -> None:
@@ -271,7 +283,7 @@ def add_mode_option(parser) -> None:
     parser.add_argument(
         "--mode", default=MODES[0], metavar="|".join(MODES),
         help=f"what a pixel shows of its ray: {', '.join(MODE_TEXTS.values())} (default {MODES[0]})",
-    )
+    )  # fmt: skip
 
 
 def add_quality_options(parser) -> None:
@@ -302,7 +314,7 @@ def add_tolerance_options(parser) -> None:
     group.add_argument(
         "--probes", type=int, metavar="N",
         help=f"number of pixels at which the error is measured (default {PROBES}); 0 predicts it only",
-    )
+    )  # fmt: skip
 
 
 def add_model_option(parser) -> None:
@@ -314,11 +326,12 @@ def add_machine_options(parser) -> None:
     """Add the options of threads and voxel records."""
     group = parser.add_argument_group("machine")
     group.add_argument(
-        "--threads", type=int, default=0, metavar="N", help="number of threads; 0 (default) uses all processor cores")
+        "--threads", type=int, default=0, metavar="N", help="number of threads; 0 (default) uses all processor cores"
+    )
     group.add_argument(
         "--record", type=int, metavar="BYTES",
         help=f"{'|'.join(map(str, RECORDS))}: {KNOB_TEXTS['record']}",
-    )
+    )  # fmt: skip
     group.add_argument("--backend", help=argparse.SUPPRESS)  # of earlier versions; without effect
 
 

@@ -62,7 +62,7 @@ def add_arguments(parser) -> None:
     parser.add_argument(
         "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in ROW_WRITERS)}}}",
         help="the picture to write; may be given several times",
-    )
+    )  # fmt: skip
     add_image_options(parser)
     add_tile_option(parser)
     add_mode_option(parser)
@@ -72,7 +72,8 @@ def add_arguments(parser) -> None:
     add_frames_option(parser)
     add_dask_option(parser)
     parser.add_argument(
-        "--motion", metavar="FILE.json",
+        "--motion",
+        metavar="FILE.json",
         help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
         "while the shutter is open",
     )
@@ -224,7 +225,8 @@ def _check(args, frames) -> Checked:
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
-            "The voxels of a .rle file are classified already; render the original volume with labels or channels.")
+            "The voxels of a .rle file are classified already; render the original volume with labels or channels."
+        )
     usual = None
     if is_encoded:
         from ..encode.stored import classification_of
@@ -361,8 +363,8 @@ def _prepare_tables(args, quality) -> PreparedScene:
         raise RleSplatError(
             "The voxels of a .rle file are classified already; leave --classification "
             f"{asked} out, or render the original volume."
-            if stored.classification == "pre" else
-            f"{args.volume} holds post-classified tables; leave --classification {asked} out."
+            if stored.classification == "pre"
+            else f"{args.volume} holds post-classified tables; leave --classification {asked} out."
         )
     if stored.transfer_function is None or not isinstance(stored.lighting, dict):
         raise RleSplatError(f"{args.volume} lacks its transfer function or its lights; encode the volume again.")
@@ -394,7 +396,7 @@ def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, star
     report["stages_ms"] = {
         "read": prepared.read_ms, **stages, "render": stages["total"], "write": write_ms,
         "total": 1e3 * (perf_counter() - start),
-    }
+    }  # fmt: skip
     report["transfer_function"] = prepared.transfer_function
     report["remarks"] = [*report["remarks"], *prepared.remarks]
     report["background"] = args.background

@@ -134,8 +134,9 @@ class TiffRows(_Rows):
         self._samples = 4 if self._background is None else 3
         big = 2 * self._samples * self._width * self._height > CLASSIC_MOST
         # The words of a header, of a count of tags, of a tag, and of the offset that follows the tags.
-        self._header, self._count, self._tag, self._next = ("<2sHHHQ", "<Q", "<HHQ", "<Q") if big else (
-            "<2sHI", "<H", "<HHI", "<I")
+        self._header, self._count, self._tag, self._next = (
+            ("<2sHHHQ", "<Q", "<HHQ", "<Q") if big else ("<2sHI", "<H", "<HHI", "<I")
+        )
         self._offset_type, self._first = (LONG8, (b"II", 43, 8, 0)) if big else (LONG, (b"II", 42))
         self._file.write(struct.pack(self._header, *self._first, 0))
         self._left = np.empty((0, self._width, self._samples), np.uint16)

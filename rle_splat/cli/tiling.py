@@ -16,7 +16,7 @@ def add_tile_option(parser) -> None:
         "--tile", type=int, metavar="N",
         help="render and write the picture in tiles of N pixels, which takes less memory and gives the same picture "
         "(default: as large as fits, where --memory-limit is given and the whole picture does not fit)",
-    )
+    )  # fmt: skip
 
 
 def check_tiles(args) -> None:

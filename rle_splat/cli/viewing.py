@@ -168,7 +168,7 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
         scene_scale=args.scene_scale, lights=lights, headlight=headlight, effects=effects_from(args),
         clips=read_clips(args),
         mode=getattr(args, "mode", MODES[0]), mist=read_mist(args),
-    )
+    )  # fmt: skip
 
 
 def read_motion(path) -> list[dict]:

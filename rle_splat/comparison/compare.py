@@ -77,7 +77,7 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
         "truth": {"name": "T1", "probes": len(truth[0]), "ms": truth_ms},
         "shared_ms": medium.stages_ms, "measured_against": None if reference is None else reference["name"],
         "systems": entries,
-    }
+    }  # fmt: skip
 
 
 def _measure(system: System, medium: ShadedScene, quality: Quality, truth, repeats: int) -> dict:
@@ -85,7 +85,7 @@ def _measure(system: System, medium: ShadedScene, quality: Quality, truth, repea
     entry = {
         "name": system.name, "title": system.title, "reference": system.reference, "differs": system.differs,
         "judged": system.channels,
-    }
+    }  # fmt: skip
     try:
         system.prepare(medium, quality).draw()  # compiles the kernels and warms up
     except RleSplatError as refusal:
@@ -107,7 +107,7 @@ def _measure(system: System, medium: ShadedScene, quality: Quality, truth, repea
         **entry, "prepare_ms": prepare_ms, "draw_ms": best,
         "memory_bytes": {**prepared.memory_bytes, "total": prepared.total_bytes},
         "error": {"rmse": error.rmse, "largest": error.largest, "alpha_rmse": alpha.rmse}, "notes": prepared.notes,
-    }
+    }  # fmt: skip
 
 
 def table_lines(report: dict) -> list[str]:

@@ -82,7 +82,7 @@ def shown_indices(index: DensityIndex, volume: Volume, transfer_function) -> lis
     ranges = []
     for low, high in positive_intervals(pieces(transfer_function.opacity)):
         ends = [_first(index, volume, (lambda v, e=end: v >= e) if volume.slope > 0.0 else (lambda v, e=end: v < e))
-                for end in (low, high)]
+                for end in (low, high)]  # fmt: skip
         ranges.append(ends if volume.slope > 0.0 else ends[::-1])
     shown = []
     marks = np.zeros(index.order.shape[1], bool)
@@ -118,7 +118,7 @@ def classify_shown(
     return ClassifiedVolume.from_lists(
         (nx, ny, nz), row_offsets(per_row), (flat % nx).astype(np.uint16 if nx <= 65536 else np.int32), *lists,
         int(nz * ny * nx - index.numbers.sum()), found.unit_length, found.opacity_distance,
-    )
+    )  # fmt: skip
 
 
 def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
@@ -137,6 +137,6 @@ def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:
         "index_ms": 1e3 * (indexed - began), "window_ms": 1e3 * (found - indexed),
         "classify_ms": medium.stages_ms["classify"], "index_bytes": index.nbytes,
         "three_axes_of_records_bytes": 3 * RECORD * shown.visible_voxels,
-    }
+    }  # fmt: skip
     prepared = ours.prepare_tables(medium, quality, axes, **notes)
     return replace(prepared, memory_bytes={"index": index.nbytes, **prepared.memory_bytes})

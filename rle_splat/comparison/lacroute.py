@@ -25,7 +25,7 @@ def shear_warp(**overrides) -> Quality:
     return Quality(
         classification="pre", depth_rule="slice", sheet_density=0.0, kernel="tent", warp_filter="bilinear",
         termination=TERMINATION, model="opacity", length_correction=True, name="shear-warp", **overrides,
-    )
+    )  # fmt: skip
 
 
 def prepare(medium: ShadedScene, quality: Quality) -> ReadySystem:

@@ -44,7 +44,8 @@ def prepare(medium: ShadedScene, quality: Quality, threshold: float = THRESHOLD,
     splats = in_order(medium, tree, nodes)
     tables = [footprint(medium.view, float(2**level)) for level in range(len(tree))]
     memory = {
-        "pyramid": sum(level.nbytes for level in tree), "splats": sum(array.nbytes for array in splats),
+        "pyramid": sum(level.nbytes for level in tree),
+        "splats": sum(array.nbytes for array in splats),
         "footprint_tables": sum(table.weights.nbytes for table in tables),
     }
     notes = {"threshold": threshold, "splats": len(splats[0]), "splats_per_level": [len(found) for found in nodes]}
@@ -130,6 +131,4 @@ def splat_nodes(workers, pixels, level_of, records, starts, weights, shapes, rea
                 base = starts[level] + (sub_row * subpixels + sub_column) * height * width
                 for r in range(max(row, top), min(row + height, bottom)):
                     entry = base + (r - row) * width - column
-                    _composite_row(
-                        image, r, max(column, 0), min(column + width, columns), weights, entry, records, n
-                    )
+                    _composite_row(image, r, max(column, 0), min(column + width, columns), weights, entry, records, n)

@@ -71,7 +71,7 @@ def cast(medium: ShadedScene, quality: Quality, blocks, step: float = STEP, leap
         cast_rows(
             workers, read_only(medium.field), read_only(blocks), start, direction, view.to_world, camera.clip_start,
             camera.clip_end, step * spacing, quality.termination, leaping, image, depth,
-        )
+        )  # fmt: skip
     return picture(image, depth)
 
 
@@ -105,7 +105,8 @@ def _cast(field, flat, blocks, origin, advance, count, length, least, leaping, s
         m = min(max(int(z), 0), nz - 2)
         if leaping and blocks[m // BLOCK, j // BLOCK, i // BLOCK] == 0:
             leap = min(
-                _steps_to_leave(x, advance[0], i // BLOCK), _steps_to_leave(y, advance[1], j // BLOCK),
+                _steps_to_leave(x, advance[0], i // BLOCK),
+                _steps_to_leave(y, advance[1], j // BLOCK),
                 _steps_to_leave(z, advance[2], m // BLOCK),
             )
             k += max(1, math.ceil(min(leap, float(count))))
@@ -137,9 +138,7 @@ def _cast(field, flat, blocks, origin, advance, count, length, least, leaping, s
 
 
 @kernel(parallel=True)
-def cast_rows(
-    workers, field, blocks, start, direction, to_world, near, far, step, least, leaping, image, depth
-):
+def cast_rows(workers, field, blocks, start, direction, to_world, near, far, step, least, leaping, image, depth):
     """Cast the ray of each pixel.
 
     ``field``: (nz + 2, ny + 2, nx + 2, 4) float32.  ``blocks``: (bz, by, bx) uint8.  ``start``, ``direction``: (3, 3)

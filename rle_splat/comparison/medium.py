@@ -89,7 +89,7 @@ class ShadedScene:
         volume = StoredVolume.of(
             axes, scene.volume.affine, scene.volume.unit, self.classified.unit_length,
             scene.transfer_function.to_json(),
-        )
+        )  # fmt: skip
         return replace(scene, volume=volume, lights=(), headlight=False, effects={})
 
 

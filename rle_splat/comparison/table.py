@@ -60,7 +60,7 @@ SYSTEMS = {
             "Without their directional shading and depth cueing.", totsuka_levoy.prepare, channels="a",
         ),
     )
-}
+}  # fmt: skip
 
 
 def system_of(name: str) -> System:

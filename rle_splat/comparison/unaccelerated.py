@@ -45,4 +45,4 @@ def every_voxel(encoded: RunLengthVolume) -> RunLengthVolume:
         encoded.axis, encoded.shape_xyz, scanline_pointers,
         data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, scanline_data_pointers, encoded.model,
         voxels,
-    )
+    )  # fmt: skip

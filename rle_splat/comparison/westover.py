@@ -83,14 +83,12 @@ def draw(medium: ShadedScene, quality: Quality, table: FootprintTable, sheets: b
         splat_voxels(
             workers, read_only(voxels), corner, steps, read_only(table.weights), table.shape, table.reach, sheets,
             cull, image,
-        )
+        )  # fmt: skip
     return picture(image)
 
 
 @kernel
-def _splat_slice(
-    voxels, slice_, corner, steps, weights, shape, reach, top, bottom, sheets, cull, target, box
-):
+def _splat_slice(voxels, slice_, corner, steps, weights, shape, reach, top, bottom, sheets, cull, target, box):
     """Splat one slice on the screen rows [top, bottom).
 
     ``target``: (rows of the band, W, 4), the sheet buffer, with ``sheets``, else the image; updated.  ``box``: (4,)
@@ -141,7 +139,7 @@ def _composite_sheet(sheet, image, top, box):
                 composite_sample(
                     image, row, column, np.float32(1.0), sheet[row - top, column, 0], sheet[row - top, column, 1],
                     sheet[row - top, column, 2], tau,
-                )
+                )  # fmt: skip
             for channel in range(4):
                 sheet[row - top, column, channel] = 0.0
 
@@ -167,6 +165,6 @@ def splat_voxels(workers, voxels, corner, steps, weights, shape, reach, sheets, 
                 _splat_slice(
                     voxels, k, corner, steps, weights, shape, reach, top, bottom, sheets, cull,
                     sheet if sheets else image, box,
-                )
+                )  # fmt: skip
                 if sheets:
                     _composite_sheet(sheet, image, top, box)

@@ -133,4 +133,4 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
 CLIP_OBJECTS = Kind(
     "cuts the volume by the planes and boxes of the scene", _judge, lambda scene: change(scene, clips=()),
     stage="clip objects",
-)
+)  # fmt: skip

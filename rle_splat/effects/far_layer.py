@@ -43,7 +43,7 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
         left, top = region[0], region[1]
         behind = (
             left + int(columns.min()), top + int(rows.min()), left + int(columns.max()) + 1, top + int(rows.max()) + 1
-        )
+        )  # fmt: skip
         windows = [(n, plane.window(behind, reach)) for n, plane in enumerate(planes)]
         found.append((layers.far, behind, [(n, window) for n, window in windows if window is not None]))
     return found

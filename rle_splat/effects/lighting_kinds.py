@@ -120,17 +120,17 @@ def _with_specular(scene: Scene) -> Scene:
 SHADING = Kind(
     "shades by the angle between the light and the surface; its normal is the gradient", _shading,
     _remove_shade, stage="shade", with_default=_force_shade,
-)
+)  # fmt: skip
 LIGHTS = Kind(
     "lights the volume by the light objects of the scene instead of a headlight", _lights,
     lambda scene: change(scene, lights=()), within="shading",
-)
+)  # fmt: skip
 HEADLIGHT = Kind(
     "lights the volume by one white parallel light along the camera's axis", _headlight,
     lambda scene: change(scene, headlight=False), within="shading",
     with_default=lambda scene: change(scene, headlight=True),
-)
+)  # fmt: skip
 SPECULAR = Kind(
     "adds highlights, which change with the view", _specular, _without_specular, within="shading",
     with_default=_with_specular,
-)
+)  # fmt: skip

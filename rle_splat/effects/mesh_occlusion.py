@@ -154,4 +154,4 @@ def _any_before(triangles, row: np.ndarray, depth: float) -> bool:
 MESH_OCCLUSION = Kind(
     "ends each ray at the first mesh it meets", _judge,
     lambda scene: change(scene, triangles=None, ray_ends=None), stage="occlusion",
-)
+)  # fmt: skip

@@ -19,6 +19,7 @@ def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 MIST = Kind(
-    "fades colors into the mist's color with their distance from the camera", _mist,
+    "fades colors into the mist's color with their distance from the camera",
+    _mist,
     lambda scene: change(scene, mist=None),
 )

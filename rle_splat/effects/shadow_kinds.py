@@ -69,7 +69,8 @@ SHADOWS = Kind(
     with_default=lambda scene: change(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "adds the world's light from all directions", _world,
+    "adds the world's light from all directions",
+    _world,
     lambda scene: change(scene, world=None, environment=None),
     within="shading",
 )
@@ -80,4 +81,4 @@ AMBIENT_OCCLUSION = Kind(
 INDIRECT_LIGHT = Kind(
     "scatters light on its way through the volume, so that thin and soft matter is translucent", _indirect_light,
     lambda scene: change(scene, indirect_light=0.0), within="shadows", with_default=_force_indirect,
-)
+)  # fmt: skip

@@ -263,9 +263,7 @@ def node_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     for done, (sweep, share) in enumerate(sweeps):
         blocking = yield from map_steps(occluders.blocking_steps(sweep.axis), lambda _, done=done: done / len(sweeps))
         meshes = _meshes_before(sweep, occluders)
-        steps = shade_nodes_steps(
-            sweep, *blocking, meshes, occluders.matrix, nodes, share, threads=occluders.threads
-        )
+        steps = shade_nodes_steps(sweep, *blocking, meshes, occluders.matrix, nodes, share, threads=occluders.threads)
         yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
     return nodes
 
@@ -358,9 +356,7 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
             sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
             cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
             nodes = yield from map_steps(node_light_steps([cleared], [1.0], occluders), lambda _: along(0.0))
-            steps = read_nodes_steps(
-                nodes, 1, 1.0, occluders.voxels, offsets, None, free, 0, threads=occluders.threads
-            )
+            steps = read_nodes_steps(nodes, 1, 1.0, occluders.voxels, offsets, None, free, 0, threads=occluders.threads)
             yield from map_steps(steps, lambda _: along(0.0))
         steps = trace_steps(
             occluders.voxels, offsets, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], sums,

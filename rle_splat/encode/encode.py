@@ -39,7 +39,7 @@ PACKED_AT_ONCE = 1 << 18
 
 def encode(
     classified, colors, axis: int, model: str = "extinction", *, record: int = 16, threads: int = 0,
-) -> RunLengthVolume:
+) -> RunLengthVolume:  # fmt: skip
     """Encode a classified volume for one principal axis.
 
     Parameters

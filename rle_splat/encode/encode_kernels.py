@@ -76,7 +76,7 @@ def _count_across(begin, end_plane, bits, n_rows, run_counts, voxel_counts):
                 _count_block(
                     words, x // WORD, block, before[x : x + WORD], run_counts[z, x : x + WORD],
                     voxel_counts[z, x : x + WORD],
-                )
+                )  # fmt: skip
         for x in range(n_columns):  # the transparent rest after the last voxel is a run too
             last = (before[x] >> ((n_rows - 1) % WORD)) & ONE_BIT
             run_counts[z, x] += (voxel_counts[z, x] > 0) & (last == NO_BITS)
@@ -174,9 +174,7 @@ def fetch_across(n_y, first_plane, row_start, data_starts, size, records, source
 
 
 @kernel(inner=True)
-def _move_across(
-    begin, end, n_y, first_plane, row_start, data_starts, size, records, target, source, bits, column
-):
+def _move_across(begin, end, n_y, first_plane, row_start, data_starts, size, records, target, source, bits, column):
     """Move records from ``records`` to ``target``, or from ``source`` to ``records``; the unused one is None.
 
     (With a flag instead of None, numba would compile both branches.) Blocks of 64 x 64 voxels are transposed in a

@@ -165,7 +165,7 @@ def find_members(path) -> FolderMembers | FileMembers:
 def describe_tables(
     volume, *, classification: str, model: str, record: int, axes, unit_length: float, transfer_function, lighting,
     source: str,
-) -> dict:
+) -> dict:  # fmt: skip
     """What the header says of all tables; ``validate.check_header`` reads it.
 
     ``volume``: with the shape, the place and the remarks; ``axes``: principal axes. The others: see StoredVolume.

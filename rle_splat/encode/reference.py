@@ -20,7 +20,7 @@ def make_tables(voxels, axis: int):
     _, ny, nz = voxels.shape_xyz
     row = np.repeat(np.arange(nz * ny, dtype=np.int64), np.diff(voxels.row_start))
     x, y, z = voxels.column.astype(np.int64), row % ny, row // ny
-    along, across, principal = (np.array((x, y, z))[list(AXES[axis])])
+    along, across, principal = np.array((x, y, z))[list(AXES[axis])]
     width, n_scanlines, n_slices = (voxels.shape_xyz[i] for i in AXES[axis])
     scanline = principal * n_scanlines + across
     order = np.argsort(scanline, kind="stable")  # keeps y, and x, ascending within a scanline

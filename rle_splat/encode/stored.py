@@ -239,7 +239,7 @@ class StoredVolume:
     def of(
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
         source: str = "", remarks=(), space: str | None = None, key: str | None = None,
-    ) -> StoredVolume:
+    ) -> StoredVolume:  # fmt: skip
         """A volume in memory.
 
         Parameters

@@ -66,9 +66,7 @@ def letter_texts(letters: dict, x: float, y: float, width: float, height: float,
         "top": (x + 0.5 * width, y + 0.3 * size + 2.0 * half, "middle"),
         "bottom": (x + 0.5 * width, y + height - 0.3 * size, "middle"),
     }
-    return [
-        Text(*places[edge][:2], letters[edge], size, ink, anchor=places[edge][2], halo=halo) for edge in places
-    ]
+    return [Text(*places[edge][:2], letters[edge], size, ink, anchor=places[edge][2], halo=halo) for edge in places]
 
 
 def cube(scene: Scene, x: float, y: float, side: float, size: float) -> list:

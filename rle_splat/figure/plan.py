@@ -82,7 +82,8 @@ class FigureStyle:
         for name, choices in (("background", BACKGROUNDS), ("sides", SIDES)):
             if getattr(self, name) not in choices:
                 raise RleSplatError(
-                    f"The figure's {name} must be {', '.join(choices)}, not {short(getattr(self, name))}.")
+                    f"The figure's {name} must be {', '.join(choices)}, not {short(getattr(self, name))}."
+                )
         _check_length(self.scale_bar, (AUTO, OFF), "scale bar")
         if self.scale_depth is not None:
             _check_length(self.scale_depth, (CENTER,), "scale depth")

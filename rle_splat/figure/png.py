@@ -46,7 +46,7 @@ def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
         png_chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
         png_chunk(b"IDAT", zlib.compress(filter_rows(pixels).tobytes(), LEVEL)),
         png_chunk(b"IEND", b""),
-    ))
+    ))  # fmt: skip
 
 
 def png_begin(width: int, height: int, channels: int) -> bytes:

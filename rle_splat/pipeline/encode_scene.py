@@ -54,7 +54,7 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
     stored = StoredVolume.of(
         encoded, volume.affine, volume.unit, classified.unit_length, scene.transfer_function.to_json(),
         describe_lighting(scene), source, tuple(volume.remarks), volume.space,
-    )
+    )  # fmt: skip
     spent = clock.report()
     report = {
         "stages_ms": {name: spent[name] for name in ("classify", "shade", "encode", "total")},
@@ -69,7 +69,8 @@ def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source:
         "memory_estimate_bytes": lit.estimate.report(),
         "axes": {
             AXIS_NAMES[axis]: {
-                "runs": len(tables.runs), "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
+                "runs": len(tables.runs),
+                "memory_bytes": {**tables.table_bytes, "total": tables.nbytes},
             }
             for axis, tables in encoded.items()
         },

@@ -128,7 +128,7 @@ class ScalarVoxels(Medium):
         return scalar_splat_steps(
             tables, self.transfer, plane, self.quality, intervals, self.absorbs, self.mist, self.further,
             self.labels,
-        )
+        )  # fmt: skip
 
     def most_color(self, tables) -> float:
         return self.brightest

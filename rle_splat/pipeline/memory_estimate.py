@@ -241,7 +241,7 @@ def estimate_tables(found: VoxelCount, tables: PlannedTables, picture: int = 0) 
 def picture_bytes(
     planes, width: int, height: int, quality: Quality, *, shortened: bool = False, meshes: bool = False,
     scratch: int = 0, traced: bool = False,
-) -> int:
+) -> int:  # fmt: skip
     """What the sheets and the finished pixels of a picture take.
 
     ``planes``: its base planes, each with a width and a height.  ``shortened``: whether clip distances or meshes

@@ -108,7 +108,7 @@ PICTURES = (
         "wide footprints, opacities", 9.4, 0.0, classification="pre", knobs={"kernel": "gaussian", "model": "opacity"}
     ),
     SyntheticPicture("short records", 0.3, 0.0, classification="pre", knobs={"record": 8}),
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

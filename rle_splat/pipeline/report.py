@@ -94,7 +94,7 @@ def _plan_report(source: Source, view: View) -> dict:
             "sheets": len(plane.sheets), "width": plane.width, "height": plane.height, "share": fade.share,
         }
         for fade in view.fades for plane in fade.planes
-    ]
+    ]  # fmt: skip
     return knobs
 
 

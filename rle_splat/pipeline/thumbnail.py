@@ -67,7 +67,8 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
     flat = function.shade is None and len({tuple(rgb) for _, *rgb in function.color}) == 1
     shade = function.shade or Shade(1.0, 0.0, FAINT, 1.0)
     function = replace(
-        function, shade=replace(shade, specular=max(shade.specular, FAINT)),
+        function,
+        shade=replace(shade, specular=max(shade.specular, FAINT)),
         opacity_unit_distance=function.opacity_unit_distance or spacing,
     )
     if flat:

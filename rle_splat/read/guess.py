@@ -59,7 +59,7 @@ _SHAPE_SPACED = re.compile(r"(?<!\d)(?<!\d\.)(\d{2,5})[_-](\d{2,5})[_-](\d{2,5})
 _CUBE = re.compile(r"(?<!\d)(?<!\d\.)(\d{2,4})(?:\^3|cubed|cube)(?![a-z0-9])")
 _LENGTH = r"(\d*\.\d+|\d+)"
 _SPACING = re.compile(rf"(?<![\d.]){_LENGTH}[x×]{_LENGTH}[x×]{_LENGTH}(?=mm)|"
-                      rf"(?<![\d.])(\d*\.\d+)[x×](\d*\.\d+)[x×](\d*\.\d+)(?!\d)")
+                      rf"(?<![\d.])(\d*\.\d+)[x×](\d*\.\d+)[x×](\d*\.\d+)(?!\d)")  # fmt: skip
 _HEADER = re.compile(r"(?:header|hdr|skip|offset)[_-]?(\d{1,6})(?!\d)")
 
 
@@ -156,7 +156,7 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
         return RawGuess(
             known["shape"], known["dtype"], order or "little", header, name.get("spacing"), False, tuple(reasons), (),
             size,
-        )
+        )  # fmt: skip
     best = candidates[0]
     certain = known["shape"] is not None and decided and (known["header_bytes"] is not None or not best.header_bytes)
     if not certain:
@@ -164,7 +164,7 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
     return RawGuess(
         best.shape, best.dtype, best.byte_order, best.header_bytes, name.get("spacing"), certain,
         tuple(reasons), candidates[:CANDIDATE_LIMIT], size,
-    )
+    )  # fmt: skip
 
 
 def _size_and_sample_steps(path, limit: int):
@@ -245,7 +245,7 @@ def _candidates(size: int, known: dict) -> tuple:
             for shape, oddity in _shapes_of(voxels):
                 found.append((oddity, RawLayout(shape, dtype, order, known["header_bytes"] or 0)))
     if known["shape"] is not None and any(not layout.header_bytes for _, layout in found):
-            found = [pair for pair in found if not pair[1].header_bytes]  # an exact fit needs no header
+        found = [pair for pair in found if not pair[1].header_bytes]  # an exact fit needs no header
     found.sort(key=lambda pair: pair[0])  # stable: among equals, the smaller type stays first
     return tuple(layout for _, layout in found)
 
@@ -281,7 +281,8 @@ def _narrow_by_bytes(candidates, known: dict, named, sample: bytes, reasons: lis
             chosen = _likely_itemsize(sample, itemsizes, wide, known["byte_order"])
             reasons.append(
                 "Its even and odd bytes vary differently, as in types of more than one byte."
-                if wide else "Its even and odd bytes vary alike, as in types of one byte."
+                if wide
+                else "Its even and odd bytes vary alike, as in types of one byte."
             )
             order = sorted(candidates, key=lambda c: np.dtype(c.dtype).itemsize != chosen)
             candidates, itemsizes = tuple(order), [chosen]

@@ -253,7 +253,7 @@ def _label_table(labels) -> bytes:
         red, green, blue = to_display(np.array(one.color or (1.0, 1.0, 1.0), np.float64))
         colors = f' Red="{red:.6g}" Green="{green:.6g}" Blue="{blue:.6g}" Alpha="1"' if one.color else ""
         rows.append(f'<Label Key="{one.label}"{colors}>{escape(" ".join(one.name.split()), quote=False)}</Label>')
-    table = f'<LabelTable>{"".join(rows)}</LabelTable>'
+    table = f"<LabelTable>{''.join(rows)}</LabelTable>"
     text = f'<CaretExtension><VolumeInformation Index="0">{table}</VolumeInformation></CaretExtension>'
     content = b'<?xml version="1.0" encoding="UTF-8"?>' + text.encode()
     size = -(-(len(content) + 8) // 16) * 16

@@ -107,7 +107,7 @@ def read_raw_steps(
         raise unreadable(path, problem) from None
     return Volume(
         voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, name=plain_name(path), remarks=remarks,
-    )
+    )  # fmt: skip
 
 
 def _plain_steps(path, layout: RawLayout, doing: str):
@@ -156,7 +156,7 @@ def write_raw_steps(volume: Volume, path):
     options = dict(
         shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",
         spacing=tuple(float(s) for s in volume.spacing), slope=volume.slope, intercept=volume.intercept,
-    )
+    )  # fmt: skip
     return {**options, "unit": volume.unit, "value_unit": volume.value_unit, "modality": volume.modality}
 
 

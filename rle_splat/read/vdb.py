@@ -104,9 +104,7 @@ def _choose(grids: list, wanted: str | None, path) -> int:
             )
         return i
     if not numeric:
-        raise RleSplatError(
-            f"{Path(path).name} has no numeric grid; its grids are: {there}; export a grid of numbers."
-        )
+        raise RleSplatError(f"{Path(path).name} has no numeric grid; its grids are: {there}; export a grid of numbers.")
     return next((i for i in numeric if grids[i].name == PREFERRED_GRID), numeric[0])
 
 

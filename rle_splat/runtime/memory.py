@@ -157,7 +157,7 @@ def _windows_memory() -> tuple[int, int]:
             *((name, ctypes.c_ulonglong) for name in (
                 "total", "available", "total_page", "available_page", "total_virtual", "available_virtual", "extended"
             )),
-        ]
+        ]  # fmt: skip
 
     status = Status(length=ctypes.sizeof(Status))
     if not ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):

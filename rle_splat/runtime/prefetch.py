@@ -22,13 +22,12 @@ def fetch_ahead(typing, array, first, count):
         size = context.get_abi_sizeof(context.get_value_type(array_type.dtype))
         fetch = cgutils.get_or_insert_function(
             builder.module,
-            ir.FunctionType(ir.VoidType(), (byte.as_pointer(), *(ir.IntType(32),) * 3)), "llvm.prefetch.p0i8",
+            ir.FunctionType(ir.VoidType(), (byte.as_pointer(), *(ir.IntType(32),) * 3)),
+            "llvm.prefetch.p0i8",
         )
         start = builder.bitcast(place(context, builder, array_type, array, first), byte.as_pointer())
         read, near, data = (ir.Constant(ir.IntType(32), number) for number in (0, 3, 1))
-        with cgutils.for_range_slice(
-            builder, intp(0), builder.mul(count, intp(size)), intp(LINE), intp
-        ) as (offset, _):
+        with cgutils.for_range_slice(builder, intp(0), builder.mul(count, intp(size)), intp(LINE), intp) as (offset, _):
             builder.call(fetch, (builder.gep(start, [offset]), read, near, data))
         return context.get_dummy_value()
 

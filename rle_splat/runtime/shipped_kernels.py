@@ -109,9 +109,7 @@ class ShippedKernels:
             self._report_damage()
 
     def _report_damage(self) -> None:
-        self.problem = (
-            f"Kernels of this installation are damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
-        )
+        self.problem = f"Kernels of this installation are damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
 
     def load(self, name: str, digest: str):
         """Return what numba rebuilds a kernel's version from, or None.
@@ -128,8 +126,7 @@ class ShippedKernels:
         entry = self._archive.NameToInfo[name]
         if entry.comment != digest.encode():
             self.problem = (
-                "Kernels of this installation are of other sources or of other settings of numba. "
-                f"{COMPILED_INSTEAD}"
+                f"Kernels of this installation are of other sources or of other settings of numba. {COMPILED_INSTEAD}"
             )
             return None
         try:

@@ -189,4 +189,4 @@ def transpose4(rows):
     return (
         in_groups(low, low2, (0, 1, 4, 5)), in_groups(low, low2, (2, 3, 6, 7)),
         in_groups(high, high2, (0, 1, 4, 5)), in_groups(high, high2, (2, 3, 6, 7)),
-    )
+    )  # fmt: skip

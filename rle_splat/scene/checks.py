@@ -93,7 +93,7 @@ def from_mapping(cls, mapping, what: str):
     try:
         return cls(**mapping)
     except TypeError as problem:
-            raise RleSplatError(f"{what} is incomplete or has a value of the wrong type: {problem}.") from None
+        raise RleSplatError(f"{what} is incomplete or has a value of the wrong type: {problem}.") from None
 
 
 def read_json(path, what: str):

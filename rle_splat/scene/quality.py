@@ -25,10 +25,12 @@ QUALITY_PRESETS = {
         "post": ("preintegrated", 1.0, "cubic", 1 / 1024, NO_RAYS),
     },
     "fine": {
-        "pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS), "post": ("gauss2", 1.25, "cubic", 1 / 2048, 0.6),
+        "pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS),
+        "post": ("gauss2", 1.25, "cubic", 1 / 2048, 0.6),
     },
     "strict": {
-        "pre": ("midpoint-4", 3.0, "cubic", 1 / 8192, NO_RAYS), "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
+        "pre": ("midpoint-4", 3.0, "cubic", 1 / 8192, NO_RAYS),
+        "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
     },
 }
 # The error that each preset aims at with post-classified sheets: 999 of 1000 pixels err by at most so many levels
@@ -357,4 +359,4 @@ class Quality:
         return cls(
             classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",
             length_correction=False, axis_fade=0.0, name="paper", **overrides,
-        )
+        )  # fmt: skip

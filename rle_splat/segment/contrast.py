@@ -35,9 +35,7 @@ def contrast_share_steps(volume: Volume):
         Number of uniform averages with contrast medium in the body, relative to those of soft tissue. From LEAST_SHARE
         on the scan is one with contrast medium.
     """
-    factors = tuple(
-        max(1, min(round(BLOCK / step), count)) for step, count in zip(volume.spacing, volume.shape_xyz)
-    )
+    factors = tuple(max(1, min(round(BLOCK / step), count)) for step, count in zip(volume.spacing, volume.shape_xyz))
     coarse = yield from reduce_steps(volume, factors)
     try:
         body = drain(body_steps(coarse))
@@ -45,9 +43,7 @@ def contrast_share_steps(volume: Volume):
         body = np.ones(coarse.voxels.shape, bool)
     values = coarse.physical(coarse.voxels)
     uniform = body & _is_uniform(values)
-    enhanced, soft = (
-        np.count_nonzero(uniform & (values >= low) & (values < high)) for low, high in (ENHANCED, SOFT)
-    )
+    enhanced, soft = (np.count_nonzero(uniform & (values >= low) & (values < high)) for low, high in (ENHANCED, SOFT))
     return float(enhanced / max(soft, 1))
 
 

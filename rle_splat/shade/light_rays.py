@@ -342,7 +342,7 @@ def _walk(o, d, begin, end, medium, opaque):
                 total += 0.5 * piece * (
                     _between(corners, at, ox + u * dx - x, oy + u * dy - y, oz + u * dz - z)
                     + _between(corners, at, ox + w * dx - x, oy + w * dy - y, oz + w * dz - z)
-                )
+                )  # fmt: skip
                 t = until
             if t >= end or total >= opaque:
                 return total

@@ -87,9 +87,7 @@ class SampleLight:
         return found[0], found[1]
 
 
-def sample_light(
-    falling: Lighting, shape_xyz, casting=(), opened: bool = False, indirect: float = 0.0
-) -> SampleLight:
+def sample_light(falling: Lighting, shape_xyz, casting=(), opened: bool = False, indirect: float = 0.0) -> SampleLight:
     """The light of a Lighting on the samples of a volume; RleSplatError if it is above BRIGHTEST.
 
     Parameters

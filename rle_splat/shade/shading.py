@@ -127,7 +127,7 @@ def color_bound(classified: ClassifiedVolume, falling: Lighting | None) -> float
 def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
     records, *, threads: int = 0,
-) -> float:
+) -> float:  # fmt: skip
     """Shade voxels and write their records.
 
     Parameters

@@ -87,7 +87,7 @@ def _scratch_of(scratch, mine):
             classified[mine], mixed[mine], numbers[mine], parts[mine], looks[mine], table_rows[mine],
         ),
         WaitingBlocks(queue[mine], places[mine], starts[mine], downs[mine], depths[mine]),
-    )
+    )  # fmt: skip
 
 
 def scanline_walker(footprint_of, place_row, is_filled, put_voxels, fetch_next, resample_block, clear_line):
@@ -230,7 +230,7 @@ def row_walker(slab_of, row_of, marked, composite_block, composite_queue):
                     live, queued = composite_block(
                         cut, medium, sheets, slab, row, window, r, word * WORD + lowest, queued, rays, here, there, own,
                         image,
-                    )
+                    )  # fmt: skip
                     if live == 0:
                         alive[r, word] ^= bit
                         died = True
@@ -289,7 +289,7 @@ def band_walker(clear_scratch, group_at, resample_sheet, composite_sheets, keeps
         begin_band(
             state, length, alive, bright, own.line.placed, half, top_row, rows, along, along_slope, across,
             across_slope, seen,
-        )
+        )  # fmt: skip
         bound_blocks(intervals, top_row, rows, bounds)
         here, there = own.sheet, own.sheet_before
         found_before = False

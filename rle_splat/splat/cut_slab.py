@@ -18,7 +18,7 @@ _ONE = np.float32(1.0)
 def cut_ends(
     intervals, v, first_pixel, count, begin, end, sheet, upper, lower, down, before, upper_before, lower_before,
     down_before, least, ends,
-):
+):  # fmt: skip
     """Whether any ray of a block is cut inside the slab from ``begin`` to ``end``; then ``ends`` (2, BLOCK), flat, has
     the values of the scalar where the rays begin in it and where they end.
 

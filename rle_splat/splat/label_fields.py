@@ -67,9 +67,7 @@ def label_field(cells: LabelCells, plane: BasePlane) -> LabelField:
         for at, slope in zip(plane.points(), plane.ray_slopes)
     )
     (n_x, n_y, _), axes = cells.shape_xyz, list(AXES[plane.axis])
-    counts, strides = (
-        read_only(np.array(each, np.int64)[axes]) for each in (cells.shape_xyz, (1, n_x, n_x * n_y))
-    )
+    counts, strides = (read_only(np.array(each, np.int64)[axes]) for each in (cells.shape_xyz, (1, n_x, n_x * n_y)))
     steepest = max(1.0, *(float(np.abs(slope).max()) for slope in plane.ray_slopes))
     return LabelField(cell_field(cells), *ways, float(plane.sign), int(plane.axis), counts, strides, steepest)
 

@@ -179,9 +179,7 @@ def _added(samples, length, one):
     return samples.least(1.0), one - samples.least(1.0), samples
 
 
-def composited(
-    context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before
-):
+def composited(context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before):
     """One block of ``colors`` and ``samples`` of extinction (or opacity), planes of ``length``, over the row.
 
     ``absorb``: one of the two above.  See ``composite_extinction``, whose value it is that is returned.
@@ -292,7 +290,8 @@ def planar(typing, samples, sheet, at):
             pixels = [
                 Vector.load(
                     builder,
-                    place(context, builder, samples_type, samples, ir.Constant(at.type, 4 * (group + i))), 4,
+                    place(context, builder, samples_type, samples, ir.Constant(at.type, 4 * (group + i))),
+                    4,
                 )
                 for i in range(4)
             ]

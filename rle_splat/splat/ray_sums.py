@@ -34,7 +34,7 @@ def sheet_depth(position, begin, end):
 def gather_values(
     sheet, upper, lower, down, sign, origin, least, length, deep, thickness, state, row, depth, cut, box_columns,
     box_rows, intervals, v, first_pixel, count, found, half,
-):
+):  # fmt: skip
     """One block of one sheet of the scalar: ``sign`` 1 for the largest value, -1 the smallest, 0 the mean.
 
     ``sheet``: blocks of the scanlines at ``upper`` and ``lower``, ``down`` the fraction towards the latter.  ``least``:
@@ -78,7 +78,7 @@ def gather_values(
 def add_depths(
     table, sums, entries, spans, shares, seen, length, deep, thickness, state, row, begin, end, cut, box_columns,
     box_rows, intervals, v, first_pixel, count, before, half,
-):
+):  # fmt: skip
     """One block of one slab: its optical depth.
 
     ``table`` and ``sums``: extinction of the lookup table's entries, and sums of it.  ``entries``, ``spans``,

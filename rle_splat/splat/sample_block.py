@@ -400,9 +400,7 @@ def _lighter(between: bool, spans_known: bool = False):
                     return total
 
                 normal = [plane(lit.whole(1 + n)) for n in range(3)]
-                found = _light(
-                    lit, normal, _to_eye(lit, pixel, row), lambda: _points(lit, pixel, row, position), plane
-                )
+                found = _light(lit, normal, _to_eye(lit, pixel, row), lambda: _points(lit, pixel, row, position), plane)
                 # Lane by lane, so that no pixel's light depends on which others are in its block.
                 lit.constant(0.0).where(due, owed).store(own(0))
                 for n, light in enumerate(found):
@@ -421,7 +419,7 @@ def _lighter(between: bool, spans_known: bool = False):
         return types.void(
             sampled, types.intp, sheet, *places, number, before, *places, number, shares, number, number, length,
             types.intp, number, state, types.intp, held, types.intp, lamps, *places, types.float64,
-        ), generate
+        ), generate  # fmt: skip
 
     return light_block
 

@@ -103,7 +103,8 @@ def mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, plane):
     above, below = (
         Vector.load(
             builder,
-            place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane * BLOCK))), BLOCK,
+            place(context, builder, sheet_type, sheet, builder.add(at, ir.Constant(at.type, plane * BLOCK))),
+            BLOCK,
         )
         for at in (upper, lower)
     )
@@ -202,7 +203,7 @@ def _put_between(context, builder, kinds, arrays, found):
 def look_between(
     typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high,
     nearest, furthest, origin, rate, last, entries, spans, shares,
-):
+):  # fmt: skip
     """The table entries of one block of slabs between two sheets, the scalar linear in between.
 
     As ``look_up``; ``before``: the sheet before, likewise.  ``least``: what is below is no sample.  A slab of which
@@ -302,9 +303,7 @@ def classify_spans(typing, sums, spans, shares, sampled):
 
     def generate(context, builder, signature, arguments):
         sums, spans, shares, sampled = arguments
-        from_, to = (
-            rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2)
-        )
+        from_, to = (rows_of(context, builder, *_both(signature, 0, sums, 1, spans), number) for number in range(2))
         third = ir.Constant(ir.IntType(64), 2 * BLOCK)
         over = Vector.load(builder, place(context, builder, signature.args[2], shares, third), BLOCK)
         wide = over.at_least(1e-30)
@@ -344,10 +343,10 @@ def composite_classified(typing, sampled, shares, depth, deep, thickness, least,
         return composited(
             context, builder, slab, colors, samples, length, least, state_type, state, row, transmitted_type,
             transmitted,
-        )
+        )  # fmt: skip
 
     number = types.float32
     returned = types.int64(
         sampled, shares, depth, types.intp, number, number, state, types.intp, transmitted,
-    )
+    )  # fmt: skip
     return returned, generate

@@ -125,5 +125,5 @@ def composite_group(typing, table, entries, waiting, depth, deep, thickness, lea
 
     returned = types.int64(
         table, entries, types.intp, depth, types.intp, thickness, types.float32, state, types.intp, ahead,
-    )
+    )  # fmt: skip
     return returned, generate

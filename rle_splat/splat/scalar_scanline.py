@@ -32,7 +32,7 @@ NOT_KEPT = np.float32(-3e38)
 def put_scanline(
     line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, codes, values, weight, run, voxel,
     far_weight, far_run, far_voxel, width, live, live_count,
-):
+):  # fmt: skip
     """Put scalar and codes of one scanline's voxels that lie in live spans on ``line``.
 
     ``line``: flat float32, planes of ``stride`` voxels, scalar first.  ``weight``, ``run``, ``voxel``: of the nearer

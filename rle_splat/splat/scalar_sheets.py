@@ -144,7 +144,7 @@ def _put(codes, values, tables, box, planes, sheets, number, scanline, slot, shi
         line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, box.overhang,
         tables.runs, tables.scalars, codes, values, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
-    )
+    )  # fmt: skip
 
 
 @inner_loop
@@ -416,7 +416,7 @@ _splat_bands = band_walker(
 def splat_scalar_rows(
     tables, sheets, rays, box, lookup, sign, absorbs, planes, mist, channels, labels, grouped, least, first_row,
     last_row, workers, next_band, scratch, out, half, filled,
-):
+):  # fmt: skip
     """Splat rows [first_row, last_row) of the intermediate image, post-classified (algorithm.md 1.14), or gather values
     or depths (4.2).
 

@@ -76,15 +76,15 @@ def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pix
         if is_shortened and cut_ends(
             intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
             upper_before, lower_before, down_before, least, samples,
-        ):
+        ):  # fmt: skip
             return look_between(
                 samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
                 rate, last, entries, spans, shares,
-            )
+            )  # fmt: skip
     return look_between(
         sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
         origin, rate, last, entries, spans, shares,
-    )
+    )  # fmt: skip
 
 
 @inner_loop
@@ -136,7 +136,7 @@ def _find_span(lamps, lookup, here, there, block):
         find_span(
             sheet, upper, lower, down, before, upper_before, lower_before, down_before, lookup.low, lookup.high,
             block.shares,
-        )
+        )  # fmt: skip
 
 
 @inner_loop
@@ -151,15 +151,15 @@ def _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there,
         if is_shortened and cut_ends(
             intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
             upper_before, lower_before, down_before, least, samples,
-        ):
+        ):  # fmt: skip
             return look_between_each(
                 samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, looks, rows, block.entries, block.spans,
                 block.shares,
-            )
+            )  # fmt: skip
     return look_between_each(
         sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows, block.entries,
         block.spans, block.shares,
-    )
+    )  # fmt: skip
 
 
 @inner_loop
@@ -269,7 +269,7 @@ def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, 
         note_half_depth(
             block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
             block.samples,
-        )
+        )  # fmt: skip
         return
     parts = block.samples
     halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
@@ -293,13 +293,13 @@ def _light_slab(
             block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
             block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
             lamps, pixels.first, pixels.v, position,
-        )
+        )  # fmt: skip
     else:
         light_mixed(
             block.samples, 0, sheet, upper, lower, down, before, upper_before, lower_before, down_before,
             block.shares, lookup.low, lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at,
             lamps, pixels.first, pixels.v, position,
-        )
+        )  # fmt: skip
 
 
 @inner_loop
@@ -314,7 +314,7 @@ def _light_samples(lamps, channels, kind, lookup, here, there, length, deep, thi
                 block.samples, 0, sheet, upper, lower, down, sheet, upper, lower, down, block.shares, lookup.low,
                 lookup.high, length, deep, thickness, rows.state, left, rows.light, HELD * at, lamps, pixels.first,
                 pixels.v, position,
-            )
+            )  # fmt: skip
         else:
             _light_slab(
                 channels, lookup, here, there, length, deep, thickness, left, position, at, lamps, pixels, block, rows
@@ -333,7 +333,7 @@ def _thin(codes, thinning, here, there, length, deep, block):
     thin_slab(
         sheet, upper, lower, down, before, upper_before, lower_before, down_before, thinning * BLOCK,
         block.shares, length, deep, block.length_inside,
-    )
+    )  # fmt: skip
     return True
 
 
@@ -400,7 +400,7 @@ def composite_slab(
             sheet, upper, lower, down, sign, lookup.origin, lookup.least, length, deep, thickness, rows.state, 4 * at,
             sheet_depth(position, begin, end), cut, box.columns, box.rows, intervals, v, first_pixel, count,
             block.samples, half,
-        )
+        )  # fmt: skip
         return LIVE
     if _thin(planes.count, planes.thinning, here, there, length, deep, block):
         length, deep = block.length_inside, 0
@@ -409,7 +409,7 @@ def composite_slab(
             lookup.table, lookup.sums, block.entries, block.spans, block.shares, seen, length, deep, thickness,
             rows.state, 4 * at, begin, end, cut, box.columns, box.rows, intervals, v, first_pixel, count, block.before,
             half,
-        )
+        )  # fmt: skip
         return LIVE
     seen = _classified(
         medium.tables.values, labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin,
@@ -420,7 +420,7 @@ def composite_slab(
     _light_samples(
         planes.lamps, channels, kind, lookup, here, there, length, deep, thickness, 0.5 * (begin + end), pixels, block,
         rows,
-    )
+    )  # fmt: skip
     return _composite_classified(
         intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half
     )

@@ -32,7 +32,7 @@ ALMOST_MOST = 1.0 + 1e-5  # of the largest count: means of it may be rounded up,
 def scalar_splat_steps(
     encoded: ScalarVolume, table: LookupTable, plane: BasePlane, quality: Quality, intervals=None,
     absorbs: bool = False, mist: Mist | None = None, further: tuple[LookupTable, ...] = (), labels=None,
-):
+):  # fmt: skip
     """As ``splat.splat_steps``, for post-classified sheets; ``table``: what they are classified by.
 
     ``absorbs``: only optical depths count, in any order, and what is absorbed is white (algorithm.md 4.2).
@@ -68,8 +68,9 @@ def value_splat_steps(encoded: ScalarVolume, values, plane: BasePlane, quality: 
         pixels[..., 0] /= np.maximum(pixels[..., 1], np.float32(1e-30))
     np.clip(pixels[..., 0], zero, np.float32(ALMOST_MOST * values.most), out=pixels[..., 0])
     if values.hollow:
-        enter, leave = (reduce(column, row[:, None]) for reduce, column, row in
-                        zip((np.maximum, np.minimum), box.columns, box.rows))
+        enter, leave = (
+            reduce(column, row[:, None]) for reduce, column, row in zip((np.maximum, np.minimum), box.columns, box.rows)
+        )
         if intervals is not None:
             enter, leave = np.maximum(enter, intervals[0]), np.minimum(leave, intervals[1])
         pixels[..., 3] = ~(enter < leave)

@@ -224,7 +224,7 @@ def worth_grouping(sheets: Sheets) -> bool:
 def scratch_for(
     workers: int, tables, sheets, rays, wide, channels: int = 4, before: bool = False, group: int = 1,
     light: int = 0,
-) -> Scratch:
+) -> Scratch:  # fmt: skip
     """Scratch for ``workers`` workers and so many ``channels`` of a voxel; see ``arguments`` for the rest.
 
     ``before``: whether the sheet before is kept as well.  ``group``: how many sheets are handled together.  ``light``:
@@ -234,7 +234,7 @@ def scratch_for(
     sizes = _sizes(
         tables.width, rays.along.size, _coarsest(sheets.scale), len(sheets.begin), wide, channels, before,
         rays.intervals.size > 0, group, light,
-    )
+    )  # fmt: skip
     rows = workers * SPREAD
     layout, size = _layout(rows, sizes)
     memory = _memory(size)
@@ -256,14 +256,14 @@ def scratch_bytes(plane: BasePlane, shape_xyz, quality: Quality, scalars: bool, 
         shape_xyz[AXES[plane.axis][0]], plane.width, _coarsest(plane.scale), len(plane.sheets),
         None if scalars else wide_of(plane, quality), 2 + NORMAL if scalars else 4, scalars, shortened, group,
         HELD if scalars else 0,
-    )
+    )  # fmt: skip
     return thread_count(quality.threads) * _bytes_of(*sizes)
 
 
 def _sizes(
     width: int, image_width: int, coarsest, sheets: int, wide, channels: int, before: bool, shortened: bool, group: int,
     light: int = 0,
-) -> tuple:
+) -> tuple:  # fmt: skip
     """What ``_shapes`` is made of.
 
     ``width``: voxels on a scanline.  ``image_width``: sheet pixels on a row.  ``coarsest`` (2,): sheet pixels a voxel
@@ -304,7 +304,7 @@ def _layout(rows: int, sizes: tuple) -> tuple[list, int]:
 def _shapes(
     line: int, blocks: int, slots: int, taps: int, numbers, channels: int, before: bool, shortened: bool, group: int,
     light: int,
-) -> dict:
+) -> dict:  # fmt: skip
     """Name -> shape and type of each array of a Scratch for one worker, in the order of its groups; see ``_sizes``."""
     words = -(-blocks // WORD)
 
@@ -335,7 +335,7 @@ def _shapes(
         "looks": (7 * BLOCK, np.float32), "table_rows": (2 * BLOCK, np.int32),
         "queue": (WORD, np.int64), "places": (2 * group * WORD, np.int64),
         "starts": (BLOCK * group * WORD, np.int32), "downs": (group, np.float32), "depths": (group, np.float32),
-    }
+    }  # fmt: skip
 
 
 def _whole(count: int, unit: int) -> int:

@@ -165,7 +165,7 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
             line.line, line.reach, margin, marks, slot, scale_u, shift_u, footprint.radius_u,
             sheets.slice_weights[number, deeper], tables.runs, run, tables.voxels,
             tables.data_starts[sheets.first_slice[number] + deeper, scanline], tables.width, line.live, live_count,
-        )
+        )  # fmt: skip
 
 
 @inner_loop
@@ -214,7 +214,7 @@ def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, sa
     _resample(
         medium.wide, footprint, medium.tables.width, is_new, b, 4 * BLOCK * at, shift_u, scale_u, line, samples,
         block.samples,
-    )
+    )  # fmt: skip
 
 
 @inner_loop
@@ -340,7 +340,7 @@ def _composite_slab(
     pixels = _lay_over(
         wide, additive_opacity, here.samples, upper, lower, np.float32(row.position - row.line), length, deep,
         thickness, least, state, to, block.before,
-    )
+    )  # fmt: skip
     if mist is not None:
         if mist.place.size > 0:
             fade_added(mist, state, to, block.colors, block.before, 0.5 * (begin + end), v, first_pixel, count)
@@ -351,7 +351,7 @@ def _composite_slab(
             note_half_depth_inside(
                 intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
                 block.samples,
-            )
+            )  # fmt: skip
         else:
             note_half_depth(
                 block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
@@ -367,12 +367,12 @@ def _composite_block(cut, medium, sheets, slab, row, window, r, b, queued, rays,
         live = _composite_slab(
             None, medium.wide, medium.additive_opacity, None, medium.least, slab, row, window, r, b, here, own.rows,
             own.block, half,
-        )
+        )  # fmt: skip
     else:
         live = _composite_slab(
             rays.intervals, medium.wide, medium.additive_opacity, medium.mist, medium.least, slab, row, window, r, b,
             here, own.rows, own.block, half,
-        )
+        )  # fmt: skip
     return live, queued
 
 
@@ -408,7 +408,7 @@ _splat_bands = band_walker(
 def splat_rows(
     tables, sheets, rays, wide, least, additive_opacity, mist, first_row, last_row, workers, next_band, scratch, out,
     half, filled,
-):
+):  # fmt: skip
     """Splat rows [first_row, last_row) of the intermediate image (algorithm.md 1.5, 1.6).
 
     What is None is left out of the compiled kernel: numba compiles one, when it is first needed, for each combination

@@ -29,7 +29,7 @@ LOADING = None
 def splat_steps(
     encoded: RunLengthVolume, plane: BasePlane, quality: Quality, length_unit: float = 1.0, intervals=None,
     mist: Mist | None = None,
-):
+):  # fmt: skip
     """Generator: yields fractions done in [0, 1], returns an IntermediateImage.
 
     Yields LOADING before a kernel is loaded, or compiled the first time ever, so that the caller can tell that time
@@ -46,7 +46,7 @@ def splat_steps(
     tables = Tables(
         encoded.scanline_pointers, encoded.scanline_data_pointers, encoded.runs,
         Records.of(voxels, decoding), encoded.width,
-    )
+    )  # fmt: skip
     sheets = sheet_list(encoded, plane)
     rays = rays_of(plane, length_unit, quality.length_correction, intervals)
     image = IntermediateImage.blank(plane)

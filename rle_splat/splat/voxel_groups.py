@@ -56,7 +56,8 @@ def _mixer_of_scalars(count):
             line_type, _, scalars_type = signature.args[:3]
             near, far = (
                 _as_single(
-                    builder, _load(builder, place(context, builder, scalars_type, scalars, at), count),
+                    builder,
+                    _load(builder, place(context, builder, scalars_type, scalars, at), count),
                     scalars_type.dtype,
                 )
                 for at in (near, far)
@@ -107,7 +108,7 @@ def _mixer_of_codes(count, channels=None):
                 pointer = place(context, builder, codes_type, codes, first)
                 found = _columns(builder, pointer, count, channels) if channels else [
                     _column(builder, pointer, count, stored)
-                ]
+                ]  # fmt: skip
                 return [_of_code(builder, one, codes_type.dtype) for one in found]
 
             def put(number, vector):

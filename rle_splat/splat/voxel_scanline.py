@@ -39,7 +39,7 @@ def _mark_reached(marks, slot, first, last, scale, shift, radius):
     mark_blocks(
         marks, slot, (int(first * scale + left) >> BLOCK_BITS) - BEFORE,
         (int(last * scale + right) >> BLOCK_BITS) - BEFORE,
-    )
+    )  # fmt: skip
 
 
 @inner_loop
@@ -83,7 +83,7 @@ def fetch_records(voxels, first, count):
 def add_runs(
     line, reach, margin, marks, slot, scale, shift, radius, weight, runs, run, voxels, voxel, width, live,
     live_count,
-):
+):  # fmt: skip
     """Add ``weight`` times the voxels of one scanline that lie in live spans to ``line``.
 
     ``line``: flat float32, four channels a voxel, index 0 is voxel ``-margin``; behind the last voxel there is room for

@@ -62,9 +62,7 @@ def _composite_group(lamps, number, table, least, samples, waiting, sheets, firs
     _, places, starts, downs, depths = waiting
     state, to = rows.state, 4 * BLOCK * at
     if lamps is None:
-        return composite_group(
-            table, starts, number, rows.length, BLOCK * at, depths, least, state, to, block.before
-        )
+        return composite_group(table, starts, number, rows.length, BLOCK * at, depths, least, state, to, block.before)
     for member in range(GROUP):
         classify_member(table, starts, (number * GROUP + member) * BLOCK, member, block.classified)
         which = 2 * (GROUP * number + member)
@@ -74,7 +72,7 @@ def _composite_group(lamps, number, table, least, samples, waiting, sheets, firs
             block.classified, 4 * BLOCK * member, samples, upper, lower, down, samples, upper, lower, down,
             block.shares, NO_SHARE, NO_SHARE, rows.length, BLOCK * at, depths[member], state, to + TRANSMITTANCE,
             rows.light, HELD * BLOCK * at, lamps, pixel, v, position,
-        )
+        )  # fmt: skip
     return composite_group(
         block.classified, None, number, rows.length, BLOCK * at, depths, least, state, to, block.before
     )
@@ -97,7 +95,7 @@ def composite_waiting(queued, r, word, window, first, sheets, table, lamps, leas
         pixels = _composite_group(
             lamps, number, table, least, samples, waiting, sheets, first, b * BLOCK, window.top_row + r,
             r * blocks + b, rows, block,
-        )
+        )  # fmt: skip
         if pixels >> 8 != bright[r, b]:
             bright[r, b] = pixels >> 8
             count = min(BLOCK, window.image_width - b * BLOCK)
@@ -105,7 +103,7 @@ def composite_waiting(queued, r, word, window, first, sheets, table, lamps, leas
                 note_half_depth(
                     before[BLOCK * slab :], before, BLOCK * (slab + 1), sheets.begin[first + slab],
                     sheets.end[first + slab], half, window.top_row + r, b * BLOCK, count, block.samples,
-                )
+                )  # fmt: skip
         if pixels & 255 == 0:
             alive[r, word] ^= ONE_BIT << np.uint64(b % WORD)
             died = True

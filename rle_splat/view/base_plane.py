@@ -302,7 +302,7 @@ def _exactly_movable(offsets: np.ndarray, furthest: float) -> None:
 def base_plane(
     view: IndexView, shape_xyz: tuple[int, int, int], axis: int, sign: int, rule: str, sheet_density: float,
     footprint: VoxelKernel = FOOTPRINTS["tent"], boxed: bool = False, reach: int | None = None,
-) -> BasePlane | None:
+) -> BasePlane | None:  # fmt: skip
     """Make the base plane of one principal axis and direction.
 
     Parameters
@@ -386,7 +386,7 @@ def base_plane(
     return BasePlane(
         axis, sign, reference, tuple(density), tuple(first), *size, np.array(homography), sheets,
         np.multiply.outer(scale, density), offsets, view, seen,
-    )
+    )  # fmt: skip
 
 
 def _outline(eye: list, axes, sign: int, reference: float, sheets: Sheets, counts, radius: float) -> list:

@@ -143,7 +143,7 @@ def _cells(begin: float, ramp_end: float, ramp_begin: float, end: float, depth: 
 def place_sheets(
     n_slices: int, sign: int, rule: str, eye_position: float | None, footprint: VoxelKernel = FOOTPRINTS["tent"],
     boxed: bool = False,
-) -> Sheets:
+) -> Sheets:  # fmt: skip
     """Place the sheets of a depth rule.
 
     Parameters

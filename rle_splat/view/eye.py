@@ -118,8 +118,7 @@ def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) 
     linear = index_to_world[:3, :3]
     if _is_flat(linear.tobytes()):
         raise RleSplatError(
-            "The volume's matrix is singular and flattens the volume; "
-            "give it a scale other than zero on every axis."
+            "The volume's matrix is singular and flattens the volume; give it a scale other than zero on every axis."
         )
     projection = world_to_pixel(camera, width, height) @ index_to_world
     depth = depth_row(camera) @ index_to_world

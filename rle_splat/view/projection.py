@@ -84,4 +84,4 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
         [a / pixel + center_column * b for a, b in zip(right, weight)],
         [-a / (pixel * tallness) + center_row * b for a, b in zip(up, weight)],
         weight,
-    ))
+    ))  # fmt: skip

@@ -17,7 +17,7 @@ NO_LAYER = np.empty((0, 0), np.float32)  # for kernels, so that one serves pictu
 def ray_intervals(
     plane: BasePlane, nearest: float, furthest: float, layer: np.ndarray | None = None, first_pixel=(0, 0), *,
     threads: int = 0,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Ray intervals of the sheet pixels of a plane.
 
     Parameters
@@ -77,9 +77,7 @@ def find_intervals(height, arguments):
 
 
 @inner_loop
-def _interval_rows(
-    begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, intervals
-):
+def _interval_rows(begin, end, columns, rows, nearest, furthest, layer, left, top, last_column, last_row, intervals):
     """Ray intervals of rows [begin, end), to ``intervals`` (2, H, W).
 
     ``columns``, ``rows``: of ``_along_and_across``. ``layer``: (h, w) float32, empty for none, whose first pixel is at

@@ -13,7 +13,7 @@ TURN_STEPS = 72  # directions from which a turning camera is checked
 def turntable(
     volume: Volume, azimuth: float = 0.0, elevation: float = 0.0, fit: float = 1.25, perspective: bool = False,
     fov: float = 40.0, width: int = 512, height: int = 512, scene_scale: float = 1.0,
-) -> tuple[Camera, np.ndarray]:
+) -> tuple[Camera, np.ndarray]:  # fmt: skip
     """Make a camera that looks at the center of a volume.
 
     Parameters
@@ -81,7 +81,7 @@ def turntable(
         matrix_world=matrix_world, type="PERSP" if perspective else "ORTHO", lens=lens, sensor_fit="VERTICAL",
         sensor_width=36.0, sensor_height=24.0, ortho_scale=view_height, clip_start=0.5 * nearest,
         clip_end=distance + 2.0 * extent,
-    )
+    )  # fmt: skip
     return camera, volume_matrix
 
 

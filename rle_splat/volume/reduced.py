@@ -77,7 +77,8 @@ def sample_steps(volume: Volume, level: int):
         "may be jagged or missing."
     )
     return replace(
-        volume, voxels=voxels, affine=volume.affine @ to_voxels, levels=levels, remarks=(*volume.remarks, remark))
+        volume, voxels=voxels, affine=volume.affine @ to_voxels, levels=levels, remarks=(*volume.remarks, remark)
+    )
 
 
 def _every(step: int, count: int) -> range:

@@ -89,8 +89,9 @@ def differ_by_sobel(voxels, index):
     for c in (-1, 0, 1):
         for b in (-1, 0, 1):
             for a in (-1, 0, 1):
-                at = tuple(steps[axis][0 if d < 0 else 1][axis] if d else index[axis]
-                           for axis, d in enumerate((c, b, a)))
+                at = tuple(
+                    steps[axis][0 if d < 0 else 1][axis] if d else index[axis] for axis, d in enumerate((c, b, a))
+                )
                 value = voxels[at].astype(np.float64)
                 wa, wb, wc = 2 - abs(a), 2 - abs(b), 2 - abs(c)
                 gradient += value[:, None] * (a * wb * wc, b * wa * wc, c * wa * wb)

@@ -44,7 +44,7 @@ def clear(rgba, depth):
 def resample(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth,
-):
+):  # fmt: skip
     """Fill the pixels that belong to one base plane; arguments as of ``resample``."""
     if first:
         clear(rgba, depth)

@@ -113,7 +113,7 @@ def _keep_own(directions, first_column, row, axis, sign, at):
 def _resample_rows(
     samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
     most_color, picture_size, picture_origin, first, window, first_row, picture, depths,
-):
+):  # fmt: skip
     """``resample`` for ROWS rows from ``first_row`` on.
 
     Arrays are flat; sizes are (width, height). ``maps`` (5, 3): rows that map a pixel of the picture to u, v, w, and
@@ -170,13 +170,13 @@ def _resample_rows(
 def _resample_bands(
     first_band, last_band, samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign,
     taps, table, most_color, picture_size, picture_origin, first, window, picture, depths,
-):
+):  # fmt: skip
     """``resample`` for bands [first_band, last_band) of ROWS rows; arguments as of ``_resample_rows``."""
     for band in range(first_band, last_band):
         _resample_rows(
             samples, half_depths, filled, reach, sheet_size, sheet_origin, maps, directions, axis, sign, taps, table,
             most_color, picture_size, picture_origin, first, window, band * ROWS, picture, depths,
-        )
+        )  # fmt: skip
 
 
 def shown_in(from_sheet, sheet_shape, sheet_origin, picture_shape, picture_origin) -> tuple[int, int, int, int]:
@@ -217,7 +217,7 @@ def _resample(bands, arguments):
 def resample(
     window, filled, reach, pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color,
     depth_map, picture_origin, first, rgba, depth, threads=0,
-):
+):  # fmt: skip
     """Fill the pixels of the picture that belong to one base plane.
 
     Positions are computed with pixel numbers of the whole sheet and picture, so that windows of them get the same bits.
@@ -263,6 +263,6 @@ def resample(
         pixels.reshape(-1), half.reshape(-1), filled, reach, half.shape[::-1], sheet_origin,
         np.concatenate((to_sheet, depth_map @ to_sheet)), directions, axis, sign, taps, table, most_color,
         depth.shape[::-1], picture_origin, first, window, rgba.reshape(-1), depth.reshape(-1),
-    )
+    )  # fmt: skip
     with parallel_call(threads):
         _resample(-(-len(depth) // ROWS), arguments)

@@ -61,9 +61,7 @@ def tap2x2(typing, source, at, pitch, across, down, most, target, to):
         both = _mix(builder, upper, lower, spread(builder, down, 8))
         left, right = pick(builder, both, range(4)), pick(builder, both, range(4, 8))
         sample = _mix(builder, left, right, spread(builder, across, 4))
-        sample = _multiply_add(
-            builder, sample, _constant([1.0, 1.0, 1.0, -1.0]), _constant([0.0, 0.0, 0.0, 1.0])
-        )
+        sample = _multiply_add(builder, sample, _constant([1.0, 1.0, 1.0, -1.0]), _constant([0.0, 0.0, 0.0, 1.0]))
         _store_clamped(context, builder, sample, most, target_type, target, to)
         return context.get_dummy_value()
 

@@ -86,7 +86,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
             arguments = (
                 pixels, half, origin, to_sheets[number], directions, plane.axis, plane.sign, *taps,
                 np.float32(most_color), _depth_map(plane), at, number == 0, rgba[some], depth[some],
-            )
+            )  # fmt: skip
             if with_kernels:
                 window = shown_in(from_sheets[number], size, part_origin, depth[some].shape, at)
                 resample(window, filled, reach, *arguments, quality.threads)

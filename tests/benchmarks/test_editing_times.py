@@ -1,6 +1,5 @@
 """From an edit to the picture, at a tiny size: every edit redoes what it is named for.  No time is asserted."""
 
-
 import pytest
 
 from benchmarks import editing

@@ -73,10 +73,12 @@ def test_shaded_pictures_are_compared_with_the_truth_that_they_claim(small):
 def test_a_peer_has_figures_or_a_word_in_their_place(small):
     volpack = PEERS["VolPack"]
     absent = replace(volpack, problem="no such library", name="VTK")
-    row, = engine.measure(*small, perspective=False, shaded=False, qualities=("draft",), **{**SMALL, "peers": [absent]})
+    (row,) = engine.measure(
+        *small, perspective=False, shaded=False, qualities=("draft",), **{**SMALL, "peers": [absent]}
+    )
     assert row["against"] == {"VTK": NOT_HERE} and NOT_HERE in engine_words.line("shells", row)
     there = replace(volpack, problem="")
-    row, = engine.measure(*small, perspective=True, shaded=False, qualities=("draft",), **{**SMALL, "peers": [there]})
+    (row,) = engine.measure(*small, perspective=True, shaded=False, qualities=("draft",), **{**SMALL, "peers": [there]})
     assert row["against"] == {"VolPack": NOT_THERE} and NOT_THERE in engine_words.line("shells", row)
 
 

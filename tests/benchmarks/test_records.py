@@ -1,6 +1,5 @@
 """What record sizes cost, at a tiny size: what must hold whatever the machine does.  No time is asserted."""
 
-
 import pytest
 
 from benchmarks import records

@@ -1,6 +1,5 @@
 """Scaling and turn at tiny sizes: the synthetic volumes are what they claim, the figures hang together."""
 
-
 import numpy as np
 import pytest
 

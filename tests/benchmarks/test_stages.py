@@ -1,6 +1,5 @@
 """The table of stages at a tiny size: the whole call comes first.  No time is asserted."""
 
-
 import pytest
 
 from benchmarks import stages

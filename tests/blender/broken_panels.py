@@ -41,7 +41,7 @@ def broken_panel(flaw: str):
     broken = type("RLE_SPLAT_PT_broken", (bpy.types.Panel,), {
         "__module__": f"{MODULE}.panels.broken", "bl_label": "Broken", "bl_idname": "RLE_SPLAT_PT_broken",
         "bl_space_type": "VIEW_3D", "bl_region_type": "UI", "bl_category": "RLE Splat",
-        "draw": lambda self, _context: wrong(self.layout.column())})
+        "draw": lambda self, _context: wrong(self.layout.column())})  # fmt: skip
     bpy.utils.register_class(broken)
     try:
         yield

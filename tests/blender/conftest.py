@@ -88,7 +88,7 @@ def _pack(folder: Path) -> Path:
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
     subprocess.run(
         [sys.executable, str(tool), "build", "--source-dir", str(source), "--output-dir", str(folder)],
-        check=True, capture_output=True)
+        check=True, capture_output=True)  # fmt: skip
     return next(folder.glob("*.zip"))
 
 
@@ -102,7 +102,8 @@ def extension_zip(tmp_path_factory) -> Path:
 def installed(extension_zip) -> str:
     """The name of the add-on's module, after the zip has really been installed."""
     done = bpy.ops.extensions.package_install_files(
-        repo="user_default", filepath=str(extension_zip), enable_on_install=True, overwrite=True)
+        repo="user_default", filepath=str(extension_zip), enable_on_install=True, overwrite=True
+    )
     assert done == {"FINISHED"}
     assert MODULE in bpy.context.preferences.addons
     return MODULE
@@ -168,7 +169,8 @@ def phantom(tmp_path):
 def volume_object(phantom):
     """The phantom imported with spacing 1, 2 and 3 mm and its values' own range as the preset's."""
     bpy.ops.rle_splat.import_volume(
-        filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray")
+        filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray"
+    )
     return bpy.context.view_layer.objects.active
 
 

@@ -55,7 +55,7 @@ def linear_material():
     density, source, absorb, emit, both, output = (
         tree.nodes.new(kind) for kind in (
             "ShaderNodeAttribute", "ShaderNodeAttribute", "ShaderNodeVolumeAbsorption", "ShaderNodeEmission",
-            "ShaderNodeAddShader", "ShaderNodeOutputMaterial"))
+            "ShaderNodeAddShader", "ShaderNodeOutputMaterial"))  # fmt: skip
     density.attribute_name, source.attribute_name = "density", "source"
     absorb.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
     tree.links.new(density.outputs["Fac"], absorb.inputs["Density"])

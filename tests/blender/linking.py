@@ -25,7 +25,8 @@ def write_labels(path, *numbers):
 
 def import_raw(path):
     done = bpy.ops.rle_splat.import_volume(
-        filepath=str(path), shape=SHAPE, dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray")
+        filepath=str(path), shape=SHAPE, dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray"
+    )
     assert done == {"FINISHED"}
     return bpy.context.view_layer.objects.active
 
@@ -88,8 +89,9 @@ def bring(library, how):
     if how == "override":
         owner = owner.override_create(remap_local_usages=True)
     elif how == "override hierarchy":
-        assert bpy.ops.object.make_override_library(
-            collection=bpy.data.collections["study"].session_uid) == {"FINISHED"}
+        assert bpy.ops.object.make_override_library(collection=bpy.data.collections["study"].session_uid) == {
+            "FINISHED"
+        }
     elif "make local" in how:
         assert bpy.ops.object.make_local(type="SELECT_OBJECT") == {"FINISHED"}
     owner = scan()

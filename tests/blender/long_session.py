@@ -102,7 +102,8 @@ def main(rounds: int) -> int:
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_session_"))
     zipped = conftest._pack(Path(tempfile.mkdtemp(prefix="rle_splat_zip_")))
     bpy.ops.extensions.package_install_files(
-        repo="user_default", filepath=str(zipped), enable_on_install=True, overwrite=True)
+        repo="user_default", filepath=str(zipped), enable_on_install=True, overwrite=True
+    )
     found = []
     new_file()
     for number in range(rounds):

@@ -117,14 +117,14 @@ def time_driver():
     framebuffers = []
     space = bpy.types.SpaceView3D
     handles = [space.draw_handler_add(lambda: framebuffers.append(gpu.state.active_framebuffer_get()), (), "WINDOW",
-                                      "PRE_VIEW"), space.draw_handler_add(read, (), "WINDOW", "POST_VIEW")]
+                                      "PRE_VIEW"), space.draw_handler_add(read, (), "WINDOW", "POST_VIEW")]  # fmt: skip
     with in_the_view():
         bpy.ops.mesh.primitive_uv_sphere_add()
     yield from orbit()
     for handle in handles:
         space.draw_handler_remove(handle, "WINDOW")
     print(f"the driver without a volume: {len(spent)} redraws, median {1e3 * np.median(spent):.0f} ms, "
-          f"longest {1e3 * max(spent):.0f} ms", flush=True)
+          f"longest {1e3 * max(spent):.0f} ms", flush=True)  # fmt: skip
 
 
 def memory() -> tuple:
@@ -279,7 +279,7 @@ def scenario():
               f"median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
               f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above; {len(_steps)} steps, "
               f"{sum(spent > SLOW for spent, _ in _steps)} above, longest {1e3 * max(_steps)[0]:.0f} ms, "
-              f"{max(_steps)[1]}", flush=True)
+              f"{max(_steps)[1]}", flush=True)  # fmt: skip
     passed("the tour")
 
 

@@ -16,7 +16,8 @@ SIDE = 8  # voxels
 LONG_NAME = "sub-01_ses-preop_acq-mprage_run-02_T1w"  # as scans have them, and too long for its row
 SENTENCE = (
     "The file of 'sub-01_ses-preop_acq-mprage_run-02_T1w' is not at //scans/sub-01.nii.gz; press Relocate in the "
-    "RLE Splat tab to choose its new place.")
+    "RLE Splat tab to choose its new place."
+)
 
 
 def add_volume(folder, name="scan", stored="uint8"):
@@ -154,7 +155,8 @@ def encoded(folder):
     add_volume(folder)
     core = {name: import_module(f"{MODULE}.rle_splat.{name}") for name in ("encode.store", "pipeline.encode_scene")}
     plain, quality = import_module(f"{MODULE}.bridge.scene.render_scene").read_scene(
-        bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     stored = core["pipeline.encode_scene"].encode_scene(plain, quality.classified("pre"))
     core["encode.store"].save(folder / "scan.rle", stored)
     assert bpy.ops.rle_splat.import_volume(filepath=str(folder / "scan.rle")) == {"FINISHED"}
@@ -214,4 +216,4 @@ STATES = {
         shared_transfer, labels, channels, clip_objects, slices,
         slices_of_a_deleted_volume, encoded, measured, effects_listed, message, paper, custom, composited,
         in_time, in_time_looped)
-}
+}  # fmt: skip

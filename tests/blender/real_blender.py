@@ -26,7 +26,8 @@ TOLERANCE = 1.0 / 255.0
 
 def install() -> None:
     done = bpy.ops.extensions.package_install_files(
-        repo="user_default", filepath=os.environ["RLE_SPLAT_EXTENSION_ZIP"], enable_on_install=True, overwrite=True)
+        repo="user_default", filepath=os.environ["RLE_SPLAT_EXTENSION_ZIP"], enable_on_install=True, overwrite=True
+    )
     assert done == {"FINISHED"} and MODULE in bpy.context.preferences.addons
 
 
@@ -41,7 +42,7 @@ def import_cube(folder: Path):
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
     import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="test", unit=None, opacity=((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)),
-        color=((0.0, *COLOR), (255.0, *COLOR)), opacity_unit_distance=1.0, shade=None))
+        color=((0.0, *COLOR), (255.0, *COLOR)), opacity_unit_distance=1.0, shade=None))  # fmt: skip
     return volume
 
 
@@ -102,8 +103,7 @@ def column_of(x: float) -> int:
 def over(length, below=(0.0, 0.0, 0.0), below_alpha=0.0) -> np.ndarray:
     """RGBA of ``length`` units of the medium over what is below, by the exponential law."""
     alpha = 1.0 - (1.0 - ALPHA) ** length
-    return np.array((*(alpha * np.array(COLOR) + (1.0 - alpha) * np.array(below)),
-                     alpha + (1.0 - alpha) * below_alpha))
+    return np.array((*(alpha * np.array(COLOR) + (1.0 - alpha) * np.array(below)), alpha + (1.0 - alpha) * below_alpha))
 
 
 def check_render_image() -> None:
@@ -135,7 +135,7 @@ def check_composite(folder: Path) -> None:
     picture = pixels_of(bpy.data.images.load(str(folder / "out.exr")))
     row = picture[SIZE // 2]
     expected = {0.8: over(0.0, front, 1.0), 2.8: over(N - 0.5 - 2.3, inside, 1.0), 4.8: over(N),
-                6.5: over(N, behind, 1.0)}
+                6.5: over(N, behind, 1.0)}  # fmt: skip
     for x, rgba in expected.items():
         np.testing.assert_allclose(row[column_of(x)], rgba, atol=TOLERANCE, err_msg=f"at x = {x}")
 

@@ -29,7 +29,8 @@ def import_raw(folder, voxels, spacing=(1.0, 1.0, 1.0), name="cube"):
     path = folder / f"{name}.raw"
     path.write_bytes(np.ascontiguousarray(voxels).tobytes())
     done = bpy.ops.rle_splat.import_volume(
-        filepath=str(path), shape=voxels.shape[::-1], dtype=voxels.dtype.name, spacing=spacing)
+        filepath=str(path), shape=voxels.shape[::-1], dtype=voxels.dtype.name, spacing=spacing
+    )
     assert done == {"FINISHED"}
     return bpy.context.view_layer.objects.active
 
@@ -38,7 +39,7 @@ def give_transfer(write_transfer, transfer_function_class, volume_object, opacit
     """Unshaded constant-color transfer function, opacities per world unit."""
     function = transfer_function_class(
         name="test", unit=None, opacity=tuple(opacity), color=((0.0, *color), (255.0, *color)),
-        opacity_unit_distance=1.0, shade=None)
+        opacity_unit_distance=1.0, shade=None)  # fmt: skip
     write_transfer(volume_object, function)
 
 
@@ -184,8 +185,14 @@ def add_cube(folder, name="cube", color=RED, value=100, **transfer):
 def load_color(folder, color, alpha=0.3, **transfer):
     """Give the active volume one color and opacity, by the operator that reads a file."""
     function = {
-        "name": "one color", "unit": None, "opacity": [[0.0, 0.0], [50.0, alpha], [255.0, alpha]],
-        "color": [[0.0, *color], [255.0, *color]], "opacity_unit_distance": 1.0, "shade": False, **transfer}
+        "name": "one color",
+        "unit": None,
+        "opacity": [[0.0, 0.0], [50.0, alpha], [255.0, alpha]],
+        "color": [[0.0, *color], [255.0, *color]],
+        "opacity_unit_distance": 1.0,
+        "shade": False,
+        **transfer,
+    }
     path = folder / "one_color.json"
     path.write_text(json.dumps(function))
     assert bpy.ops.rle_splat.load_transfer(filepath=str(path)) == {"FINISHED"}

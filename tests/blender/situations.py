@@ -129,4 +129,4 @@ SITUATIONS = {
     # Found since: test_situations_copies.py
     "B95": ("a camera with a backdrop is copied by Shift-D", "the copy's next backdrop takes the place of what it "
             "shows, and the first camera's stays"),
-}
+}  # fmt: skip

@@ -22,7 +22,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.add_camera((3.5, -5.5, 15.0), (0.6, 0.0, 0.0))
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = SIZE
     return owner
@@ -39,7 +39,8 @@ def listed(volume, bridge, core):
     """A list of a few plans, measured without the operator: quicker."""
     plans, sweeps, scene = core("accuracy.planner.plans"), core("accuracy.planner.measure_plans"), bpy.context.scene
     plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     few = [plan for plan in plans.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
     sweep = core("runtime.steps").drain(sweeps.sweep_steps(plain, few, quality, probes=60, repeats=1))
     bridge("data.accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
@@ -109,7 +110,8 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     settings.quality = "draft"
     assert bpy.ops.rle_splat.error_map(step=step) == {"FINISHED"}
     plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     rendering = core("pipeline.render").render(plain, quality)
     name = rendering.report["error"]["truth"]
     shading = core("accuracy.lighting").shading_of(plain, name)

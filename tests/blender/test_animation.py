@@ -19,7 +19,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
     scene = scenes.use_cycles((32, 32))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=32.0)
@@ -33,7 +33,7 @@ def animated(tmp_path):
     bpy.ops.render.render(animation=True)
     scene = bpy.context.scene
     return [scenes.load_pixels(tmp_path / f"frame_{frame:04d}.exr")[..., 3]
-            for frame in range(scene.frame_start, scene.frame_end + 1)]
+            for frame in range(scene.frame_start, scene.frame_end + 1)]  # fmt: skip
 
 
 def key_linear(owner, path, values, index=-1):
@@ -52,8 +52,9 @@ def test_a_moving_camera_and_a_moving_volume(volume, tmp_path):
     key_linear(volume, "location", (0.0, 2.0, 4.0), index=1)
     middles = np.array([scenes.centroid(alpha) for alpha in animated(tmp_path)])
     pixels = 32 / 32.0
-    np.testing.assert_allclose(middles - middles[0], [(0, 0), (-pixels, -2 * pixels), (-2 * pixels, -4 * pixels)],
-                               atol=0.05)
+    np.testing.assert_allclose(
+        middles - middles[0], [(0, 0), (-pixels, -2 * pixels), (-2 * pixels, -4 * pixels)], atol=0.05
+    )
 
 
 def test_the_compositor_on_the_graphics_card_reads_the_new_picture(volume, tmp_path):
@@ -95,8 +96,7 @@ def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
 
 
 def test_a_mesh_that_rises_through_the_volume(volume, tmp_path):
-    rising = scenes.add_mesh(
-        [(-5, -5, 0), (14, -5, 0), (14, 14, 0), (-5, 14, 0)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0))
+    rising = scenes.add_mesh([(-5, -5, 0), (14, -5, 0), (14, 14, 0), (-5, 14, 0)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0))
     key_linear(rising, "location", (-5.0, 2.5, 12.0), index=2)
     bpy.ops.rle_splat.composite()
     image = bpy.context.scene.rle_splat.composite_image
@@ -136,8 +136,9 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     bpy.ops.rle_splat.composite()
     scenes_read, calls = bridge("scene.render_scene"), []
     read = scenes_read.read_scenes
-    monkeypatch.setattr(scenes_read, "read_scenes",
-                        lambda o, d, **k: (calls.append(d.scene.frame_current), read(o, d, **k))[1])
+    monkeypatch.setattr(
+        scenes_read, "read_scenes", lambda o, d, **k: (calls.append(d.scene.frame_current), read(o, d, **k))[1]
+    )
     frames = animated(tmp_path)
     assert calls == [1, 2, 3]
     np.testing.assert_allclose(scenes.centroid(frames[0]), (16.0, 16.0), atol=0.05)  # at the frame, not a subframe

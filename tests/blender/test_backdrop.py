@@ -18,7 +18,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=20.0, shift_x=0.1)
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y, render.pixel_aspect_x = 40, 32, 1.5
@@ -33,7 +33,7 @@ def test_the_backdrop_fills_the_frame(volume, place):
     entry = camera.background_images[0]
     assert tuple(entry.image.size) == (40, 32)
     assert (entry.frame_method, entry.display_depth, entry.alpha, entry.scale, entry.rotation) == (
-        "STRETCH", place, 1.0, 1.0, 0.0)
+        "STRETCH", place, 1.0, 1.0, 0.0)  # fmt: skip
     assert tuple(entry.offset) == (0.0, 0.0) and not entry.use_flip_x and not entry.use_flip_y
     picture = scenes.image_pixels(entry.image)
     # x = 4 is the middle; the shift of a tenth of the 60-wide fitted side (in pixels, 40 of 1.5) moves it left

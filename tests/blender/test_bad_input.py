@@ -16,7 +16,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.use_cycles((32, 32))
     return owner
 
@@ -39,7 +39,7 @@ def state():
         sorted(o.name for o in bpy.data.objects), sorted(i.name for i in bpy.data.images),
         sorted(t.name for t in bpy.data.node_groups), [len(c.background_images) for c in bpy.data.cameras],
         scene.rle_splat.use_composite, scene.render.use_lock_interface, scene.rle_splat.image,
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("operator", PICTURE_OPERATORS)

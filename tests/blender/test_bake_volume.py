@@ -10,9 +10,9 @@ from tests.blender.scenes import add_camera, add_white_floor, import_raw, load_c
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 35.0 * np.sqrt(sum((axis - 6.0) ** 2 for axis in np.mgrid[:13, :13, :13])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 35.0 * np.sqrt(sum((axis - 6.0) ** 2 for axis in np.mgrid[:13, :13, :13])), 0.0, 255.0).astype(
+    np.uint8
+)
 COLOR = (0.8, 0.3, 0.1)
 
 
@@ -39,9 +39,11 @@ def bake(tmp_path, **options):
     return one
 
 
-@pytest.mark.parametrize("matrix", [
-    Matrix(), Matrix(((0.9, 0.25, 0.0, 0.5), (0.0, 1.1, 0.0, -0.5), (0.1, 0.0, 1.3, 0.0), (0.0, 0.0, 0.0, 1.0)))],
-    ids=["plain", "sheared"])
+@pytest.mark.parametrize(
+    "matrix",
+    [Matrix(), Matrix(((0.9, 0.25, 0.0, 0.5), (0.0, 1.1, 0.0, -0.5), (0.1, 0.0, 1.3, 0.0), (0.0, 0.0, 0.0, 1.0)))],
+    ids=["plain", "sheared"],
+)
 def test_the_baked_volume_looks_in_cycles_as_here(grids_in_cycles, ball, tmp_path, matrix):
     """By the mean, as Cycles is noisy; a sheared and unevenly scaled object too."""
     parent = bpy.data.objects.new("parent", None)

@@ -31,7 +31,7 @@ def place_parent(camera, scale, rotation=(0.3, 0.2, 0.1)):
 def test_projection_is_blenders(bridge, core, kind, fit, scale):
     camera = scenes.add_camera(
         (1.0, -2.0, 9.0), (0.2, 0.1, 0.4), type=kind, sensor_fit=fit, lens=37.3, sensor_width=31.0,
-        sensor_height=21.0, ortho_scale=7.1)
+        sensor_height=21.0, ortho_scale=7.1)  # fmt: skip
     place_parent(camera, scale)
     render = bpy.context.scene.render
     points = np.random.default_rng(1).uniform(-1.5, 1.5, (40, 3))
@@ -47,7 +47,8 @@ def test_projection_is_blenders(bridge, core, kind, fit, scale):
         ours = homogeneous @ core("view.projection").world_to_pixel(plain, width, height).T
         ours = ours[:, :2] / ours[:, 2:]
         matrix = camera.calc_matrix_camera(
-            depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y)
+            depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+        )
         to_view = np.linalg.inv(np.array(camera.evaluated_get(depsgraph).matrix_world.normalized(), dtype=np.float64))
         theirs = homogeneous @ to_view.T @ np.array(matrix, dtype=np.float64).T
         theirs = theirs[:, :2] / theirs[:, 3:]
@@ -75,7 +76,7 @@ CAMERAS = {
     "half": ({}, {"resolution_x": 192, "resolution_y": 144, "resolution_percentage": 50}, None),
     "scaled parent": ({}, {}, (2.0, 0.5, 3.0)),
     "scaled parent orthographic": ({"type": "ORTHO"}, {}, (0.5, 0.5, 0.5)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -94,7 +95,8 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
         place_parent(camera, parent_scale, (0.0, 0.0, 0.0))
     # Through a parent with unequal scale the camera's axes are skewed; its view still goes through the middle.
     camera.matrix_basis = Matrix.Translation(np.array((2.2, -3.9, 2.7)) / scale) @ _look_at(
-        np.array((-2.2, 3.9, -2.7)) / scale)
+        np.array((-2.2, 3.9, -2.7)) / scale
+    )
 
     voxels = np.zeros((5, 5, 5), np.uint8)
     voxels[2, 2, 2] = 255
@@ -103,7 +105,7 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
     owner.location = place - 2.0 * spacing
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))
+        ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))  # fmt: skip
     scene.rle_splat.quality = "fine"
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     ours = scenes.image_pixels(scene.rle_splat.image)[..., 3]
@@ -163,7 +165,7 @@ def test_lights_are_read_as_evaluated(bridge):
 
 @pytest.mark.parametrize("kind", ["POINT", "SPOT", "SUN", "AREA", "ELLIPSE"])
 def test_a_light_that_is_not_normalized_is_as_bright_as_cycles_makes_it(bridge, tmp_path, kind):
-    """"Normalize" off scales a light by its area: the plain energy read has the same ratio as two renders."""
+    """ "Normalize" off scales a light by its area: the plain energy read has the same ratio as two renders."""
     scene = scenes.use_cycles((8, 8), samples=256)
     scenes.add_camera((0.0, 0.0, 20.0), type="ORTHO", ortho_scale=0.2)
     scenes.add_white_floor(1.0)

@@ -22,7 +22,7 @@ def pair(bridge, core, tmp_path):
         made.append(scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name))
         scenes.give_transfer(
             bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, made[-1],
-            ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)
+            ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)  # fmt: skip
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
@@ -77,7 +77,7 @@ def test_the_channels_own_transfer_function_counts(pair, bridge, core):
     bpy.ops.rle_splat.add_channels()
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
-        ((0.0, 0.0), (255.0, 0.0)), BLUE)
+        ((0.0, 0.0), (255.0, 0.0)), BLUE)  # fmt: skip
     np.testing.assert_allclose(middle()[:3] / middle()[3], RED, atol=5e-3)
     assert "fully transparent" in reported("channels")["reason"]
 
@@ -167,8 +167,9 @@ def test_a_file_is_added_in_one_operator(bridge, tmp_path, capfd, refused):
     assert add(filepath=str(tmp_path / "coarse.nii")) == {"FINISHED"}
     assert "another grid (5 x 4 x 4 voxels)" in capfd.readouterr().out
     assert bpy.context.view_layer.objects.active == owner and [one.name for one in bpy.context.selected_objects] == [
-        owner.name]
-    row, = owner.rle_splat.channels
+        owner.name
+    ]
+    (row,) = owner.rle_splat.channels
     assert row.source.name == "coarse" and bridge("volumes.loading").is_at_hand(owner)
 
 
@@ -177,10 +178,11 @@ def test_a_pet_that_is_added_is_hot(bridge, tmp_path):
     owner = bpy.context.view_layer.objects.active
     np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "pet.raw")
     assert bpy.ops.rle_splat.import_channel(
-        filepath=str(tmp_path / "pet.raw"), shape=(N, N, N), dtype="uint16", modality="PT") == {"FINISHED"}
+        filepath=str(tmp_path / "pet.raw"), shape=(N, N, N), dtype="uint16", modality="PT"
+    ) == {"FINISHED"}
     function = bridge("look.transfer").read_transfer(owner.rle_splat.channels[0].source)
     assert function.name == "PET hot" and function.span == (pytest.approx(0.01 * N**3, abs=2), pytest.approx(
-        0.999 * N**3, abs=2))
+        0.999 * N**3, abs=2))  # fmt: skip
 
 
 def test_channels_of_one_file_are_added_in_their_colors(bridge, tmp_path):
@@ -198,7 +200,8 @@ def test_channels_of_one_file_are_added_in_their_colors(bridge, tmp_path):
     assert [one.color[0][1:] for one in functions] == [(0, 1, 0), (1, 0, 1), (0, 1, 1)]
     windows = [one.span for one in functions]
     assert windows[1][1] == pytest.approx(4 * windows[0][1], rel=0.05) and windows[2] == pytest.approx(
-        windows[0], rel=0.1)
+        windows[0], rel=0.1
+    )
     volume, depsgraph = bridge("volumes.volumes").load_volume(owner), bpy.context.evaluated_depsgraph_get()
     for i, channel in enumerate(bridge("volumes.channels").read_channels(owner, depsgraph, volume), 1):
         np.testing.assert_array_equal(channel.volume.voxels, values[:, i])

@@ -30,7 +30,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)  # fmt: skip
     scenes.use_cycles()
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=VIEW)
@@ -54,7 +54,8 @@ def over(length, below=(0.0, 0.0, 0.0), below_alpha=0.0):
 def strip(x0, x1, z, color, y0=-2.0, y1=10.0):
     """A rectangle at height z that emits ``color``."""
     return scenes.add_mesh(
-        [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 1, 2, 3)], color, name=f"strip at {z}")
+        [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], [(0, 1, 2, 3)], color, name=f"strip at {z}"
+    )
 
 
 def color_inputs(node):
@@ -63,7 +64,7 @@ def color_inputs(node):
 
 def links_of(tree):
     return sorted((link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier)
-                  for link in tree.links)
+                  for link in tree.links)  # fmt: skip
 
 
 def make_user_tree(versions):
@@ -91,7 +92,7 @@ def test_meshes_in_front_inside_and_behind(volume, tmp_path):
     picture = scenes.rendered(tmp_path / "out.exr")
 
     expected = {0.8: over(0.0, front, 1.0), 2.8: over(N - 0.5 - 4.0, inside, 1.0),
-                4.8: over(N - 0.5 - 2.3, cut, 1.0), 6.5: over(N, behind, 1.0), 7.5: over(N)}
+                4.8: over(N - 0.5 - 2.3, cut, 1.0), 6.5: over(N, behind, 1.0), 7.5: over(N)}  # fmt: skip
     for x, rgba in expected.items():
         np.testing.assert_allclose(picture[32, column_of(x)], rgba, atol=TOLERANCE, err_msg=f"at x = {x}")
     assert np.abs(picture[2, 2]).max() == 0.0  # beside the volume
@@ -145,8 +146,7 @@ def test_hidden_and_instanced_meshes(volume, tmp_path):
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, column_of(1.0)], over(N), atol=TOLERANCE)
     np.testing.assert_allclose(picture[32, column_of(3.0)], over(N), atol=TOLERANCE)
-    np.testing.assert_allclose(
-        picture[32, column_of(5.5)], over(N - 0.5 - 3.0, (0.0, 0.0, 1.0), 1.0), atol=TOLERANCE)
+    np.testing.assert_allclose(picture[32, column_of(5.5)], over(N - 0.5 - 3.0, (0.0, 0.0, 1.0), 1.0), atol=TOLERANCE)
 
 
 def test_render_settings_of_modifiers_count(volume, tmp_path):
@@ -242,7 +242,7 @@ def test_the_picture_comes_after_nodes_that_mix_passes(volume, bridge, tmp_path)
     """Set Alpha takes the alpha of the Render Layers, which knows nothing of the volume."""
     tree, _ = make_user_tree(bridge("versions"))
     layers, exposure = (next(node for node in tree.nodes if node.bl_idname == f"CompositorNode{kind}")
-                        for kind in ("RLayers", "Exposure"))
+                        for kind in ("RLayers", "Exposure"))  # fmt: skip
     mixed = tree.nodes.new("CompositorNodeSetAlpha")
     tree.links.new(layers.outputs["Image"], mixed.inputs["Image"])
     tree.links.new(layers.outputs["Alpha"], mixed.inputs["Alpha"])
@@ -259,7 +259,7 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     tree, _ = make_user_tree(bridge("versions"))
     bpy.ops.rle_splat.composite()
     exposure, over_node = (next(node for node in tree.nodes if node.bl_idname == f"CompositorNode{kind}")
-                           for kind in ("Exposure", "AlphaOver"))
+                           for kind in ("Exposure", "AlphaOver"))  # fmt: skip
     target, source = exposure.outputs[0].links[0].to_socket, color_inputs(over_node)[0].links[0].from_socket
     tree.links.new(exposure.outputs[0], color_inputs(over_node)[0])
     tree.links.new(over_node.outputs[0], target)
@@ -267,7 +267,8 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     tree.links.new(exposure.outputs[0], add_file_output(tree, tmp_path))
     scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.render_problem == (
-        "The compositor's node 'File Output' shows the render without the volume; press Include in Renders again.")
+        "The compositor's node 'File Output' shows the render without the volume; press Include in Renders again."
+    )
     bpy.ops.rle_splat.composite()
     scenes.rendered(tmp_path / "out.exr")
     (found,) = [path for path in tmp_path.glob("*.exr") if path.name != "out.exr"]

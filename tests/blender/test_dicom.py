@@ -72,7 +72,7 @@ def test_a_saved_scene_does_not_name_the_patient(tmp_path, capfd, phantoms, obli
     folder = tmp_path / "scan"
     phantoms.write_classic(folder, oblique)
     uids = {str(phantoms.read(path)[name].value) for path in folder.iterdir() for name in
-            ("SOPInstanceUID", "SeriesInstanceUID", "StudyInstanceUID", "FrameOfReferenceUID")}
+            ("SOPInstanceUID", "SeriesInstanceUID", "StudyInstanceUID", "FrameOfReferenceUID")}  # fmt: skip
     bpy.ops.rle_splat.import_volume(filepath=str(folder))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"), compress=False)
     captured = capfd.readouterr()
@@ -95,12 +95,14 @@ def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refu
     dataset.SOPClassUID = "1.2.840.10008.5.1.4.1.1.481.3"
     dataset.SOPInstanceUID, dataset.Modality = "1.2.3.5", "RTSTRUCT"
     dataset.StructureSetROISequence = phantoms.one(
-        ROINumber=3, ROIName="heart", ReferencedFrameOfReferenceUID="1.2.3.4")
+        ROINumber=3, ROIName="heart", ReferencedFrameOfReferenceUID="1.2.3.4"
+    )
     drawn.ContourGeometricType, drawn.NumberOfContourPoints = "CLOSED_PLANAR", 4
     corners = [(4.5, 6.5, 2, 1), (9.5, 6.5, 2, 1), (9.5, 12.5, 2, 1), (4.5, 12.5, 2, 1)]
     drawn.ContourData = [f"{value:.5f}" for corner in corners for value in (volume.affine @ corner)[:3]]
     dataset.ROIContourSequence = phantoms.one(
-        ReferencedROINumber=3, ROIDisplayColor=[255, 0, 0], ContourSequence=[drawn])
+        ReferencedROINumber=3, ROIDisplayColor=[255, 0, 0], ContourSequence=[drawn]
+    )
     path = phantoms.save(dataset, tmp_path / "structures.dcm")
     owner.rle_splat.label_file = str(path)
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}

@@ -29,7 +29,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.add_camera((40.0, 32.0, 200.0), type="ORTHO", ortho_scale=100.0)
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
     return owner
@@ -52,7 +52,7 @@ class Window:
         self.workspace = SimpleNamespace(status_text_set=self.said.append)
         self.window_manager = SimpleNamespace(
             windows=(), progress_begin=lambda *_: None, progress_update=lambda *_: None, progress_end=lambda: None,
-            event_timer_add=self._add, event_timer_remove=self._remove, modal_handler_add=lambda _: None)
+            event_timer_add=self._add, event_timer_remove=self._remove, modal_handler_add=lambda _: None)  # fmt: skip
 
     def _add(self, *_args, **_options):
         self.timers += 1
@@ -306,6 +306,6 @@ def test_while_playing_nothing_is_refined(timeline, monkeypatch):
 def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
     bpy.context.scene.frame_set(2)
     monkeypatch.setattr(timeline, "_unfinished", [
-        timeline.Refinement(iter(()), None, None, work.fail, None) for work in timeline._unfinished])
+        timeline.Refinement(iter(()), None, None, work.fail, None) for work in timeline._unfinished])  # fmt: skip
     assert timeline._tick() is None
     assert backdrop_pixels().max() == 0.0 and "could not be rendered" in bpy.context.scene.rle_splat.message

@@ -31,7 +31,7 @@ def scan(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, ball(), (1.0, 2.0, 1.0), "ball")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (60.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (60.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.add_camera((5.5, 11.0, 60.0), type="ORTHO", ortho_scale=30.0)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
@@ -47,7 +47,8 @@ def encode(scan, bridge, core, tmp_path):
 
     def made(kind):
         plain, quality = bridge("scene.render_scene").read_scene(
-            scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+            scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+        )
         quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
@@ -171,8 +172,7 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
     monkeypatch.setattr(core("pipeline.encode_folder"), "COARSE_VOXELS", SIDE**3 // 4)
     owner = imported(encode("post"))
     frames = bridge("live.frames")
-    plain, _ = bridge("scene.render_scene").read_scene(
-        owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    plain, _ = bridge("scene.render_scene").read_scene(owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
     draft, times = frames.in_larger_voxels(plain)
     assert times == 1 and draft.volume.shape_xyz == (SIDE // 2,) * 3
     odd = replace(draft.volume, shape_xyz=(SIDE // 2 + 1,) * 3)  # of SIDE + 1 voxels
@@ -180,7 +180,8 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
     assert draft.transfer_function.opacity_unit_distance == 1.0
     shown = core("view.box_order").box_of
     np.testing.assert_allclose(
-        shown(draft.index_to_world, draft.volume.shape_xyz, 0.5), shown(plain.index_to_world, (SIDE,) * 3, 0.5))
+        shown(draft.index_to_world, draft.volume.shape_xyz, 0.5), shown(plain.index_to_world, (SIDE,) * 3, 0.5)
+    )
     assert frames.in_larger_voxels(draft) == (draft, 0)
 
 
@@ -190,7 +191,7 @@ NEEDS_VALUES = {
     "import_channel": dict(filepath="any.raw"),
     "measure_accuracy": dict(), "shadow_pass": dict(), "bake_volume": dict(filepath="any.vdb"),
     "save_figure": dict(filepath="any.svg"),
-}
+}  # fmt: skip
 
 
 def test_what_needs_values_is_grayed_and_says_why(encode, refused):

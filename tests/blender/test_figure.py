@@ -12,9 +12,9 @@ from mathutils import Matrix
 from tests.blender import scenes
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
+    np.uint8
+)
 SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
 
 
@@ -115,7 +115,7 @@ def test_labels_and_channels_are_made_again_from_a_moved_folder(ball, core, tmp_
     sidecar = json.loads((folder / "fig.figure.json").read_text())
     assert sidecar["missing"] == [] and "Of a patient" not in json.dumps(sidecar)
     assert [sidecar["data"]["file"], sidecar["labels"]["file"], sidecar["channels"][0]["file"]] == [
-        "../cube.raw", "labels.raw", "cube.raw"]
+        "../cube.raw", "labels.raw", "cube.raw"]  # fmt: skip
     shown = sidecar["panels"][0]["scene"]["labels"]["functions"]
     assert [one["transfer_function"] is None for one in shown] == [False, False, True]
     moved = tmp_path / "moved"
@@ -136,7 +136,8 @@ def test_the_view_is_that_of_the_viewport(ball, bridge, core, parallel):
     space = SimpleNamespace(region_3d=view, clip_start=0.1, clip_end=100.0)
     region = SimpleNamespace(type="WINDOW", width=width, height=height)
     area = SimpleNamespace(
-        type="VIEW_3D", spaces=SimpleNamespace(active=space), regions=[region], width=width, height=height)
+        type="VIEW_3D", spaces=SimpleNamespace(active=space), regions=[region], width=width, height=height
+    )
     screen = SimpleNamespace(areas=[area])
     context = SimpleNamespace(window=SimpleNamespace(screen=screen), area=None, scene=bpy.context.scene)
     camera, *size = bridge("pictures.figure").viewport_camera(context, ball)

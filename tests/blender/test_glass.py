@@ -9,9 +9,9 @@ from tests.blender import scenes
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
+    np.uint8
+)
 GREEN = (0.3, 0.9, 0.5)
 
 

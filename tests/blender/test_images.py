@@ -22,7 +22,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, voxels, name="slab")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.5)), COLOR)
+        ((0.0, 0.0), (255.0, 0.5)), COLOR)  # fmt: skip
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 40
     return owner
@@ -189,7 +189,8 @@ def test_the_picture_is_the_renderers_own(volume, bridge, core):
     """Nothing happens to the picture between the renderer and the image."""
     bpy.ops.rle_splat.render_image()
     plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     rendering = core("pipeline.render").render(plain, quality)
     settings = bpy.context.scene.rle_splat
     np.testing.assert_array_equal(scenes.image_pixels(settings.image), rendering.rgba)

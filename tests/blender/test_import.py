@@ -42,8 +42,18 @@ def test_raw_with_everything_given(tmp_path, bridge, order, header):
     path = tmp_path / "scan.raw"
     path.write_bytes(b"h" * header + voxels.astype("<i2" if order == "little" else ">i2").tobytes())
     import_volume(
-        filepath=str(path), shape=(7, 6, 5), dtype="int16", byte_order=order, header_bytes=header,
-        spacing=(0.7, 0.7, 2.5), use_calibration=True, slope=2.0, intercept=-24.0, modality="CT", value_unit="HU")
+        filepath=str(path),
+        shape=(7, 6, 5),
+        dtype="int16",
+        byte_order=order,
+        header_bytes=header,
+        spacing=(0.7, 0.7, 2.5),
+        use_calibration=True,
+        slope=2.0,
+        intercept=-24.0,
+        modality="CT",
+        value_unit="HU",
+    )
     owner = active()
     assert owner.type == "EMPTY" and owner.empty_display_type == "PLAIN_AXES" and owner.rle_splat.is_volume
     volume = bridge("volumes.volumes").load_volume(owner)
@@ -103,7 +113,7 @@ def test_one_bad_file_of_several_imports_none(tmp_path, refused):
     (tmp_path / "two.raw.gz").write_bytes(b"\x1f\x8bnot gzip")
     refused(
         import_volume, "two.raw.gz", directory=str(tmp_path),
-        files=[{"name": "one_4x4x4_uint8.raw"}, {"name": "two.raw.gz"}])
+        files=[{"name": "one_4x4x4_uint8.raw"}, {"name": "two.raw.gz"}])  # fmt: skip
 
 
 def write_vdb(path, *grids):
@@ -146,7 +156,8 @@ def test_bad_files_are_refused_in_a_sentence(tmp_path, refused):
     refused(import_volume, "cut.raw.gz", filepath=str(tmp_path / "cut.raw.gz"), shape=(16, 16, 16), dtype="uint8")
     (tmp_path / "nan_4x4x4_float32.raw").write_bytes(np.full(64, np.nan, np.float32).tobytes())
     refused(
-        import_volume, NO_NUMBER, filepath=str(tmp_path / "nan_4x4x4_float32.raw"), shape=(4, 4, 4), dtype="float32")
+        import_volume, NO_NUMBER, filepath=str(tmp_path / "nan_4x4x4_float32.raw"), shape=(4, 4, 4), dtype="float32"
+    )
     refused(import_volume, "missing.raw", filepath=str(tmp_path / "missing.raw"), shape=(4, 4, 4), dtype="uint8")
     (tmp_path / "odd.xyz").write_bytes(bytes(64))
     refused(import_volume, "odd.xyz", filepath=str(tmp_path / "odd.xyz"))

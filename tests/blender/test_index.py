@@ -99,7 +99,8 @@ def test_the_last_volume_leaves_no_stages_and_no_voxels(volume_object, bridge):
     bpy.context.scene.camera.location.z = 30.0
     update()
     plain, quality = bridge("scene.render_scene").read_scene(
-        volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     list(bridge("scene.render_scene").steps(plain, quality, refuse_empty_view=False))
     update()
     assert bridge("scene.render_scene").KEPT.contents and bridge("loop.store")._entries

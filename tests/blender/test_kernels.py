@@ -32,7 +32,8 @@ def pictures(core):
     voxels = np.clip(255.0 - 45.0 * radius, 0.0, 255.0).astype(np.uint8)
     volume = core("volume.volume").Volume(voxels, np.diag((1.0, 1.1, 0.9, 1.0)))
     function = core("classify.transfer_function").TransferFunction(
-        opacity=((20.0, 0.0), (250.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (255.0, 0.1, 0.4, 1.0)))
+        opacity=((20.0, 0.0), (250.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (255.0, 0.1, 0.4, 1.0))
+    )
     camera, matrix = core("view.turntable").turntable(volume, 37.0, 24.0, 1.0, True, 50.0, 61, 47)
     render = core("pipeline.render").render
     shown = scene.Scene(volume, function, camera, 61, 47, volume_matrix=matrix)
@@ -59,5 +60,6 @@ def test_the_zip_brings_the_kernels_that_are_prepared(core, extension_zip, tmp_p
     installed = str(Path(jit.__file__).parents[2])
     environ = os.environ | {"RLE_SPLAT_CACHE": str(tmp_path), "PYTHONPATH": os.pathsep.join((installed, *sys.path))}
     done = subprocess.run(
-        [sys.executable, "-c", PREPARE], env=environ, cwd=tmp_path, capture_output=True, text=True, check=False)
+        [sys.executable, "-c", PREPARE], env=environ, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.stdout.split() == ["0"], done.stderr

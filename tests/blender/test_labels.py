@@ -20,7 +20,7 @@ def owner(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)  # fmt: skip
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
@@ -148,7 +148,7 @@ def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_pa
     owner.rle_splat.label_file = str(tmp_path / "other.raw")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert [(row.label, row.label_name, row.show) for row in rows] == [
-        (0, "Background", True), (3, "Label 3", True), (4, "Label 4", True)]
+        (0, "Background", True), (3, "Label 3", True), (4, "Label 4", True)]  # fmt: skip
     colors = np.array([row.color for row in rows])
     apart = np.abs(colors[:, np.newaxis] - colors).max(axis=-1)
     assert apart[~np.eye(3, dtype=bool)].min() > 0.2 and tuple(rows[1].color) == first

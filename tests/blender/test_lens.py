@@ -17,7 +17,8 @@ def blot(tmp_path, core, bridge):
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
-        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
+        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0)
+    )
     found.location = (-0.12, -0.12, -0.12)
     scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
     render = bpy.context.scene.render

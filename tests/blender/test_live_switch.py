@@ -210,7 +210,8 @@ def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
 
 @pytest.mark.parametrize("lit, counts", [(("HEADLIGHT", "BOTH"), 12), (("SCENE", "SCENE"), 12), (("NONE",) * 2, None)])
 def test_meshes_cast_shadows_on_every_volume_that_the_scenes_lights_shine_on(
-        volume_object, phantom, bridge, lit, counts):
+    volume_object, phantom, bridge, lit, counts
+):
     bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", preset="x-ray")
     second = bpy.context.view_layer.objects.active
     bpy.ops.mesh.primitive_cube_add()
@@ -248,7 +249,8 @@ class Framebuffer:
 
 
 @pytest.mark.parametrize(
-    ("size", "depth", "expected"), [((40, 30), 0.5, True), ((40, 30), 0.0, False), ((30, 30), 0.5, False)])
+    ("size", "depth", "expected"), [((40, 30), 0.5, True), ((40, 30), 0.0, False), ((30, 30), 0.5, False)]
+)
 def test_a_framebuffer_that_is_too_small_or_empty_gives_no_depth(size, depth, expected, bridge, monkeypatch):
     surface, viewport, view = bridge("live.surface"), bridge("live.viewport"), bridge("live.view")
     of_array = SimpleNamespace(Buffer=lambda _kind, _shape, array: array)  # there is none without a window

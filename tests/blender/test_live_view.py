@@ -41,14 +41,15 @@ def matrices_of(view, camera, size=SIZE, **more):
     depsgraph = bpy.context.evaluated_depsgraph_get()
     render = bpy.context.scene.render
     window = camera.calc_matrix_camera(
-        depsgraph, x=size[0], y=size[1], scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y)
+        depsgraph, x=size[0], y=size[1], scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+    )
     return view.Matrices(rows_of(camera.matrix_world.normalized().inverted()), rows_of(window), *size, **more)
 
 
 CAMERAS = [
     {"lens": 35.0}, {"lens": 80.0, "shift_x": 0.2, "shift_y": -0.1}, {"lens": 20.0, "sensor_fit": "VERTICAL"},
     {"type": "ORTHO", "ortho_scale": 5.0, "shift_x": -0.1, "shift_y": 0.3, "clip_start": 1.0},
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("settings", CAMERAS)

@@ -49,7 +49,8 @@ def contents(live, core):
     """One volume of one color, about the origin."""
     volume = core("volume.volume").Volume(np.full((SIDE,) * 3, 100, np.uint8), np.eye(4))
     transfer = core("classify.transfer_function").TransferFunction(
-        opacity=((0.0, 0.2), (255.0, 0.2)), color=((0.0, 0.8, 0.4, 0.2), (255.0, 0.8, 0.4, 0.2)), shade=None)
+        opacity=((0.0, 0.2), (255.0, 0.2)), color=((0.0, 0.8, 0.4, 0.2), (255.0, 0.8, 0.4, 0.2)), shade=None
+    )
     scene = core("scene")
     placed = np.eye(4)
     placed[:3, 3] = -0.5 * (SIDE - 1)
@@ -312,7 +313,8 @@ def test_volumes_that_overlap_are_one_picture_and_let_through_the_product(live, 
     matrix = held.plain.volume_matrix.copy()
     matrix[2, 3] += 3.0
     other = replace(
-        held, plain=replace(held.plain, volume_matrix=matrix), corners=held.corners + (0.0, 0.0, 3.0), digest="other")
+        held, plain=replace(held.plain, volume_matrix=matrix), corners=held.corners + (0.0, 0.0, 3.0), digest="other"
+    )
     surface.held = [held, other]
     viewport.redraw(request_of(live, volumes=("one", "other")), 2, surface)
     (draft,) = viewport.pictures

@@ -20,7 +20,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.where((at**2).sum(axis=0) < 17.5**2, 180, 20).astype(np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.use_cycles((32, 32))
     scenes.add_camera((23.5, 23.5, 150.0))
     return owner
@@ -56,7 +56,8 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     needed, share = translate(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     rendering = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     if quality.rays == 0.0 < rendering.report["plan"]["rays"]:
@@ -79,7 +80,8 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     drafted = translate(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
     for with_meshes, needed in zip((False, True), drafted):
         plain, quality = bridge("scene.render_scene").read_scene(
-            volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes)
+            volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes
+        )
         report = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality)).report
         assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
     assert among > 1.3 * alone

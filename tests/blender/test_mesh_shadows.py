@@ -185,7 +185,6 @@ def test_the_shadow_follows_edits_and_frames(slab, tmp_path, grid):
     assert centroid(1.0 - whole[:, :18])[1] - centroid(1.0 - moved[:, :18])[1] == pytest.approx(5.0, abs=0.2)
 
 
-
 @pytest.fixture
 def cube(addon, tmp_path):
     """A cube over a floor under a sun, included in renders; its grid is there, and no file yet."""

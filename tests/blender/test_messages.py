@@ -25,7 +25,7 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
     scene = scenes.use_cycles((16, 16))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=4.0)
@@ -265,8 +265,9 @@ def remove_nodes(tree, over, picture):
 ABSENT = "so the volume is not in the render"
 AGAIN = "press Include in Renders again."
 REMOVE = "or press Remove from Renders."
-UNLINKED = ("The volume's picture is not linked to the compositor's output, so it is not in the render; link it, or "
-            f"{AGAIN}")
+UNLINKED = (
+    f"The volume's picture is not linked to the compositor's output, so it is not in the render; link it, or {AGAIN}"
+)
 EMPTY = (
     (unlink_picture, UNLINKED),
     (unlink_over, UNLINKED),
@@ -281,7 +282,7 @@ EMPTY = (
      f"Compositing is switched off in the output properties, {ABSENT}; switch it on, {REMOVE}"),
     (take_the_tree_away, f"The scene's compositor is switched off, {ABSENT}; {AGAIN}"),
     (remove_nodes, f"The volume's nodes were removed from the compositor; {AGAIN}"),
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(("act", "sentence"), EMPTY, ids=[act.__name__ for act, _ in EMPTY])
@@ -341,7 +342,7 @@ def test_B34_a_volume_one_voxel_thick_under_post_classification(bridge, core, tm
     owner = scenes.import_raw(tmp_path, np.full((1, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
     scenes.use_cycles((16, 16))
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=4.0)
     bpy.context.scene.rle_splat.classification = "post"
@@ -362,7 +363,8 @@ def test_frames_in_which_everything_is_transparent(volume, tmp_path):
     frames = animated(tmp_path)
     assert [frames[number][..., 3].max() > 0.5 for number in (1, 2, 3)] == [True, False, False]
     assert settings.message == (
-        "Frame 2-3: The transfer function makes every voxel transparent, so the picture is empty.")
+        "Frame 2-3: The transfer function makes every voxel transparent, so the picture is empty."
+    )
     assert settings.failed_frames == ""
 
 
@@ -381,19 +383,21 @@ def test_B22_a_volume_deleted_by_the_user_or_from_python(volume, tmp_path, remov
     remove(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
     assert settings.message == (
-        "The volume 'cube' was deleted and renders show no other one; import one, or press Remove from Renders.")
+        "The volume 'cube' was deleted and renders show no other one; import one, or press Remove from Renders."
+    )
 
 
 def test_B23_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):
     other = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="other")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, other,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
     volume.rle_splat.channels.add().source = other
     bpy.context.view_layer.objects.active = volume
     settings = composite()
     np.testing.assert_allclose(
-        scenes.rendered(tmp_path / "out.exr")[8, 8, 3], 1.0 - (1.0 - ALPHA) ** (2 * N), atol=1 / 255)
+        scenes.rendered(tmp_path / "out.exr")[8, 8, 3], 1.0 - (1.0 - ALPHA) ** (2 * N), atol=1 / 255
+    )
     delete_as_a_user(other)
     assert volume.rle_splat.channels[0].source is not None
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[8, 8, 3], FULL, atol=1 / 255)
@@ -441,7 +445,7 @@ def test_B70_a_file_rendered_without_the_extension_shows_no_saved_picture(volume
     assert before.max() > 0.5 and not image.is_dirty
     subprocess.run(
         [sys.executable, "-c", RENDER_WITHOUT, str(path), str(tmp_path / "without.exr")], check=True,
-        env={"BLENDER_USER_RESOURCES": str(tmp_path / "nobody"), "PATH": "/usr/bin:/bin"})
+        env={"BLENDER_USER_RESOURCES": str(tmp_path / "nobody"), "PATH": "/usr/bin:/bin"})  # fmt: skip
     assert np.abs(scenes.load_pixels(tmp_path / "without.exr")).max() == 0.0
     bpy.ops.wm.open_mainfile(filepath=str(path))
     for percentage in (100, 200, 100):

@@ -137,7 +137,8 @@ def test_other_values_and_settings_that_were_removed(addon, tmp_path):
     for message in (
         "The setting use_previews was removed; pictures that take long show a draft first. "
         "The setting backend was removed; numba is used where it can be loaded, and numpy elsewhere. "
-        "The minification 'pool' was removed; 'widen' is used instead.", "",
+        "The minification 'pool' was removed; 'widen' is used instead.",
+        "",
     ):  # the second time nothing is left of them
         bpy.ops.wm.open_mainfile(filepath=saved)
         settings = bpy.context.scene.rle_splat

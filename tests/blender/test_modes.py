@@ -11,9 +11,9 @@ from tests.blender.scenes import add_camera, gray_world, image_pixels, import_ra
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
+    np.uint8
+)
 
 
 @pytest.fixture

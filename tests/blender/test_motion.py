@@ -22,7 +22,8 @@ def blot(tmp_path, bridge, core):
     found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
     function = core("classify.transfer_function").TransferFunction
     scenes.give_transfer(
-        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0))
+        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0)
+    )
     found.location = (-0.12, -0.12, -0.12)
     scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
     scene = scenes.use_cycles((48, 48))
@@ -74,7 +75,7 @@ def check_poses(bridge, volume_object, opens=FRAME - 0.4, closes=FRAME + 0.4):
         np.testing.assert_allclose(pose.volume_matrix, placed, atol=2e-6)
     first, last = poses[0], poses[-1]
     assert np.abs(first.camera_matrix - last.camera_matrix).max() + np.abs(
-        first.volume_matrix - last.volume_matrix).max() > 0.01
+        first.volume_matrix - last.volume_matrix).max() > 0.01  # fmt: skip
     return poses
 
 
@@ -191,6 +192,7 @@ class Handlers:
             self.calls.append(kind)
             if kind == "frame_change_post":
                 self.moved.location.x = scene.frame_float
+
         return call
 
 
@@ -316,13 +318,20 @@ def half_tracked(one):
     key(track.target, "location", 0.0, 0.5, 0.9, index=0)
 
 
-@pytest.mark.parametrize("place, words", [
-    (drive, "a driver"), (push_down, "NLA strips"), (follow_path, "the constraint Follow Path"),
-    (hang_on_bone, "the bone that is its parent"), (half_tracked, "the constraint Track To"),
-])
+@pytest.mark.parametrize(
+    "place, words",
+    [
+        (drive, "a driver"),
+        (push_down, "NLA strips"),
+        (follow_path, "the constraint Follow Path"),
+        (hang_on_bone, "the bone that is its parent"),
+        (half_tracked, "the constraint Track To"),
+    ],
+)
 @pytest.mark.parametrize("of_a_parent", [False, True])
 def test_what_keyframes_do_not_say_is_sharp_and_said_in_render_and_image_alike(
-        blot, tmp_path, place, words, of_a_parent):
+    blot, tmp_path, place, words, of_a_parent
+):
     scene = bpy.context.scene
     camera = scene.camera
     if of_a_parent:

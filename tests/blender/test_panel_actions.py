@@ -53,7 +53,7 @@ def state_line(is_on, monkeypatch, viewports=()):
     context = SimpleNamespace(
         area=SimpleNamespace(type="VIEW_3D", regions=()), region=None, preferences=bpy.context.preferences,
         scene=bpy.context.scene, view_layer=bpy.context.view_layer,
-        space_data=SimpleNamespace(show_object_viewport_volume=is_on))
+        space_data=SimpleNamespace(show_object_viewport_volume=is_on))  # fmt: skip
     live_view.draw_state(context, layout_recorder.Recorder(log))
     return log
 
@@ -72,7 +72,8 @@ def test_the_tab_says_that_another_file_has_the_name_of_the_imported_one(owner, 
 
 def test_a_missing_file_has_its_button_beside_its_sentence(owner, monkeypatch):
     viewport = SimpleNamespace(
-        is_busy=False, is_refined=True, waits=False, problem="The file of 'cube' is gone.", halvings=0, pictures=[])
+        is_busy=False, is_refined=True, waits=False, problem="The file of 'cube' is gone.", halvings=0, pictures=[]
+    )
     assert ("operator", "rle_splat.relocate") not in state_line(True, monkeypatch, [viewport])
     Path(owner.rle_splat.filepath).unlink()
     assert ("operator", "rle_splat.relocate") in state_line(True, monkeypatch, [viewport])
@@ -82,7 +83,8 @@ def test_the_state_has_one_line_while_a_picture_is_made(owner, monkeypatch):
     for is_busy in (True, False):
         for halvings in (0, 3):
             viewport = SimpleNamespace(
-                is_busy=is_busy, is_refined=False, waits=False, problem="", halvings=halvings, pictures=[None])
+                is_busy=is_busy, is_refined=False, waits=False, problem="", halvings=halvings, pictures=[None]
+            )
             assert sum(kind == "label" for kind, _ in state_line(True, monkeypatch, [viewport])) == 1
 
 
@@ -90,9 +92,10 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
     for is_busy, is_refined, waits, text in (
         (False, True, True, "Reading files"), (True, False, False, "Refining"), (False, True, False, "Up to date"),
         (False, False, False, "Draft, up to date"),
-    ):
+    ):  # fmt: skip
         viewport = SimpleNamespace(
-            is_busy=is_busy, is_refined=is_refined, waits=waits, problem="", halvings=0, pictures=[None])
+            is_busy=is_busy, is_refined=is_refined, waits=waits, problem="", halvings=0, pictures=[None]
+        )
         assert [("label", text)] == [one for one in state_line(True, monkeypatch, [viewport]) if one[0] == "label"]
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     picture()
@@ -165,7 +168,7 @@ def segments(owner, bridge, core, tmp_path):
     """The rows of a label file whose left third is 3; the volume's own transfer function shows nothing."""
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.0)), (1.0, 1.0, 1.0))
+        ((0.0, 0.0), (255.0, 0.0)), (1.0, 1.0, 1.0))  # fmt: skip
     labels = np.zeros((N, N, N), np.uint8)
     labels[:, :, :3] = 3
     labels.tofile(tmp_path / "labels.raw")
@@ -224,7 +227,8 @@ def test_a_scan_is_edited_after_the_import(owner, bridge, core):
     properties, key = owner.rle_splat, owner.rle_splat.data_key
     properties.window_center = 77.0
     done = bpy.ops.rle_splat.reload(
-        spacing=(1.0, 2.0, 0.5), orientation="RAS", flip=(False, False, True), length_unit_given="cm")
+        spacing=(1.0, 2.0, 0.5), orientation="RAS", flip=(False, False, True), length_unit_given="cm"
+    )
     assert done == {"FINISHED"}
     volume = bridge("volumes.volumes").load_volume(owner)
     np.testing.assert_allclose(volume.spacing, (1.0, 2.0, 0.5))
@@ -316,7 +320,7 @@ def test_every_choice_has_a_tooltip(addon):
     choices = [
         (group.identifier, entry.identifier, item.identifier, item.description) for group in groups
         for entry in group.properties if entry.type == "ENUM" for item in entry.enum_items
-    ]
+    ]  # fmt: skip
     assert len(choices) > 100
     assert [choice for choice in choices if not choice[-1]] == []
 
@@ -328,7 +332,8 @@ def test_progress_never_runs_backwards(bridge, core, monkeypatch):
     said = []
     context = SimpleNamespace(
         window_manager=SimpleNamespace(progress_update=said.append),
-        workspace=SimpleNamespace(status_text_set=lambda text: None))
+        workspace=SimpleNamespace(status_text_set=lambda text: None),
+    )
 
     job, done = jobs.StepwiseOperator(), []
     monkeypatch.setattr(jobs.time, "perf_counter", lambda: 0.6 * job.time_budget * len(done))  # so a while is two steps
@@ -336,7 +341,6 @@ def test_progress_never_runs_backwards(bridge, core, monkeypatch):
         job._generator = (done.append(fraction) or progress(fraction, "working") for _ in range(1000))
         job._work_a_while(context)
     assert said == [0.2, 0.7, 0.7, 0.8] and len(done) == 8
-
 
 
 def test_the_cut_can_be_switched_off_and_a_box_fitted_again(owner, bridge):
@@ -379,7 +383,7 @@ def test_a_scale_bar_is_a_round_length(bridge, pixels, longest, length):
 def test_a_color_bar_has_the_colors_of_the_window(owner, bridge):
     colors_of = bridge("live.bars").colors_of
     function, (low, high) = bridge("look.transfer").read_transfer(owner), bridge("look.transfer").window_of(
-        owner.rle_splat)
+        owner.rle_splat)  # fmt: skip
     found = colors_of(owner)
     for row, value in ((0, low), (16, 0.5 * (low + high)), (32, high)):
         linear = np.clip(function.color_at(value).reshape(3), 0.0, 1.0)

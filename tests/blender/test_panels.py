@@ -55,7 +55,7 @@ def of_addon(*bases):
 
 def test_panels_are_in_the_sidebar_and_in_the_properties(addon):
     places = {(cls.bl_space_type, getattr(cls, "bl_category", ""), getattr(cls, "bl_context", ""))
-              for cls in of_addon(bpy.types.Panel)}
+              for cls in of_addon(bpy.types.Panel)}  # fmt: skip
     assert places == {("VIEW_3D", "RLE Splat", ""), ("PROPERTIES", "", "render"), ("PROPERTIES", "", "data")}
 
 
@@ -94,8 +94,10 @@ def test_a_deleted_channel_is_marked(monkeypatch, tmp_path):
     assert "The volume channel was deleted; remove" in texts(log)
 
 
-@pytest.mark.parametrize(("state", "icon"), [
-    ("one", "OUTLINER_OB_VOLUME"), ("linked", "LIBRARY_DATA_DIRECT"), ("overridden", "LIBRARY_DATA_OVERRIDE")])
+@pytest.mark.parametrize(
+    ("state", "icon"),
+    [("one", "OUTLINER_OB_VOLUME"), ("linked", "LIBRARY_DATA_DIRECT"), ("overridden", "LIBRARY_DATA_OVERRIDE")],
+)
 def test_a_volume_of_another_file_has_the_icon_of_one(state, icon, monkeypatch, tmp_path):
     STATES[state](tmp_path)
     assert ("icon", icon) in draw_all(monkeypatch)
@@ -117,7 +119,8 @@ def test_paragraphs_fill_their_panel_and_fit_it(width, icon, addon):
     """Measured in the interface's font, in a region as wide as the sidebar, or as Properties."""
     places = import_module(f"{MODULE}.panels.places")
     context = SimpleNamespace(
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)), region=SimpleNamespace(width=width))
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)), region=SimpleNamespace(width=width)
+    )
     room = width - 48 - (20 if icon != "NONE" else 0)  # seen in the window
     blf.size(0, 11.0)
     for sentence in SENTENCES:
@@ -184,7 +187,7 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
         ("operator", "rle_splat.render_image"),
         ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
         ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
-    ):
+    ):  # fmt: skip
         assert wanted in log, wanted
 
 
@@ -194,7 +197,7 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
     settings.quality = "custom"
     log = draw_all(monkeypatch)
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
-                 "termination", "axis_fade", "model"):
+                 "termination", "axis_fade", "model"):  # fmt: skip
         assert ("prop", name) in log
 
 
@@ -258,7 +261,8 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
     picture = bridge("look.histogram_picture")
     stored = bridge("volumes.facts").StoredHistogram(np.array([0, 0, 1000, 0]), 0.0, 4.0)
     function = core("classify.transfer_function").TransferFunction(
-        opacity=((0.0, 0.0), (4.0, 0.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0)))
+        opacity=((0.0, 0.0), (4.0, 0.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0))
+    )
     drawn = picture.draw(stored, function, 0.0, 4.0)
     middle = drawn[picture.HEIGHT // 2, :, :3]
     filled = np.abs(middle - picture.BAR).max(axis=1) < 1e-3

@@ -29,12 +29,13 @@ def owner(sequence, bridge, core):
     scene.rle_splat.scene_scale, scene.rle_splat.classification = 1.0, "pre"
     scene.rle_splat.quality = "fine"
     assert bpy.ops.rle_splat.import_volume(
-        filepath=str(sequence), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1), use_sequence=True) == {"FINISHED"}
+        filepath=str(sequence), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1), use_sequence=True
+    ) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     points = ((0.0, 0.0), *((50.0 * i, alpha) for i, alpha in enumerate(ALPHAS, 1)), (255.0, ALPHAS[-1]))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner, points,
-        (1.0, 1.0, 1.0))
+        (1.0, 1.0, 1.0))  # fmt: skip
     scenes.add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=16.0)
     return owner
 
@@ -207,7 +208,8 @@ def test_a_followed_backdrop_shows_the_frame(owner, bridge):
 
 def test_a_chosen_file_of_the_middle_keeps_its_place(sequence, bridge):
     bpy.ops.rle_splat.import_volume(
-        filepath=str(sequence.with_name("beat_0003.raw")), shape=(N, N, N), dtype="uint8", use_sequence=True)
+        filepath=str(sequence.with_name("beat_0003.raw")), shape=(N, N, N), dtype="uint8", use_sequence=True
+    )
     owner = bpy.context.view_layer.objects.active
     assert owner.rle_splat.data_frame == 3
     assert shown_at(bridge, owner, (1, 3)) == [1, 3]
@@ -251,7 +253,7 @@ def test_pages_chosen_together_are_one_stack_and_stacks_are_not(tmp_path, addon)
 
 def test_sequence_of_a_file_alone_is_refused(phantom, refused):
     refused(bpy.ops.rle_splat.import_volume, "switch Sequence off", filepath=str(phantom[0]), shape=(7, 6, 5),
-            dtype="uint8", use_sequence=True)
+            dtype="uint8", use_sequence=True)  # fmt: skip
 
 
 def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):

@@ -119,7 +119,8 @@ def test_disabling_with_a_volume_in_the_file_and_enabling_again_keeps_it(volume_
 
 @pytest.mark.parametrize("leave", ["disable", "load"])
 def test_disabling_and_another_file_leave_no_voxels_labels_and_stages(
-        leave, volume_object, bridge, core, addon, tmp_path):
+    leave, volume_object, bridge, core, addon, tmp_path
+):
     labels = np.zeros((5, 6, 7), np.uint8)
     labels[2:] = 3
     labels.tofile(tmp_path / "labels.raw")

@@ -168,7 +168,8 @@ def test_the_file_is_beside_the_blend_and_none_is_overwritten(owner, tmp_path):
     folder = tmp_path / "case_rle_splat"
     assert Path(owner.rle_splat.label_file) == folder / "chest segments.nii.gz"
     assert scenes.stored(tmp_path / "case.blend", "objects", owner.name).rle_splat.label_file == (
-        "//case_rle_splat/chest segments.nii.gz")
+        "//case_rle_splat/chest segments.nii.gz"
+    )
     run(bpy.ops.rle_splat.change_segment, tool="GROW", length=6.0)
     assert Path(owner.rle_splat.label_file) == folder / "chest segments 2.nii.gz"
     assert (folder / "chest segments.nii.gz").read_bytes() == first.read_bytes()
@@ -260,7 +261,7 @@ def test_an_import_can_hide_a_holder_that_is_shown(addon, tmp_path, asked, holde
     voxels = np.select([scan() == BONE, scan() == BODY, scan() == TABLE], [1200, 40, holder], -1000).astype("<i2")
     (tmp_path / "head.raw").write_bytes(voxels.tobytes())
     run(bpy.ops.rle_splat.import_volume, filepath=str(tmp_path / "head.raw"), shape=(N, N, N), dtype="int16",
-        spacing=(5.0, 5.0, 5.0), value_unit="HU", modality="CT", preset="ct-bone", hide_table=asked)
+        spacing=(5.0, 5.0, 5.0), value_unit="HU", modality="CT", preset="ct-bone", hide_table=asked)  # fmt: skip
     owner = bpy.context.view_layer.objects.active
     assert rows_of(owner) == ([(0, "Background", False), (1, "Body", True)] if hidden else [])
     assert bool(owner.rle_splat.label_file) is hidden

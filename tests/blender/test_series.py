@@ -45,7 +45,7 @@ def test_any_file_of_a_series_stands_for_it(study, bridge):
 
 def test_several_series_are_listed_in_one_sentence_and_one_is_chosen(study, refused, bridge):
     refused(bpy.ops.rle_splat.import_volume, "There are 2 series; set series to the number of one: 1 is CT HEAD",
-            filepath=str(study))
+            filepath=str(study))  # fmt: skip
     refused(bpy.ops.rle_splat.import_folder, "5 slices", directory=str(study))
     refused(bpy.ops.rle_splat.import_volume, "series 3", filepath=str(study), series=3)
     counts = {}
@@ -132,7 +132,8 @@ def test_what_the_chooser_shows(study, bridge, core):
     assert told["Modality"].startswith("CT") and told["Slices"] in ("5", "7") and "mm" in told["Spacing"]
     assert tuple(offer.icons["1"].image_size) == (36, 33)
     np.testing.assert_allclose(  # without a window Blender makes no icon of it
-        np.array(offer.icons["2"].image_pixels_float[:]).reshape(33, 36, 4)[::-1, :, 0], thumbnails[1] / 255, atol=0.01)
+        np.array(offer.icons["2"].image_pixels_float[:]).reshape(33, 36, 4)[::-1, :, 0], thumbnails[1] / 255, atol=0.01
+    )
     assert bpy.ops.rle_splat.choose_series(row=1) == {"FINISHED"}
     assert active().rle_splat.series == 2 and series.offered() is None
 
@@ -167,7 +168,8 @@ def test_a_series_is_chosen_for_a_channel(study, bridge, core, refused):
     with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
         bridge("volumes.volumes").read_file(str(study), {})
     bridge("volumes.series").offer(
-        caught.value, [None, None], "import_channel", {"filepath": str(study), "use_dialog": False})
+        caught.value, [None, None], "import_channel", {"filepath": str(study), "use_dialog": False}
+    )
     assert bpy.ops.rle_splat.choose_series(row=0) == {"FINISHED"}
     assert len(owner.rle_splat.channels) == 1 and active() == owner
 

@@ -30,7 +30,7 @@ def cubes(bridge, core, tmp_path):
         alpha = ALPHA[name]
         scenes.give_transfer(
             bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-            ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)
+            ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)  # fmt: skip
     scenes.use_cycles((SIZE, SIZE))
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 40.0), type="ORTHO", ortho_scale=VIEW)
@@ -237,7 +237,8 @@ def test_a_volume_in_two_scenes_at_two_times_keeps_both_frames(bridge, tmp_path,
     for frame in (1, 2):
         np.full((N, N, N), frame, np.uint8).tofile(tmp_path / f"beat_{frame}.raw")
     bpy.ops.rle_splat.import_volume(
-        filepath=str(tmp_path / "beat_1.raw"), shape=(N, N, N), dtype="uint8", use_sequence=True)
+        filepath=str(tmp_path / "beat_1.raw"), shape=(N, N, N), dtype="uint8", use_sequence=True
+    )
     owner, first, second = bpy.context.view_layer.objects.active, bpy.context.scene, bpy.data.scenes.new("second")
     second.collection.objects.link(owner)
     first.frame_set(1)
@@ -292,7 +293,7 @@ def test_mapped_files_take_no_memory(bridge, core, tmp_path, monkeypatch):
 def test_beyond_the_limit_what_no_window_shows_leaves_first(shown, bridge, tmp_path, monkeypatch):
     store, voxels = bridge("loop.store"), np.full((N, N, N), 100, np.uint8)
     monkeypatch.setattr(store, "bpy", SimpleNamespace(app=SimpleNamespace(
-        background=False, is_job_running=lambda _name: False), context=bpy.context, data=bpy.data))
+        background=False, is_job_running=lambda _name: False), context=bpy.context, data=bpy.data))  # fmt: skip
     monkeypatch.setattr(store, "MOST_BYTES", 2 * N**3)
     first = scenes.import_raw(tmp_path, voxels, name="first")
     monkeypatch.setattr(store, "_shown_objects", lambda: {first.session_uid} if shown else set())

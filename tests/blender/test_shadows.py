@@ -14,9 +14,9 @@ from tests.blender import scenes
 from tests.blender.test_panels import draw_all
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
+    np.uint8
+)
 
 
 @pytest.fixture
@@ -142,9 +142,7 @@ def test_a_world_of_one_color_is_read_from_its_node(ball, bridge):
 LIGHTS = {
     "sun": ("SUN", (3.0, 0.0, 4.0), {"energy": 3.0, "angle": 0.0}),
     "point": ("POINT", (1.0, 0.5, 2.0), {"energy": 50.0, "shadow_soft_size": 0.01}),
-    "spot": (
-        "SPOT", (1.5, 0.0, 3.0), {"energy": 80.0, "shadow_soft_size": 0.01, "spot_size": 0.9, "spot_blend": 0.5}
-    ),
+    "spot": ("SPOT", (1.5, 0.0, 3.0), {"energy": 80.0, "shadow_soft_size": 0.01, "spot_size": 0.9, "spot_blend": 0.5}),
     "area": ("AREA", (-1.0, 1.0, 4.0), {"energy": 40.0, "size": 0.2}),
 }
 

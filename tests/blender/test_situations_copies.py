@@ -149,6 +149,7 @@ def test_B95_a_camera_copied_by_shift_d(shown):
     assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
     for frame in (2, 3):
         np.testing.assert_allclose(
-            scenes.shown_at(scenes.backdrop_of(copy)) - scenes.shown_at(before), (-4.0, 0.0), atol=0.1)
+            scenes.shown_at(scenes.backdrop_of(copy)) - scenes.shown_at(before), (-4.0, 0.0), atol=0.1
+        )
         np.testing.assert_array_equal(scenes.backdrop_of(first), before)
         scenes.to_frame(frame)

@@ -277,7 +277,7 @@ def in_use(owner):
 def our_handlers():
     lists = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers) if not name.startswith("_"))
     return sorted(f"{one.__module__}.{one.__qualname__}" for functions in lists if isinstance(functions, list)
-                  for one in functions if "rle_splat" in one.__module__)
+                  for one in functions if "rle_splat" in one.__module__)  # fmt: skip
 
 
 def test_B78_disabled_and_enabled(in_use, addon, tmp_path):

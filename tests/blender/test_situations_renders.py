@@ -3,7 +3,6 @@
 The cube's middle is red at an opacity that all engines must show alike, for none of them draws it.
 """
 
-
 import bpy
 import numpy as np
 import pytest

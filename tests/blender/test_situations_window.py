@@ -53,7 +53,8 @@ def add_plane(owner):
 
 
 @pytest.mark.parametrize(
-    "edit", [scenes.lower_curve, edit_location, edit_quality, edit_camera, edit_window, edit_size, add_plane])
+    "edit", [scenes.lower_curve, edit_location, edit_quality, edit_camera, edit_window, edit_size, add_plane]
+)
 @pytest.mark.parametrize("make", ["render_image", "set_backdrop"])
 def test_B80_an_edit_marks_the_picture(owner, said, make, edit):
     getattr(bpy.ops.rle_splat, make)()

@@ -112,7 +112,7 @@ def test_the_surface_belongs_to_its_volume(ball, bridge):
 def test_a_mirrored_volume_has_faces_that_look_outwards(tmp_path):
     """In the volume's own space; an affine that mirrors is that of many scans."""
     nifti = pytest.importorskip("nibabel")
-    voxels = (300.0 + 20.0 * (RADIUS - np.linalg.norm(places() - MIDDLE[:, None, None, None], axis=0)))
+    voxels = 300.0 + 20.0 * (RADIUS - np.linalg.norm(places() - MIDDLE[:, None, None, None], axis=0))
     path = tmp_path / "mirrored.nii"
     nifti.save(nifti.Nifti1Image(voxels.transpose(2, 1, 0).astype(np.float32), np.diag((-1.0, 1.0, 2.0, 1.0))), path)
     bpy.context.scene.rle_splat.scene_scale = 1.0

@@ -17,9 +17,9 @@ from tests.blender.test_panels import draw_all, texts
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(
-    250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0
-).astype(np.uint8)
+BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
+    np.uint8
+)
 
 
 @pytest.fixture
@@ -38,7 +38,8 @@ def volume(addon, tmp_path):
 def add_lid():
     """A plane before the volume that hides all of it."""
     return scenes.add_mesh(
-        [(-50, -50, 20), (50, -50, 20), (50, 50, 20), (-50, 50, 20)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0))
+        [(-50, -50, 20), (50, -50, 20), (50, 50, 20), (-50, 50, 20)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0)
+    )
 
 
 def pixels(**options):
@@ -71,7 +72,7 @@ def test_B54_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume,
     keep = pictures.keep_numbers
     monkeypatch.setattr(
         pictures, "keep_numbers",
-        lambda scene, one, share, kind: (shares.append(share), keep(scene, one, share, kind))[1])
+        lambda scene, one, share, kind: (shares.append(share), keep(scene, one, share, kind))[1])  # fmt: skip
     scenes.add_mesh([(-9, -30, 14), (30, -30, 14), (30, 4, 14), (-9, 4, 14)], [(0, 1, 2, 3)])
 
     def share(**options):
@@ -90,7 +91,7 @@ def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge
     read, how = bridge("scene.render_scene").read_scene, []
     monkeypatch.setattr(
         bridge("scene.render_scene"), "read_scene",
-        lambda *given, **options: (how.append(read(*given, **options)[0]), read(*given, **options))[1])
+        lambda *given, **options: (how.append(read(*given, **options)[0]), read(*given, **options))[1])  # fmt: skip
     assert bpy.ops.rle_splat.error_map(step=8) == {"FINISHED"}
     assert how[0].triangles is None
     for name in ("error_map", "measure_accuracy"):
@@ -167,7 +168,6 @@ def test_B59_a_clip_is_not_added_where_it_could_not_be_seen(clips, refused, kind
     in_layer(parent).exclude = False
     assert bpy.ops.rle_splat.add_clip(kind=kind) == {"FINISHED"}
     assert bpy.context.view_layer.objects.active.name in clips.objects
-
 
 
 @pytest.mark.parametrize("eye", [True, False])

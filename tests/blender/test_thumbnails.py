@@ -158,9 +158,7 @@ def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, ca
 
 
 @pytest.mark.parametrize("level", ("", "x86-64-v3"))
-def test_a_thumbnail_compiles_no_kernels_of_gradient_opacity(
-    ball, thumbnails, bridge, cache, core, monkeypatch, level
-):
+def test_a_thumbnail_compiles_no_kernels_of_gradient_opacity(ball, thumbnails, bridge, cache, core, monkeypatch, level):
     function = core("classify.transfer_function")
     preset = core("classify.presets").preset("mr-head")
     own = bridge("look.own_presets")

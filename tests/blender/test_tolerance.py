@@ -19,7 +19,7 @@ def settings(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.clip(255.0 - 40.0 * radius, 0, 255).astype(np.uint8), name="ball")
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))
+        ((0.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))  # fmt: skip
     scenes.add_camera((6.5, 6.5, 30.0), type="ORTHO", ortho_scale=16.0)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 32
     return bpy.context.scene.rle_splat

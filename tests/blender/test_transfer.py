@@ -14,7 +14,7 @@ BONE = {
     "color": [[-16.4458, 0.0, 0.0, 0.0], [641.385, 0.9, 0.82, 0.56], [700.0, 1.0, 1.0, 1.0]],
     "shade": {"ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 10.0,
               "highlight": "phong", "two_sided": False},
-}
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_a_curve_bent_by_hand_is_what_blender_draws(volume_object, transfer):
 def test_ramp_modes_are_what_blender_draws(volume_object, transfer, function, mode):
     transfer.write_transfer(volume_object, function(
         opacity=((0.0, 1.0), (1.0, 1.0)),
-        color=((0.0, 1.0, 0.0, 0.0), (0.3, 0.0, 1.0, 0.0), (0.7, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0))))
+        color=((0.0, 1.0, 0.0, 0.0), (0.3, 0.0, 1.0, 0.0), (0.7, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0))))  # fmt: skip
     ramp = volume_object.rle_splat.transfer.nodes["Color"].color_ramp
     ramp.interpolation = mode
     back = transfer.read_transfer(volume_object)

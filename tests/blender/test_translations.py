@@ -23,8 +23,9 @@ def german(bridge):
 def test_every_text_has_a_german_translation(german, addon):
     texts = {**ui_strings.registered(MODULE), **ui_strings.written(), **ui_strings.of_the_renderer(MODULE)}
     assert len(texts) > 700
-    missing = [f'{where}: "{text}"' for text, where in sorted(texts.items(), key=lambda pair: pair[1]) if
-               not german.get(text)]
+    missing = [
+        f'{where}: "{text}"' for text, where in sorted(texts.items(), key=lambda pair: pair[1]) if not german.get(text)
+    ]
     assert not missing, f"add these texts with their translations to {FILE}:\n" + "\n".join(missing)
     unused = sorted(set(german) - set(texts))
     assert not unused, f"take these texts out of {FILE}, nothing shows them any more:\n" + "\n".join(unused)
@@ -33,7 +34,7 @@ def test_every_text_has_a_german_translation(german, addon):
 def test_translations_end_as_the_texts_do(german):
     """Tooltips have no final period, sentences have one, and a menu's ellipsis stays."""
     wrong = [text for text, told in german.items() for end in ".…"
-             if text.endswith(end) != told.endswith(end) and not told.endswith(".)")]
+             if text.endswith(end) != told.endswith(end) and not told.endswith(".)")]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
 

@@ -187,7 +187,8 @@ def test_what_cannot_be_rendered_is_refused(cube, tmp_path):
     scene = bpy.context.scene
     before = settings()
     for options, words in (
-        ({"filepath": ""}, "no file name"), ({"filepath": str(tmp_path) + "/"}, "folder"),
+        ({"filepath": ""}, "no file name"),
+        ({"filepath": str(tmp_path) + "/"}, "folder"),
         ({"filepath": str(tmp_path / "cube.raw" / "a")}, "cannot be made"),
     ):
         with pytest.raises(RuntimeError, match=words):
@@ -268,7 +269,8 @@ def test_the_report_is_of_the_scene_that_was_rendered(cube, bridge):
     scene, said = bpy.context.scene, []
     scene.rle_splat.failed_frames, scene.rle_splat.render_problem = "2", "The file is gone."
     ended = SimpleNamespace(
-        _scene=bridge("held").Held(scene), _written="turn.mp4", report=lambda kinds, text: said.append((*kinds, text)))
+        _scene=bridge("held").Held(scene), _written="turn.mp4", report=lambda kinds, text: said.append((*kinds, text))
+    )
     bpy.context.window.scene = bpy.data.scenes.new("Another")
     module.RLE_SPLAT_OT_turntable._say(ended)
     bpy.data.scenes.remove(scene)

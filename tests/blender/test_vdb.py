@@ -262,7 +262,8 @@ def test_written_volumes_come_back_at_their_place(formats, core, tmp_path, dtype
     voxels = rng.integers(1, 100, (9, 5, 4)).astype(dtype)
     voxels[0] = 0  # the whole numbers here are exact as floats too, where the module has no DoubleGrid
     volume = core("volume.volume").Volume(
-        voxels, ROTATED, slope=2.0, intercept=-1000.0, value_unit="HU", modality="CT", unit="mm")
+        voxels, ROTATED, slope=2.0, intercept=-1000.0, value_unit="HU", modality="CT", unit="mm"
+    )
     options = formats.write_volume(volume, tmp_path / "out.vdb")
     again = formats.read_volume(tmp_path / "out.vdb", **options)
     assert (again.value_unit, again.unit, again.modality) == ("HU", "mm", "CT")

@@ -48,14 +48,15 @@ def volume(bridge, core, tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
     scenes.give_transfer(
         bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)  # fmt: skip
     scene = scenes.use_cycles((16, 16))
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=4.0)
     scene.rle_splat.quality = "fine"
     scene.rle_splat.use_shadows = False
     plane = scenes.add_mesh(
-        [(-9, -9, HEIGHT), (18, -9, HEIGHT), (18, 18, HEIGHT), (-9, 18, HEIGHT)], [(0, 1, 2, 3)], FLOOR, "plane")
+        [(-9, -9, HEIGHT), (18, -9, HEIGHT), (18, 18, HEIGHT), (-9, 18, HEIGHT)], [(0, 1, 2, 3)], FLOOR, "plane"
+    )
     move_to_collection(owner, "volumes")
     move_to_collection(plane, "planes")
     return owner
@@ -128,7 +129,7 @@ COMBINATIONS = [
     for first in (True, False) for second in (True, False)
     for plane_1, plane_2 in (("seen", "seen"), ("left out", "seen"), ("seen", "left out"), ("left out", "left out"),
                              ("held out", "seen"), ("seen", "held out"))
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("first", "second", "plane_1", "plane_2"), COMBINATIONS)
@@ -148,7 +149,7 @@ def test_B29_B30_each_layer_shows_what_it_shows(volume, bridge, tmp_path, first,
         assert message == ""
     else:
         assert message == ("'cube' is not in the picture: it is excluded from view layer 'ViewLayer' and it is "
-                           "excluded from view layer 'second'.")
+                           "excluded from view layer 'second'.")  # fmt: skip
 
 
 def composite():
@@ -205,7 +206,8 @@ def test_only_a_layer_that_is_not_rendered_has_the_picture(volume, bridge, tmp_p
     composite()
     scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.message == (
-        "'cube' is not in the picture: view layer 'second' was not rendered.")
+        "'cube' is not in the picture: view layer 'second' was not rendered."
+    )
 
 
 def test_one_layer_twice_has_one_picture(volume, bridge, tmp_path):
@@ -219,7 +221,7 @@ def test_one_layer_twice_has_one_picture(volume, bridge, tmp_path):
 
 def links_of(tree):
     return sorted((link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier)
-                  for link in tree.links)
+                  for link in tree.links)  # fmt: skip
 
 
 def test_composite_again_and_remove_with_several_layers(volume, bridge):

@@ -156,7 +156,7 @@ def test_a_mesh_between_the_eye_and_the_volume_hides_it(addon, bridge):
     for eye, expected in (
         ((0.0, -20.0, 0.0, 1.0), [wall.name]), ((0.0, -8.0, 0.0, 1.0), [wall.name]), ((0.0, -5.0, 0.0, 1.0), []),
         ((0.0, -1.0, 0.0, 0.0), [wall.name]), ((0.0, 1.0, 0.0, 0.0), []), ((0.0, 20.0, 0.0, 1.0), []),
-    ):
+    ):  # fmt: skip
         assert viewports.hiding_meshes(layer, corners, eye) == expected, eye
     wall.scale, wall.location = (30.0, 30.0, 30.0), (0.0, 0.0, 0.0)
     layer.update()
@@ -169,7 +169,7 @@ def test_a_mesh_between_the_eye_and_the_volume_hides_it(addon, bridge):
     layer.update()
     assert viewports.hiding_meshes(layer, corners, (20.0, 0.0, 0.0, 1.0)) == [wall.name]
     np.testing.assert_allclose(viewports.eye_of(np.linalg.inv([[1, 0, 0, 3], [0, 1, 0, 4], [0, 0, 1, 5], [0, 0, 0, 1]]),
-                                                True), (3.0, 4.0, 5.0, 1.0))
+                                                True), (3.0, 4.0, 5.0, 1.0))  # fmt: skip
 
 
 def test_without_a_window_nothing_is_moved(addon, bridge):

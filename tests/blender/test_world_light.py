@@ -178,7 +178,7 @@ def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, bridge, t
     result.render_slots.active_index = 0
     called = []
     names = ["frame_change_pre", "frame_change_post", *(
-        f"render_{event}" for event in ("init", "pre", "post", "write", "complete", "cancel"))]
+        f"render_{event}" for event in ("init", "pre", "post", "write", "complete", "cancel"))]  # fmt: skip
     for name in names:
         getattr(bpy.app.handlers, name).append(lambda *_arguments, name=name: called.append(name))
     sky_world()

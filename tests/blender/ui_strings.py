@@ -88,7 +88,7 @@ def said_by_the_renderer(root: Path = ROOT) -> set:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.JoinedStr):
                 found.add("".join(getattr(part, "value", "{}") if isinstance(part, ast.Constant) else "{}"
-                                  for part in node.values))
+                                  for part in node.values))  # fmt: skip
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found.add(node.value)
     return found

@@ -84,7 +84,7 @@ def confirm_browser(folder, name=""):
 
     def browsers():
         return [(one, area) for one in bpy.context.window_manager.windows for area in one.screen.areas
-                if area.type == "FILE_BROWSER"]
+                if area.type == "FILE_BROWSER"]  # fmt: skip
 
     yield from until(lambda: browsers() and browsers()[0][1].spaces.active.params)
     where, area = browsers()[0]

@@ -79,8 +79,9 @@ def check_animation():
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
     yield from until(lambda: completed)
-    shown = [pixels_of(bpy.data.images.load(str(FOLDER / f"frame_{frame}.exr")))[SIZE // 2, SIZE // 2, 3]
-             for frame in (1, 2)]
+    shown = [
+        pixels_of(bpy.data.images.load(str(FOLDER / f"frame_{frame}.exr")))[SIZE // 2, SIZE // 2, 3] for frame in (1, 2)
+    ]
     np.testing.assert_allclose(shown, (over(N)[3], 0.0), atol=TOLERANCE)
     assert on_main_thread == [False, False]
     volume.animation_data_clear()
@@ -259,7 +260,7 @@ def steps():
     yield
     for check in (
         check_f12, check_animation, check_blurred_f12, check_render_image, check_B83_remove_backdrop_redraws,
-        check_B84_measure_accuracy_redraws, check_escape, check_letters, check_drafts, check_following):
+        check_B84_measure_accuracy_redraws, check_escape, check_letters, check_drafts, check_following):  # fmt: skip
         yield from check()
         passed(check.__name__)
         yield

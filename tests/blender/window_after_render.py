@@ -44,7 +44,7 @@ def set_up():
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
     import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)), color=((0.0, *COLOR), (255.0, *COLOR)),
-        opacity_unit_distance=1.0, shade=None))
+        opacity_unit_distance=1.0, shade=None))  # fmt: skip
     for frame, x in ((1, 0.0), (4, AWAY)):
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)

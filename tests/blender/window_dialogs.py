@@ -130,11 +130,13 @@ def write_encoded() -> None:
     """A ball in the two forms of encoded voxels."""
     owner = add_volume(FOLDER)
     plain, _ = module("bridge.scene.render_scene").read_scene(
-        owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     quality = module("rle_splat.scene").Quality(classification="pre")
     file, header = ENCODED
     module("rle_splat.encode.store").save(
-        FOLDER / file, module("rle_splat.pipeline.encode_scene").encode_scene(plain, quality))
+        FOLDER / file, module("rle_splat.pipeline.encode_scene").encode_scene(plain, quality)
+    )
     module("rle_splat.pipeline.encode_folder").encode_folder(plain, (FOLDER / header).parent, quality)
 
 

@@ -48,7 +48,8 @@ PROBLEM = re.compile(r"Traceback|Error: Python|\bWARN|rna_|unknown|not found")
 HARMLESS = re.compile(
     r"^(\w+: \d+ . Draw Window.*|RLE Splat: .*|.*mounted file-systems|.*'PreferencesView', .*'language'"
     r"|Repository data: .*|ERROR: Python context internal state bug.*|[\d:.]+ +operator +\| (?!ERROR).*)\n",
-    re.MULTILINE | re.IGNORECASE)
+    re.MULTILINE | re.IGNORECASE,
+)
 
 LONG_LINE = re.compile(r"(.{400}).+")
 

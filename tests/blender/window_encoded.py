@@ -32,7 +32,8 @@ def add_folder() -> Path:
     voxels = np.clip(300.0 - 6.0 * np.sqrt(x**2 + y**2 + z**2) + holes, 0.0, 255.0).astype(np.uint8)
     scan = scenes.import_raw(FOLDER, voxels, name="scan")
     plain, quality = module("bridge.scene.render_scene").read_scene(
-        scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+        scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False
+    )
     encode_folder = module("rle_splat.pipeline.encode_folder")
     encode_folder.COARSE_VOXELS = SIDE**3 // 4
     path = FOLDER / "ball.rle"
@@ -52,7 +53,8 @@ def shown_and_refined():
     path = add_folder()
     with in_the_view():  # as the entry of the menu does after the file was chosen
         assert bpy.ops.rle_splat.import_volume(
-            "INVOKE_DEFAULT", filepath=str(path / "header.json"), use_dialog=False) == {"RUNNING_MODAL"}
+            "INVOKE_DEFAULT", filepath=str(path / "header.json"), use_dialog=False
+        ) == {"RUNNING_MODAL"}
     yield from until(lambda: bpy.context.view_layer.objects.active is not None)
     assert bpy.context.object.rle_splat.stored_transfer
     yield from until(lambda: any(one.pictures for one in viewports()))
@@ -110,7 +112,7 @@ def cut_while_shown():
 
 def scenario():
     open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_transfer", "RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_scan",
-                "RLE_SPLAT_PT_labels")
+                "RLE_SPLAT_PT_labels")  # fmt: skip
     for step in (shown_and_refined, orbited, rendered, drafts_alone, cut_while_shown):
         yield from step()
         passed(step.__name__)

@@ -47,7 +47,7 @@ def confirmed(name):
     window, area = next(
         (window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
         if area.type == "FILE_BROWSER"
-    )
+    )  # fmt: skip
     with bpy.context.temp_override(window=window, area=area):
         bpy.ops.file.execute()
     yield

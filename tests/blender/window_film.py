@@ -71,7 +71,7 @@ def import_steps(path, use_headlight):
         # As the dialog of File > Import does it, whose own button a film cannot know the place of.
         assert bpy.ops.rle_splat.import_volume(
             "INVOKE_DEFAULT", filepath=str(path), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0),
-            use_dialog=False, use_headlight=use_headlight) == {"RUNNING_MODAL"}
+            use_dialog=False, use_headlight=use_headlight) == {"RUNNING_MODAL"}  # fmt: skip
     yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
     read = time.perf_counter() - began
     volume = bpy.context.view_layer.objects.active
@@ -84,7 +84,7 @@ def import_steps(path, use_headlight):
 
     yield from until(is_drafted)
     print(f"read after {read:.1f} s, shown after {drafted:.1f} s, refined after {time.perf_counter() - began:.1f} s "
-          "(looked at every 0.3 s)", flush=True)
+          "(looked at every 0.3 s)", flush=True)  # fmt: skip
     return volume
 
 

@@ -175,7 +175,7 @@ def check_playback():
     with in_the_view():
         bpy.ops.rle_splat.import_volume(
             filepath=str(FOLDER / "beat_01.raw"), shape=(64, 64, 64), dtype="uint8", spacing=(1, 1, 1),
-            use_sequence=True)
+            use_sequence=True)  # fmt: skip
     ours, owner = import_module(f"{MODULE}.bridge.volumes.volumes"), volumes()[0]
     yield from photograph("time")
     for frame in (1, 2, 3):

@@ -99,7 +99,7 @@ def set_up():
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
     import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)), color=((0.0, *COLOR), (255.0, *COLOR)),
-        opacity_unit_distance=1.0, shade=None))
+        opacity_unit_distance=1.0, shade=None))  # fmt: skip
     scene.rle_splat.classification = "post"
     overlay = area_of("VIEW_3D").spaces.active.overlay
     overlay.show_cursor = overlay.show_object_origins = overlay.show_extras = False
@@ -110,7 +110,7 @@ def set_up():
 SHADINGS = [
     ("SOLID", "BLENDER_WORKBENCH"), ("MATERIAL", "BLENDER_EEVEE"), ("RENDERED", "BLENDER_EEVEE"),
     ("RENDERED", "CYCLES"), ("RENDERED", "BLENDER_WORKBENCH"), ("WIREFRAME", "BLENDER_WORKBENCH"),
-]
+]  # fmt: skip
 
 
 def check_shadings():
@@ -490,7 +490,7 @@ def scenario():
         check_shadings, check_alignment, check_mesh_inside, check_glass, check_equals_render_image,
         check_unchanged, check_orbit, check_inside, check_edit, check_quad_view, check_local_view, check_switch,
         check_failure, check_closed, check_render, check_without_volumes,
-    ):
+    ):  # fmt: skip
         wants = check.__code__.co_argcount
         yield from check(*[bpy.data.objects[name]] * wants)
         passed(check.__name__)

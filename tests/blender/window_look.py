@@ -80,9 +80,16 @@ def set_up():
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), value_unit="HU") == {"FINISHED"}
         volume = bpy.context.view_layer.objects.active
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
-        name="ball", unit="HU", opacity=((0.0, 0.0), (395.0, 0.0), (405.0, 0.9), (1000.0, 0.9)),
-        color=((0.0, 0.1, 0.0, 0.0), (500.0, 0.9, 0.4, 0.2), (1000.0, 1.0, 0.95, 0.8)), opacity_unit_distance=1.0))
+    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(
+        volume,
+        functions.TransferFunction(
+            name="ball",
+            unit="HU",
+            opacity=((0.0, 0.0), (395.0, 0.0), (405.0, 0.9), (1000.0, 0.9)),
+            color=((0.0, 0.1, 0.0, 0.0), (500.0, 0.9, 0.4, 0.2), (1000.0, 1.0, 0.95, 0.8)),
+            opacity_unit_distance=1.0,
+        ),
+    )
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_location, view.view_distance = MIDDLE, 150.0
     view.view_rotation = Euler((radians(75.0), 0.0, radians(20.0))).to_quaternion()
@@ -268,7 +275,7 @@ def click_point(volume_name):
     yield from photograph("histogram")
     place = find_curve()
     at = place[0] + points[2].location.x * (place[2] - place[0]), place[1] + points[2].location.y * (
-        place[3] - place[1])
+        place[3] - place[1])  # fmt: skip
     for kind, value in (("MOUSEMOVE", "NOTHING"), ("LEFTMOUSE", "PRESS"), ("LEFTMOUSE", "RELEASE")):
         simulate(kind, value, at=at)
         yield

@@ -124,7 +124,8 @@ def check_dialogs(owner):
     """The dialogs: save as preset, several in a file, delete."""
     path = FOLDER / "presets.xml"
     for name, options in (
-        ("save_own_preset", {"name": "My Smoke"}), ("load_transfer", {"filepath": str(path)}),
+        ("save_own_preset", {"name": "My Smoke"}),
+        ("load_transfer", {"filepath": str(path)}),
         ("delete_own_preset", {"name": "Sea"}),
     ):
         with in_the_view():

@@ -40,8 +40,9 @@ def write_phantom() -> Path:
     path = FOLDER / "chest.nii.gz"
     read = import_module(f"{MODULE}.rle_splat.read.formats")
     volumes = import_module(f"{MODULE}.rle_splat.volume.volume")
-    read.write_volume(volumes.Volume(
-        values, np.diag((4.0, 4.0, 4.0, 1.0)), value_unit="HU", modality="CT", space="patient"), path)
+    read.write_volume(
+        volumes.Volume(values, np.diag((4.0, 4.0, 4.0, 1.0)), value_unit="HU", modality="CT", space="patient"), path
+    )
     return path
 
 

@@ -41,7 +41,7 @@ def count_reads():
 def write_labels(name, side, split):
     """A label file with two segments, of which the second begins at a share of the side."""
     labels = np.ones((side,) * 3, np.uint8)
-    labels[:, :, int(split * side):] = 2
+    labels[:, :, int(split * side) :] = 2
     path = FOLDER / f"{name} {split}.raw"
     labels.tofile(path)
     return str(path)
@@ -53,13 +53,14 @@ def add_cube(name, side, place):
     np.full((side,) * 3, 100, np.uint8).tofile(path)
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(
-            filepath=str(path), shape=(side,) * 3, dtype="uint8", spacing=(1.0 / side,) * 3) == {"FINISHED"}
+            filepath=str(path), shape=(side,) * 3, dtype="uint8", spacing=(1.0 / side,) * 3
+        ) == {"FINISHED"}
         owner = bpy.context.view_layer.objects.active
         owner.location = place
         functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
         module("look.transfer").write_transfer(owner, functions.TransferFunction(
             name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)),
-            color=((0.0, 0.5, 0.5, 0.5), (255.0, 0.5, 0.5, 0.5)), opacity_unit_distance=0.02, shade=None))
+            color=((0.0, 0.5, 0.5, 0.5), (255.0, 0.5, 0.5, 0.5)), opacity_unit_distance=0.02, shade=None))  # fmt: skip
         owner.rle_splat.label_file = write_labels(name, side, 0.5)
         assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     for row, color in zip(owner.rle_splat.labels, SEGMENTS[name]):

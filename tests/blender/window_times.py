@@ -128,7 +128,8 @@ def set_up():
     yield from new_file()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(
-            filepath=str(phantom()), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0)) == {"FINISHED"}
+            filepath=str(phantom()), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0)
+        ) == {"FINISHED"}
         bpy.ops.mesh.primitive_uv_sphere_add(radius=0.05, location=(0.06, 0.03, 0.13))
     volume = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
     bpy.context.view_layer.objects.active = volume
@@ -215,7 +216,7 @@ def turn(meter, title="draft redraw"):
         yield
     meter.table(title, viewport().counts - before, has_picture)
     print(f"coarseness {viewport()._coarseness}, region {viewport()._request.matrices.width} x "
-          f"{viewport()._request.matrices.height}", flush=True)
+          f"{viewport()._request.matrices.height}", flush=True)  # fmt: skip
 
 
 def scenario():

@@ -266,7 +266,7 @@ def scenario():
         picture_is_mine, deleted_volume, hidden_layer, failed_frame, linked_volume, edited_by_a_script, meshes_occlude,
         guessed_name, undone_settings, preferences, broken_transfer, without_shadows,
         missing_file,
-    ):
+    ):  # fmt: skip
         yield from step()
         passed(step.__name__)
 

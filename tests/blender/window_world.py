@@ -26,7 +26,7 @@ from tests.blender.window_driver import (
 SIZE = 64
 HANDLERS = (
     "render_init", "render_pre", "render_post", "render_write", "render_complete", "render_cancel", "frame_change_pre",
-    "frame_change_post")
+    "frame_change_post")  # fmt: skip
 
 
 def add_world(kind: str):
@@ -48,7 +48,7 @@ def add_scene(folder: Path):
     functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
     import_module(f"{MODULE}.bridge.look.transfer").write_transfer(owner, functions.TransferFunction(
         name="white", unit=None, opacity=((0.0, 0.0), (100.0, 0.0), (120.0, 0.9)), color=((0.0, 1.0, 1.0, 1.0),),
-        shade=functions.Shade(0.0, 1.0, 0.0, 1.0)))
+        shade=functions.Shade(0.0, 1.0, 0.0, 1.0)))  # fmt: skip
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.data.energy = 0.01
     scene = scenes.use_cycles((SIZE, SIZE))

@@ -94,7 +94,7 @@ def function_file(write_json):
         "name": "test", "unit": None, "opacity": [[20, 0.0], [200, 0.6]],
         "color": [[0, 1.0, 0.2, 0.1], [255, 0.1, 0.4, 1.0]],
         "shade": {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 10},
-    }
+    }  # fmt: skip
     return write_json(content, "function.json")
 
 

@@ -16,7 +16,7 @@ def test_each_is_refused_in_a_sentence(refused, tmp_path, name):
     path = write(tmp_path / "bad")
     before = sorted(tmp_path.rglob("*"))
     for command in (("render", path, "-o", tmp_path / "a.png"), ("encode", path, "-o", tmp_path / "a.rle"),
-                    ("convert", path, tmp_path / "a.nii")):
+                    ("convert", path, tmp_path / "a.nii")):  # fmt: skip
         sentence = refused(*command)
         assert words in sentence and PERSON not in sentence
     assert sorted(tmp_path.rglob("*")) == before

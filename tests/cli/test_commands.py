@@ -18,6 +18,7 @@ SIZE = ("--size", "40", "30")
 @pytest.fixture
 def picture(call, tmp_path, raw, raw_options, function_file):
     """Render the ball with these options to .npy; returns the pixels and the report."""
+
     def run(*extra, volume=raw, options=tuple(raw_options), function=True):
         output, report = tmp_path / "p.npy", tmp_path / "p.json"
         chosen = ("--transfer-function", function_file) if function else ()
@@ -186,8 +187,9 @@ def test_post_is_the_default_and_the_papers_classification_is_chosen_by_name(pic
     assert picture("--paper")[1]["plan"]["classification"] == "pre"
 
 
-def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(call, refused, picture, raw, raw_options,
-                                                                               tmp_path):
+def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(
+    call, refused, picture, raw, raw_options, tmp_path
+):
     """By every command that takes it; the same knobs have the same picture."""
     sentence = "The classification 'refined' was removed; 'post' is used instead."
     expected, _ = picture("--quality", "draft")
@@ -206,8 +208,9 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(ca
     ):  # fmt: skip
         done = call(*command)
         assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
-    assert "--refinement has no effect" in refused("render", *words[:-4], "--classification", "pre", *words[-2:],
-                                                   "--refinement", "3")
+    assert "--refinement has no effect" in refused(
+        "render", *words[:-4], "--classification", "pre", *words[-2:], "--refinement", "3"
+    )
 
 
 def test_the_removed_backend_is_accepted_and_a_sentence_says_so(call, picture, raw, raw_options, tmp_path):

@@ -21,7 +21,7 @@ def test_a_crop_is_a_part_of_the_picture(call, raw, raw_options, tmp_path, suffi
     assert np.load(part)[..., 3].max() > 0.3
     assert json.loads(report.read_text())["image"] == {
         "width": 30, "height": 23, "full_width": 60, "full_height": 50, "crop": [11, 7, 41, 30],
-    }
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("crop", ["0 0 0 5", "5 0 4 9", "-1 0 5 5", "0 0 61 5", "0 0 5 51"])

@@ -73,7 +73,7 @@ def figure(call, raw, raw_options, function_file):
         result = call(
             "figure", volume, *raw_options, *PAGE, *functions, "-o", folder / "fig.svg", "-o", folder / "fig.png",
             *options,
-        )
+        )  # fmt: skip
         assert result.code == 0, result.err
         return folder
 

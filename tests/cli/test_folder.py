@@ -110,8 +110,9 @@ def test_ctrl_c_keeps_the_planes_that_are_done(encode, tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == [".a.rle.unfinished", "data", "whole.rle"]
     result = encode()
     assert "Planes up to 5 were there" in result.out
-    whole, again = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in
-                    ("whole.rle", "a.rle"))
+    whole, again = (
+        {file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in ("whole.rle", "a.rle")
+    )
     assert whole == again
 
 

@@ -13,7 +13,7 @@ def picture(call, raw, raw_options, function_file, tmp_path):
         result = call(
             "render", raw, *raw_options, "--transfer-function", function_file, "--no-shading", "--size", "40x36", "-o",
             out, "--json", report, *words,
-        )
+        )  # fmt: skip
         assert result.code == 0, result.err
         return np.load(out), json.loads(report.read_text())
 
@@ -81,9 +81,7 @@ def test_a_channel_by_preset_or_automatic(picture, voxels, tmp_path):
     other = tmp_path / "smoke.raw"
     np.random.default_rng(0).integers(0, 255, voxels.shape, np.uint8).tofile(other)
     alone, _ = picture()
-    by_preset, automatic = (
-        picture("--channel", other, *more)[0] for more in (("--channel-function", "smoke"), ())
-    )
+    by_preset, automatic = (picture("--channel", other, *more)[0] for more in (("--channel-function", "smoke"), ()))
     np.testing.assert_array_equal(by_preset, automatic)
     assert np.abs(by_preset - alone).max() > 0.1
 
@@ -111,7 +109,8 @@ def test_options_that_do_not_fit_together(refused, labels, write_json, tmp_path,
     words = "render", tmp_path / "missing.raw", "-o", tmp_path / "x.npy"
     assert "give both" in refused(*words, "--label-functions", write_json([]))
     assert "each channel its function" in refused(
-        *words, "--channel", labels, "--channel", labels, "--channel-function", function_file)
+        *words, "--channel", labels, "--channel", labels, "--channel-function", function_file
+    )
     assert "no-such" in refused(*words, "--channel", labels, "--channel-function", "no-such")
     rle = "render", tmp_path / "missing.rle", "-o", tmp_path / "x.npy"
     assert "classified already" in refused(*rle, "--channel", labels, "--channel-function", function_file)
@@ -221,4 +220,3 @@ def test_channels_of_a_file(call, refused, tmp_path):
     assert green[1] > 0.3 > 1e-6 > green[0] and magenta[0] > 0.3 and magenta[1] == pytest.approx(green[1], abs=0.02)
     tifffile.imwrite(tmp_path / "one.tif", values[:, 0], imagej=True, metadata={"axes": "ZYX"})
     assert "no further channels" in refused("render", tmp_path / "one.tif", "--file-channels", "-o", alone)
-

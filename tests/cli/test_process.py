@@ -32,7 +32,7 @@ def start(*words, **environ):
     return subprocess.Popen(
         [*COMMAND, *map(str, words)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, **environ}, preexec_fn=None if os.name == "nt" else hear_ctrl_c,
-    )
+    )  # fmt: skip
 
 
 def run(*words):
@@ -152,9 +152,7 @@ def test_a_line_that_is_stopped_is_written_once():
 @pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&- >&- 2>&-"])
 def test_closed_streams_do_not_keep_a_picture_from_being_written(tmp_path, raw, raw_options, closed):
     words = [*COMMAND, "render", raw, *raw_options, "--size", "16", "--progress", "-o", tmp_path / "p.npy"]
-    done = subprocess.run(
-        ["sh", "-c", f'exec "$@" {closed}', "sh", *map(str, words)], cwd=ROOT, capture_output=True
-    )
+    done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *map(str, words)], cwd=ROOT, capture_output=True)
     assert done.returncode == 0 and (b"Wrote" in done.stdout) == (closed == "2>&-")
     assert np.load(tmp_path / "p.npy").shape == (16, 16, 4)
 

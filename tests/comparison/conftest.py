@@ -30,7 +30,7 @@ class Stand:
 
     @staticmethod
     def scene(field, azimuth=35.0, elevation=25.0, perspective=False, size=(64, 60), fit=1.25, function=None,
-              spacing=(1.0, 1.0, 1.0), **more) -> Scene:
+              spacing=(1.0, 1.0, 1.0), **more) -> Scene:  # fmt: skip
         voxels = np.asarray(field)
         voxels = voxels.astype(np.float32) if voxels.dtype == np.float64 else voxels
         volume = Volume(voxels, np.diag((*spacing, 1.0)))

@@ -80,7 +80,7 @@ def test_nodes_come_front_to_back(stand):
                 nearer = [
                     corners[after][1][a] <= corners[before][0][a] if direction[a] > 0
                     else corners[after][0][a] >= corners[before][1][a] for a in range(3)
-                ]
+                ]  # fmt: skip
                 assert not all(nearer)
 
 

@@ -18,7 +18,7 @@ N = 96
 THIN = TransferFunction(
     name="thin", opacity=((0.0, 0.0), (1.0, 0.02)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.1, 0.3, 1.0)),
     opacity_unit_distance=1.0, shade=None,
-)
+)  # fmt: skip
 QUALITIES = {
     "post": Quality(threads=1, termination=0.0),
     "post, own sheets": Quality(depth_rule="simpson", threads=1, termination=0.0),

@@ -44,7 +44,7 @@ TRIANGLES = np.array([
     [(-1.5, -1, 0), (1.5, -1, 0.5), (0, 1.4, -1)],
     [(-1, -1, 1.0), (0.2, 0.1, 2.0), (-0.5, 1.0, 1.5)],
     [(-2, 0, 8.0), (2, 0.3, 8.0), (0, -0.4, 1.0)],  # reaches behind the perspective camera
-])
+])  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", ["ORTHO", "PERSP"])

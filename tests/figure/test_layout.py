@@ -214,7 +214,8 @@ def test_accents_are_drawn_and_unknown_characters_refused():
 
 
 @pytest.mark.parametrize(
-    "about, sentence", [({"unit": "尺"}, "The unit of lengths"), ({"value_unit": "值"}, "The unit of the values")])
+    "about, sentence", [({"unit": "尺"}, "The unit of lengths"), ({"value_unit": "值"}, "The unit of the values")]
+)
 def test_what_cannot_be_lettered_is_refused_before_anything_is_rendered(drawing, balls, about, sentence):
     with pytest.raises(RleSplatError, match=f"{sentence} has the character"):
         next(figure_steps(Figure((Panel(drawing.scene(balls(**about))),), drawing.style), [None]))

@@ -102,7 +102,10 @@ def test_lengths_are_round(longest, length):
 @pytest.mark.parametrize(
     "length, unit, text",
     [
-        (50.0, "mm", "50 mm"), (0.5, "mm", "500 µm"), (2000.0, "m", "2 m"), (0.005, "um", "5 µm"),
+        (50.0, "mm", "50 mm"),
+        (0.5, "mm", "500 µm"),
+        (2000.0, "m", "2 m"),
+        (0.005, "um", "5 µm"),
         (3.0, "world", "3 units"),
     ],
 )

@@ -163,9 +163,7 @@ def lit_scene_of(lamps: str) -> Scene:
     suns = LAMPS["sun"], replace(LAMPS["sun"], matrix_world=np.eye(4), energy=1.0)
     near = replace(LAMPS["point"], matrix_world=placed(1.5, 1.0, -1.0).matrix_world, energy=60.0)
     lights = () if lamps == "headlight" else (*suns, near)
-    return replace(
-        scene, transfer_function=function, headlight=not lights, lights=lights, volume_shadows=bool(lights)
-    )
+    return replace(scene, transfer_function=function, headlight=not lights, lights=lights, volume_shadows=bool(lights))
 
 
 def always(profile):

@@ -46,7 +46,7 @@ NATIVE = (
 WRITABLE = (*NATIVE, RLELossless, JPEG2000Lossless, JPEG2000, JPEGLosslessSV1, JPEGLossless)
 BY_IMAGECODECS = (  # with a package that the tests marked "extras" have
     JPEGExtended12Bit, JPEGLSLossless, JPEGLSNearLossless, JPEG2000Lossless, HTJ2KLossless, HTJ2KLosslessRPCL, HTJ2K,
-)
+)  # fmt: skip
 BY_PILLOW = (JPEGBaseline8Bit,)
 PERSON, NUMBER, BIRTH = "DOE^JANE", "ID-4711-X", "19510203"
 COLUMNS, ROWS = 36, 33  # JPEG 2000 needs 32

@@ -217,7 +217,8 @@ def test_a_series_is_found_again_among_others(tmp_path: Path):
     for at in (1, 2):
         number = -at  # so that it comes before
         phantoms.write_classic(
-            tmp_path / "a" / str(at), GEOMETRIES["tilt, even steps"],
+            tmp_path / "a" / str(at),
+            GEOMETRIES["tilt, even steps"],
             change=lambda dataset, i, number=number: setattr(dataset, "SeriesNumber", number),
         )
         found = read_volume(tmp_path / "a", series_key=key, series=1)

@@ -205,7 +205,8 @@ def test_other_programs_read_the_names_that_are_written(tmp_path):
     """nibabel and an XML parser a NIfTI's as TotalSegmentator does, SimpleITK a segmentation's as Slicer does."""
     voxels = np.ones(SHAPE[::-1], np.uint8)
     labels = Volume(
-        voxels, AFFINES["oblique"], space=PATIENT, named_labels=(NamedLabel(0, "Background"), NamedLabel(1, "R & D")))
+        voxels, AFFINES["oblique"], space=PATIENT, named_labels=(NamedLabel(0, "Background"), NamedLabel(1, "R & D"))
+    )
     for name in ("a.nii.gz", "a.seg.nrrd"):
         drain(write_steps(labels, tmp_path / name))
     image = nibabel.load(tmp_path / "a.nii.gz")

@@ -41,8 +41,10 @@ def test_every_voxel_lies_where_its_value_says(tmp_path, name, encoding, space):
     assert all(volume.space == PATIENT and volume.unit == "mm" for volume in volumes)
 
 
-@pytest.mark.parametrize("name, short", [
-    ("left-posterior-superior", "LPS"), ("right-anterior-superior", "RAS"), ("left-anterior-superior", "LAS")])
+@pytest.mark.parametrize(
+    "name, short",
+    [("left-posterior-superior", "LPS"), ("right-anterior-superior", "RAS"), ("left-anterior-superior", "LAS")],
+)
 def test_a_space_and_its_abbreviation_are_one(tmp_path, name, short):
     """Of each space one of both was compared with SimpleITK above."""
     assert {name, short} & SPACES.keys()

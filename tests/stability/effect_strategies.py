@@ -140,7 +140,7 @@ def with_lens(draw, scene, random):
     camera = replace(
         scene.camera, aperture_radius=min(0.05 * reach, LARGEST_SHARE), focus_distance=reach * (0.1 + draw(UNIT)),
         aperture_blades=draw(st.sampled_from((0, 5))),
-    )
+    )  # fmt: skip
     return replace(scene, camera=camera)
 
 

@@ -169,8 +169,7 @@ def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, way, foot
     voxels[..., -4:] = 0
     faint = transfer(((0.0, 0.0), (255.0, 0.2)), color=((0.0, 1.0, 0.2, 0.1), (255.0, 0.2, 0.4, 0.9)))
     plain, turned = (
-        columns(from_above(v, faint), kernel=footprint).astype(np.float64)
-        for v in (voxels, voxels[:, ::-1, ::-1])
+        columns(from_above(v, faint), kernel=footprint).astype(np.float64) for v in (voxels, voxels[:, ::-1, ::-1])
     )
     assert plain[..., 3].max() > 0.3
     record(

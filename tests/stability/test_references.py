@@ -226,7 +226,7 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
         splat = splat_of(
             finer(from_above(np.ones((5, 7, 8)), function), times), kernel=kernel, sheet_density=1.0, model="opacity",
             depth_rule="midpoint-1",
-        )
+        )  # fmt: skip
         told, (x, y) = splat.differences(), positions(splat)
         seen += told.edges
         claim = "rays through opacities of one that differ by more than the reference implementation's so much denser"

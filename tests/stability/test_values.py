@@ -323,9 +323,7 @@ def test_V15_extinction_of_any_size(record, width, model, way):
         if distance <= 1e-12:
             behind = sheets(scene, model=model)[0, 2:, 3].max()
             record("V15", "transmittance of what is opaque by far", behind, 1e-30, width)
-    dense = classify(
-        Volume(np.ones((2, 2, 2)), np.eye(4)), transfer(((0, 1.0),), distance=1e-300), np.eye(4)
-    )
+    dense = classify(Volume(np.ones((2, 2, 2)), np.eye(4)), transfer(((0, 1.0),), distance=1e-300), np.eye(4))
     assert dense.opacity_distance == LEAST_DISTANCE and 1e27 < dense.extinction.min() < dense.extinction.max() * 1.01
 
 

@@ -423,10 +423,7 @@ def test_V12_wrapped_values_are_told_apart(record, way):
     """The same bytes as int16 and as uint16: -1 is not 65535."""
     stored = np.array([-1, -1024, 3071, 32767, -32768, 0, 1, -2], np.int16).reshape(2, 2, 2)
     dense = transfer(((0, 0.0), (0, 0.5)))
-    seen = [
-        classify(Volume(v, np.eye(4)), dense, np.eye(4)).visible_voxels
-        for v in (stored, stored.view(np.uint16))
-    ]
+    seen = [classify(Volume(v, np.eye(4)), dense, np.eye(4)).visible_voxels for v in (stored, stored.view(np.uint16))]
     record(
         "V12",
         "voxels at or above 0, miscounted as signed or unsigned",

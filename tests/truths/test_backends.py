@@ -29,7 +29,7 @@ def test_numpy_equals_numba_for_the_paper_and_with_stops(stage, scene):
     paper = both(lambda: render(scene, Quality.paper()).rgba)
     assert np.abs(paper[0] - paper[1]).max() < 1e-5 and paper[0].max() > 0.3
     wall = np.array((((-99.0, 6.0, -99.0), (99.0, 6.0, -99.0), (99.0, 7.0, 99.0)),
-                     ((-99.0, 6.0, -99.0), (99.0, 7.0, 99.0), (-99.0, 7.0, 99.0))))
+                     ((-99.0, 6.0, -99.0), (99.0, 7.0, 99.0), (-99.0, 7.0, 99.0))))  # fmt: skip
     stopped = stage.before(scene.volume, scene.camera, (32, 28), volume_matrix=scene.volume_matrix, triangles=wall)
     pictures = both(lambda: stage.render(stopped).rgba)
     assert np.abs(pictures[0] - pictures[1]).max() < 1e-5

@@ -73,7 +73,7 @@ def test_random_volume_matrix_and_camera(stage, seed):
         lens=13.0 * distance / radius, ortho_scale=1.6 * radius, clip_start=1e-3 * radius, clip_end=100.0 * radius,
         shift_x=random.uniform(-0.15, 0.15), shift_y=random.uniform(-0.15, 0.15),
         pixel_aspect=((1.0, 1.0), (1.0, 1.5), (2.0, 1.0))[(seed // 3) % 3],
-    )
+    )  # fmt: skip
     scene = stage.before(stage.volume(blobs(shape, seed), affine), camera, size, volume_matrix=volume_matrix)
     true = stage.truth(scene)[0]
     assert true[..., 3].max() > 0.2

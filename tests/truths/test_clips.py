@@ -143,7 +143,7 @@ def test_the_camera_may_stand_in_what_is_kept_or_in_what_is_cut_away(stage, keep
 
 FIELD = 0.5 + 0.3 * np.sin(np.arange(14)[:, None, None] * 0.5) * np.cos(
     np.arange(14)[:, None] * 0.4
-) - 0.2 * np.sin(np.arange(14) * 0.6 + 1.0)
+) - 0.2 * np.sin(np.arange(14) * 0.6 + 1.0)  # fmt: skip
 
 
 # Between two sheets a cut slab shows what is left of it, so that two halves tell more of a slab than the whole does:

@@ -23,7 +23,7 @@ from tests.ways import NUMPY
 COLOR = (0.9, 0.4, 0.2)
 EVEN = TransferFunction(  # the same everywhere, so that only the gradient tells
     opacity=((0.0, 0.06),), color=((0.0, *COLOR),), opacity_unit_distance=1.0, shade=None,
-)
+)  # fmt: skip
 SIGMA = -np.log1p(-0.06)
 RULES = [("post", "preintegrated"), ("post", "simpson"), ("pre", "simpson")]
 

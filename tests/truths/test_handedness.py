@@ -39,7 +39,7 @@ LABELS = TransferFunction(
     name="labels", opacity_unit_distance=1.0, shade=None,
     opacity=((0.5, 0.0), (0.5, -np.expm1(-SIGMA))),
     color=tuple((i, *c) for i, c in enumerate(COLORS)),
-)
+)  # fmt: skip
 AXES = [sign * axis for axis in np.eye(3, dtype=int) for sign in (1, -1)]
 VIEWS = [(r, u) for r, u in itertools.product(AXES, AXES) if abs(r) @ abs(u) == 0]
 
@@ -82,6 +82,6 @@ def test_axis_aligned_view(stage, right, up, kind):
     scene = stage.before(
         stage.volume(label.transpose(2, 1, 0)), axis_camera(right, up, kind), (SIZE * ZOOM,) * 2,
         transfer_function=LABELS,
-    )
+    )  # fmt: skip
     picture = stage.render(scene, sheet_density=2.0).rgba[ZOOM // 2 :: ZOOM, ZOOM // 2 :: ZOOM]
     assert np.abs(picture - projected(label, right, up)).max() < 12.0 * LEVEL

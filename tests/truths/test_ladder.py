@@ -105,10 +105,27 @@ def test_each_preset_keeps_its_error_and_the_next_has_less(with_truth, classific
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-@pytest.mark.parametrize("azimuth, elevation", (
-    (0, 0), (90, 0), (180, 0), (-90, 0), (0, 90), (0, -90), (45, 0), (135, 0), (45, 35.26439), (-45, -35.26439),
-    (20, 70), (160, -50), (-70, 15), (-160, -10), (1e-7, 1e-7), (44.999, 0.001),
-))
+@pytest.mark.parametrize(
+    "azimuth, elevation",
+    (
+        (0, 0),
+        (90, 0),
+        (180, 0),
+        (-90, 0),
+        (0, 90),
+        (0, -90),
+        (45, 0),
+        (135, 0),
+        (45, 35.26439),
+        (-45, -35.26439),
+        (20, 70),
+        (160, -50),
+        (-70, 15),
+        (-160, -10),
+        (1e-7, 1e-7),
+        (44.999, 0.001),
+    ),
+)
 def test_every_side(stage, azimuth, elevation, perspective):
     """All six principal axes and both signs, ties at 45 degrees and on the diagonal, a view a hair off an axis."""
     field = blobs((21, 18, 15), 4, width=(1.6, 2.6))

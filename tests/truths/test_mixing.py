@@ -69,7 +69,7 @@ def test_each_label_has_its_own_slab(stage, kind):
     scene = seen_along_y(
         stage, np.full(labels.shape, 100), flat(0.1, RED), kind,
         labels=Labels(Volume(labels, np.eye(4)), functions, smooth=False),
-    )
+    )  # fmt: skip
     picture = stage.render(scene, depth_rule="midpoint-4")
     # In the ramp between the layers red and green are mixed: which comes first is off by that ramp's depth, squared.
     expected = composed((depth_of(0.1, 5), RED), (depth_of(0.3, 4) / 2.0, GREEN))
@@ -106,9 +106,7 @@ def test_two_channels_add_their_extinctions(stage):
     color = (red * np.array(RED) + blue * np.array(BLUE)) / (red + blue)
     np.testing.assert_allclose(middle(picture.rgba), composed((red + blue, color)), atol=0.05 * LEVEL)
     # The other way round it is the same medium.
-    swapped = replace(
-        scene, volume=channel.volume, transfer_function=other, channels=(Channel(scene.volume, tf),)
-    )
+    swapped = replace(scene, volume=channel.volume, transfer_function=other, channels=(Channel(scene.volume, tf),))
     np.testing.assert_allclose(stage.render(swapped).rgba, picture.rgba, atol=1e-6)
     # In the opacity model too: alphas of what is added, per the first function's distance.
     paper = render(scene, Quality.paper()).rgba
@@ -123,7 +121,7 @@ def test_a_channel_without_anything_in_it_changes_no_bit(stage, kind, shade):
     tf = TransferFunction(
         opacity=((50.0, 0.0), (255.0, 0.4)), color=((0.0, *RED), (255.0, *BLUE)), opacity_unit_distance=1.0,
         shade=shade,
-    )
+    )  # fmt: skip
     scene = seen_along_y(stage, voxels, tf, kind, lights=(Light(),))
     empty = Volume(np.zeros(voxels.shape, np.uint8), np.eye(4))
     alone = stage.render(scene, classification="pre")

@@ -110,9 +110,7 @@ def test_whole_numbers_are_exact_and_slopes_may_be_negative(stage, slope):
     stored = np.random.default_rng(3).integers(-3000, 3000, (12, 12, 12)).astype(np.int16)
     ends = sorted((slope * -3000.0 + 7.0, slope * 3000.0 + 7.0))
     tf = TransferFunction(opacity=((ends[0], 0.0), (ends[1], 1.0)), color=((0.0, 1.0, 1.0, 1.0),), shade=None)
-    scene = replace(
-        seen(stage, stored, "mip", tf=tf), volume=Volume(stored, np.eye(4), slope=slope, intercept=7.0)
-    )
+    scene = replace(seen(stage, stored, "mip", tf=tf), volume=Volume(stored, np.eye(4), slope=slope, intercept=7.0))
     picture = stage.render(scene, **EXACT).rgba[..., 3].astype(np.float64)
     found = ends[0] + picture * (ends[1] - ends[0])
     true = (slope * stored + 7.0).max(axis=1)[::-1]
@@ -125,7 +123,7 @@ def test_oblique_rays_against_a_sampler(stage, mode, perspective):
     scene = seen(
         stage, smooth_field(), mode, 35.0, 25.0, fit=1.5, size=(24, 24), perspective=perspective,
         headlight=True,  # of no consequence
-    )
+    )  # fmt: skip
     values, path = sampled(scene)
     with np.errstate(invalid="ignore"):
         true = {"mip": np.max, "minip": np.min, "average": np.mean}[mode](values, axis=1).reshape(24, 24)
@@ -182,9 +180,7 @@ def test_air_is_transparent_and_only_what_can_decide_a_pixel_is_kept(stage):
     field = np.zeros((16, 16, 16), np.float32)
     field[4:12, 4:12, 4:12] = 0.5
     field[4:12, 4:12, 8:12] = 0.9
-    bump = TransferFunction(
-        opacity=((0.3, 0.0), (0.5, 1.0), (0.7, 0.0)), color=((0.0, 0.2, 0.6, 1.0),), shade=None
-    )
+    bump = TransferFunction(opacity=((0.3, 0.0), (0.5, 1.0), (0.7, 0.0)), color=((0.0, 0.2, 0.6, 1.0),), shade=None)
     scene = seen(stage, field, "mip", tf=bump)
     rendering = stage.render(scene, **EXACT)
     rgba = rendering.rgba

@@ -34,7 +34,7 @@ def function(*points, shade=None, unit=1.0):
     return TransferFunction(
         opacity=tuple((unit * r, alpha) for r, alpha in points), opacity_unit_distance=1.0, shade=shade,
         color=((0.0, 0.9, 0.3, 0.1), (16.0 * unit, 0.2, 0.5, 0.9)),
-    )
+    )  # fmt: skip
 
 
 def shell(half_width, radius=7.0, **more):
@@ -102,7 +102,7 @@ def test_sheets_converge_at_second_order(stage):
     tf = TransferFunction(
         opacity=((0.0, 0.02), (20.0, 0.7)), color=((0.0, 0.9, 0.1, 0.3), (16.0, 0.1, 0.6, 1.0)),
         opacity_unit_distance=1.0, shade=None,
-    )
+    )  # fmt: skip
     scene = turned(stage, tf, field=field, size=(24, 24), azimuth=0.0, elevation=0.0, fit=0.7)
     true = t2(scene)
     knobs = dict(classification="post", sheet_density=4.0, termination=0.0)
@@ -146,7 +146,8 @@ LIT = {
 @PROJECTIONS
 @pytest.mark.parametrize(
     ("lit", "specular", "way"),
-    (("headlight", 0.4, "numba"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "numba")), indirect=["way"],
+    (("headlight", 0.4, "numba"), ("colored point", 0.0, "numpy"), ("suns", 0.4, "numba")),
+    indirect=["way"],
 )
 def test_lit_pictures(stage, lit, specular, way, perspective):
     """White light and colors, with highlights and without; stored as bytes, on voxels that are no cubes.
@@ -251,7 +252,7 @@ def test_a_constant_box_is_its_path_length(stage, depth_rule, perspective):
     whatever the rule; on voxels that are no cubes."""
     scene = stage.on_turntable(
         np.full((9, 12, 10), 0.1), 35.0, 25.0, perspective, size=(72, 72), spacing=(1.0, 0.8, 1.3),
-    )
+    )  # fmt: skip
     rays = camera_rays(scene.camera, 72, 72)
     length = box_length(rays, scene.index_to_world, np.zeros(3), (9.0, 11.0, 8.0)).reshape(72, 72)
     true = composed(-np.log1p(-0.1) * length.ravel(), stage.color(0.1)).reshape(72, 72, 4)
@@ -354,7 +355,7 @@ def test_the_same_picture_from_both_ways_and_any_number_of_threads(stage, perspe
     inside = stage.before(
         stage.volume(RADIUS), stage.looking((11.3, 8.2, 10.1), (9.7, 10.1, 9.4), lens=14.0, clip_start=1e-4), PIXELS,
         shell(2.0),
-    )
+    )  # fmt: skip
     # Samples are lit by reciprocals and roots that are exact to 1e-5, and share their light while they weigh little.
     lit, steps = lit_bytes(stage, perspective), turned(stage, CURVES["steps"], perspective)
     for scene, same in ((lit, 1e-4), (steps, 1e-5), (inside, 1e-5)):
@@ -390,12 +391,14 @@ def test_the_same_picture_from_every_type(stage, dtype, way):
 HARD = {
     "low values shown": (RADIUS, function((4.0, 0.3), (6.0, 0.0))),
     "holes without a number": (
-        np.where(RADIUS < 3.0, np.nan, RADIUS), function((0.0, 0.1), (16.0, 0.2)),
+        np.where(RADIUS < 3.0, np.nan, RADIUS),
+        function((0.0, 0.1), (16.0, 0.2)),
     ),
     "infinite inside": (np.where(RADIUS < 5.0, np.inf, RADIUS), function((10.0, 0.0), (16.0, 0.3))),
     "minus infinite inside": (np.where(RADIUS < 5.0, -np.inf, -RADIUS), function((-16.0, 0.3), (-10.0, 0.0))),
     "infinite beside values beyond": (
-        np.where(RADIUS < 5.0, np.inf, np.where(RADIUS > 14.0, 300.0, RADIUS)), function((10.0, 0.0), (16.0, 0.3)),
+        np.where(RADIUS < 5.0, np.inf, np.where(RADIUS > 14.0, 300.0, RADIUS)),
+        function((10.0, 0.0), (16.0, 0.3)),
     ),
 }
 

@@ -43,9 +43,7 @@ def box(stage):
 
 
 def picture(scenes, **how):
-    steps = several_steps(
-        scenes, lambda scene, _: render_steps(scene, QUALITY, None, refuse_empty_view=False), **how
-    )
+    steps = several_steps(scenes, lambda scene, _: render_steps(scene, QUALITY, None, refuse_empty_view=False), **how)
     return drain(steps)
 
 

@@ -20,7 +20,7 @@ def shells(shade):
     return TransferFunction(
         opacity=((20.0, 0.0), (40.0, 0.35), (60.0, 0.35), (80.0, 0.0)), color=((0.0, *COLOR),),
         opacity_unit_distance=1.0, shade=shade,
-    )
+    )  # fmt: skip
 
 
 def squared_distance(stage, affine, shape=(28, 25, 22)):

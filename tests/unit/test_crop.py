@@ -31,13 +31,13 @@ CROPS = [
 FUNCTION = TransferFunction(
     name="crop", opacity=((0.0, 0.0), (0.05, 0.0), (1.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (1.0, 0.1, 0.4, 1.0)),
     opacity_unit_distance=1.0,
-)
+)  # fmt: skip
 VOLUME = Volume(FIELDS["smooth"](18)[:, :16, :13].astype(np.float32), np.diag((1.0, 1.1, 0.9, 1.0)))
 # A slanted triangle through the volume, and a strip before it: silhouettes against the volume and against each other.
 TRIANGLES = np.array((
     ((-3.0, 4.0, -2.0), (15.0, 9.0, 4.0), (4.0, 12.0, 17.0)),
     ((6.2, -4.0, -20.0), (7.9, -4.0, -20.0), (7.4, -4.0, 40.0)),
-))
+))  # fmt: skip
 
 
 def scene_of(kind, **more):
@@ -154,8 +154,9 @@ def test_a_crop_makes_less_sheet(monkeypatch):
     made = []
     rasterize = mesh_depth
     monkeypatch.setattr(
-        import_module("rle_splat.effects.mesh_occlusion"), "mesh_depth",
-        lambda *a, **k: made.append(rasterize(*a, **k)) or made[-1]
+        import_module("rle_splat.effects.mesh_occlusion"),
+        "mesh_depth",
+        lambda *a, **k: made.append(rasterize(*a, **k)) or made[-1],
     )
     scene = replace(scene_of("perspective"), width=900, height=740, triangles=TRIANGLES)
     quality = Quality.preset("draft")
@@ -177,7 +178,7 @@ def test_the_report_names_crop_and_frame():
     report = render(replace(scene_of("ortho"), crop=(3, 4, 13, 24))).report
     assert report["image"] == {
         "width": 10, "height": 20, "full_width": WIDTH, "full_height": HEIGHT, "crop": [3, 4, 13, 24]
-    }
+    }  # fmt: skip
 
 
 def test_windows_move_offsets_by_whole_pixels_exactly():
@@ -200,10 +201,20 @@ def test_windows_move_offsets_by_whole_pixels_exactly():
     assert seen >= 3
 
 
-@pytest.mark.parametrize("crop", [
-    (0, 0, 0, 5), (5, 0, 4, 9), (-1, 0, 5, 5), (0, 0, WIDTH + 1, 5), (0, 0, 5, HEIGHT + 1), (0, 0, 5), "crop", 7,
-    (0.0, 0.0, 5.0, 5.0),
-])
+@pytest.mark.parametrize(
+    "crop",
+    [
+        (0, 0, 0, 5),
+        (5, 0, 4, 9),
+        (-1, 0, 5, 5),
+        (0, 0, WIDTH + 1, 5),
+        (0, 0, 5, HEIGHT + 1),
+        (0, 0, 5),
+        "crop",
+        7,
+        (0.0, 0.0, 5.0, 5.0),
+    ],
+)
 def test_a_crop_that_is_none_is_refused_in_a_sentence(crop):
     with pytest.raises(RleSplatError, match=r"whole numbers .*0 <= left < right <= 90 and 0 <= top < bottom <= 74"):
         scene_of("ortho", crop=crop)

@@ -130,15 +130,17 @@ def test_the_pages_of_the_reference_are_current():
 
 def test_an_outdated_page_is_noticed(monkeypatch):
     monkeypatch.setitem(docs_reference.PARTS, "licenses", lambda: "Nothing is bundled.")
-    (page, text), = docs_reference.outdated().items()
+    ((page, text),) = docs_reference.outdated().items()
     assert page.name == "licenses.md" and "Nothing is bundled." in text and "| --- |" not in text
 
 
 def test_docstrings_become_markdown():
     text = docs_reference._docstring(
-        "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``.")
+        "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``."
+    )
     assert text == (
-        "Do it.\n\n**Parameters**\n\n- `name : str`: What it is.\n- `plain : ``int```\n\n**Notes**\n\nOf `x`.")
+        "Do it.\n\n**Parameters**\n\n- `name : str`: What it is.\n- `plain : ``int```\n\n**Notes**\n\nOf `x`."
+    )
 
 
 def test_the_reference_lists_every_command_and_option():

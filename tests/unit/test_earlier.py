@@ -121,10 +121,21 @@ def test_lying_members_are_refused(tmp_path):
     refused(tmp_path / "v.rle", **{"z_scanline_pointers.npy": npy(np.full((10, 8), 10**6, np.int32))})
 
 
-@pytest.mark.parametrize("change", (
-    {"format": "other"}, {"version": 1}, {"record": 8}, {"record": 6}, {"record": 5}, {"shape_xyz": [6, 4, 6]},
-    {"shape_xyz": "big"}, {"axes": ["w"]}, {"remarks": None}, {"unit_length": -1},
-))
+@pytest.mark.parametrize(
+    "change",
+    (
+        {"format": "other"},
+        {"version": 1},
+        {"record": 8},
+        {"record": 6},
+        {"record": 5},
+        {"shape_xyz": [6, 4, 6]},
+        {"shape_xyz": "big"},
+        {"axes": ["w"]},
+        {"remarks": None},
+        {"unit_length": -1},
+    ),
+)
 def test_a_lying_header_is_refused(tmp_path, change):
     with zipfile.ZipFile(DATA / "16.rle") as archive, archive.open("header.npy") as member:
         header = json.loads(np.lib.format.read_array(member).tobytes())

@@ -29,7 +29,7 @@ def classified_from(mask, seed=0):
         extinction=rng.random(count, dtype=np.float32) * 3 + np.float32(2.0**-149),
         opacity=rng.random(count, dtype=np.float32) + np.float32(2.0**-149),
         color=rng.random((count, 3), dtype=np.float32), nan_voxels=0, unit_length=1.0, opacity_distance=1.0,
-    )
+    )  # fmt: skip
 
 
 def dense_from(mask, classified, model):

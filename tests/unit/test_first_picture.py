@@ -51,11 +51,19 @@ print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.sign
 
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
-@pytest.mark.parametrize("classification, kernels", (
-    ("pre", ("_extremes", "mark_by_table", "_count_kept", "_fill_kept", "_sobel", "fill_row_runs", "_write_records")),
-    ("post", ("_extremes", "_mark_relevant", "_count_kept", "_fill_kept", "_smooth", "_find", "_place",
-              "fill_row_runs")),
-))
+@pytest.mark.parametrize(
+    "classification, kernels",
+    (
+        (
+            "pre",
+            ("_extremes", "mark_by_table", "_count_kept", "_fill_kept", "_sobel", "fill_row_runs", "_write_records"),
+        ),
+        (
+            "post",
+            ("_extremes", "_mark_relevant", "_count_kept", "_fill_kept", "_smooth", "_find", "_place", "fill_row_runs"),
+        ),
+    ),
+)
 def test_the_common_road_compiles_each_kernel_once(classification, kernels):
     words = [sys.executable, "-c", PIPELINE, classification]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -104,9 +112,13 @@ ALONG_AN_AXIS = {"count_across", "fill_across_runs", "place_across", "fill_row_r
 
 
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
-@pytest.mark.parametrize("stored, views, more", (
-    ("uint8", ((5, 5), (95, 5), (5, 85)), set()), ("int16", ((95, 5),), ALONG_AN_AXIS),
-))
+@pytest.mark.parametrize(
+    "stored, views, more",
+    (
+        ("uint8", ((5, 5), (95, 5), (5, 85)), set()),
+        ("int16", ((95, 5),), ALONG_AN_AXIS),
+    ),
+)
 def test_thumbnails_load_no_kernels_beside_those_of_a_viewports_drafts(stored, views, more):
     """But for those that make tables along a principal axis which no draft has had."""
     words = [sys.executable, "-c", THUMBNAILS, stored, json.dumps(views)]

@@ -37,9 +37,7 @@ def test_values_that_are_not_finite_are_left_out_and_counted(dtype):
     voxels[1, 2, 3:6] = np.nan, np.inf, -np.inf
     volume = Volume(voxels, np.eye(4))
     finite = voxels[np.isfinite(voxels)].astype(np.float64)
-    np.testing.assert_array_equal(
-        percentiles(volume, PERCENTS), np.percentile(finite, PERCENTS, method="inverted_cdf")
-    )
+    np.testing.assert_array_equal(percentiles(volume, PERCENTS), np.percentile(finite, PERCENTS, method="inverted_cdf"))
     found = histogram(volume, 16)
     assert found.not_finite == 3
     assert found.total == voxels.size

@@ -9,8 +9,8 @@ from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import Volume
 
 OWN = TransferFunction(
-    name="own", unit=None, opacity=((0.0, 0.0), (100.0, 0.8)), color=((0.0, 1.0, 0.5, 0.25),),
-    opacity_unit_distance=2.0)
+    name="own", unit=None, opacity=((0.0, 0.0), (100.0, 0.8)), color=((0.0, 1.0, 0.5, 0.25),), opacity_unit_distance=2.0
+)
 VOLUME = Volume(np.zeros((2, 3, 4), np.uint8), np.diag((1.0, 0.5, 3.0, 1.0)))
 
 
@@ -30,12 +30,18 @@ def test_a_solid_label_has_one_opacity_for_a_thickness_in_voxels():
 def test_they_are_read_from_a_file(tmp_path):
     path = tmp_path / "looks.json"
     path.write_text('[{"label": 2, "solid": true, "opacity": 0.25}]', encoding="utf-8")
-    style, = read_label_styles(path)
+    (style,) = read_label_styles(path)
     assert (style.solid, style.opacity) == (True, 0.25)
 
 
-@pytest.mark.parametrize(("given", "words"), (({"opacity": 1.5}, "from 0 to 1"), ({"opacity": "x"}, "from 0 to 1"),
-                                              ({"solid": 1}, "hidden and solid must be true or false")))
+@pytest.mark.parametrize(
+    ("given", "words"),
+    (
+        ({"opacity": 1.5}, "from 0 to 1"),
+        ({"opacity": "x"}, "from 0 to 1"),
+        ({"solid": 1}, "hidden and solid must be true or false"),
+    ),
+)
 def test_nonsense_is_refused(given, words):
     with pytest.raises(RleSplatError, match=words):
         LabelStyle(1, **given)

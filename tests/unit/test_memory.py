@@ -141,8 +141,7 @@ def test_the_quick_estimate_is_near_what_the_stages_hold(dtype):
 def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
     volume = noise(dtype=dtype)
     values, counts = np.unique(volume.voxels, return_counts=True)
-    found = quick_estimate.count_in_histogram(
-        volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION)
+    found = quick_estimate.count_in_histogram(volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION)
     rough = quick_estimate.estimate_visible(found, QUALITY, picture=1000)
     quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
     assert rough.visible_voxels == (volume.voxels > 80).sum() and rough.volume == volume.voxels.nbytes

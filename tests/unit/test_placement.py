@@ -47,10 +47,17 @@ def test_a_flip_mirrors_within_the_box_and_twice_is_none(axes):
     np.testing.assert_allclose(place_volume(found, flip=axes).affine, AFFINE)
 
 
-@pytest.mark.parametrize(("given", "words"), (
-    ({"spacing": (1.0, 0.0, 1.0)}, "above zero"), ({"spacing": (1.0, 1.0)}, "three numbers"),
-    ({"orientation": "LPR"}, "three letters"), ({"orientation": "LP"}, "three letters"), ({"flip": "w"}, "x, y and z"),
-    ({"flip": "xx"}, "each once")))
+@pytest.mark.parametrize(
+    ("given", "words"),
+    (
+        ({"spacing": (1.0, 0.0, 1.0)}, "above zero"),
+        ({"spacing": (1.0, 1.0)}, "three numbers"),
+        ({"orientation": "LPR"}, "three letters"),
+        ({"orientation": "LP"}, "three letters"),
+        ({"flip": "w"}, "x, y and z"),
+        ({"flip": "xx"}, "each once"),
+    ),
+)
 def test_nonsense_is_refused_in_one_sentence(given, words):
     with pytest.raises(RleSplatError, match=words):
         place_volume(Volume(VOXELS, AFFINE), **given)

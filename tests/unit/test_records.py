@@ -187,7 +187,7 @@ def test_the_bound_of_the_colors_holds_and_is_near():
     everywhere = RecordPositions.in_order(classified.voxels, 0, classified.shape_xyz[2])
     for lights in (suns, ()):
         falling = lighting(np.eye(4), Shade(0.3, 0.8, 0.5, 10.0), lights, headlight_direction=(0.0, 0.6, -0.8),
-                           eye=(0.0, 0.0, 1.0, 0.0))
+                           eye=(0.0, 0.0, 1.0, 0.0))  # fmt: skip
         records = np.empty((classified.visible_voxels, 4), np.float32)
         brightest = light_records(classified, normals, falling, None, everywhere, records)
         assert brightest <= color_bound(classified, falling) <= 2.5 * brightest
@@ -208,7 +208,7 @@ def test_short_records_come_back_from_a_file(tmp_path):
         np.testing.assert_array_equal(back.axes[axis].decoding, encoded.decoding)
         assert back.axes[axis].most_color == pytest.approx(float(colors.max()), rel=0.01)
     for wrong in (None, encoded.decoding[:-1].copy(), -encoded.decoding, encoded.decoding.astype(np.float64),
-                  np.full_like(encoded.decoding, np.nan)):
+                  np.full_like(encoded.decoding, np.nan)):  # fmt: skip
         with pytest.raises(RleSplatError, match="damaged"):
             validate(replace(axes[2], decoding=wrong))
     with pytest.raises(RleSplatError, match="record"):

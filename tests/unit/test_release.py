@@ -86,7 +86,7 @@ def test_the_texts_of_licenses_come_from_the_wheels(tmp_path):
             wheel.writestr("one-1.0.dist-info/LICENSE", "first")
             wheel.writestr("one-1.0.dist-info/licenses/LICENSE.third-party", "second")
     assert licenses.license_texts(paths) == {
-        "licenses/one-LICENSE": b"first", "licenses/one-LICENSE.third-party": b"second"}
+        "licenses/one-LICENSE": b"first", "licenses/one-LICENSE.third-party": b"second"}  # fmt: skip
     with zipfile.ZipFile(tmp_path / "two-1.0-py3-none-any.whl", "w") as wheel:
         wheel.writestr("two-1.0.dist-info/METADATA", "")
     with pytest.raises(places.Failure, match="no text of its license"):

@@ -51,7 +51,7 @@ def voxels_of(volume, kept) -> VisibleVoxels:
 def splatted(
     shade, lights=(), casting=(), opened=False, perspective=False, threads=0, azimuth=35.0, rule=ALONE, thinned=False,
     indirect=0.0, termination=1e-6, function=EVEN, **around,
-):
+):  # fmt: skip
     """The largest base plane of a small picture of kept voxels at random, whose codes are random, too."""
     random = np.random.default_rng(5)
     volume = Volume(random.random(SHAPE, np.float32), np.diag((0.2, 1.1, 0.9, 1.0)))

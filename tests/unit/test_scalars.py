@@ -80,7 +80,8 @@ def shown_corners(values, low, high):
 
 
 @pytest.mark.parametrize(
-    ("dtype", "way"), [*((kind, "numpy") for kind in STORED_TYPES), ("uint8", "numba"), ("float32", "numba")],
+    ("dtype", "way"),
+    [*((kind, "numpy") for kind in STORED_TYPES), ("uint8", "numba"), ("float32", "numba")],
     indirect=["way"],
 )
 def test_three_axes_decode_to_the_voxels_and_their_values(dtype, way):

@@ -16,9 +16,7 @@ WIDTH, MARGIN = 90, 1
 @kernel
 def add(line, reach, marks, scale, shift, weight, runs, voxels, voxel, live):
     count = live.shape[0]
-    add_runs(
-        line, reach, MARGIN, marks, 0, scale, shift, 1.0, weight, runs, 0, voxels, voxel, WIDTH, live, count
-    )
+    add_runs(line, reach, MARGIN, marks, 0, scale, shift, 1.0, weight, runs, 0, voxels, voxel, WIDTH, live, count)
 
 
 @kernel
@@ -64,7 +62,7 @@ def test_runs_of_several_slices_are_added_and_what_is_beside_them_stays_zero(sha
             add(
                 line, reach, marks, scale, shift, weight, runs_of(seen).astype(np.uint16), voxels, 7,
                 np.array(LIVE[live], np.int64),
-            )
+            )  # fmt: skip
             put = np.zeros((WIDTH, 4), np.float32)
             put[seen] = records
             expected[inside] += weight * put[inside]

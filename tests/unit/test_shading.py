@@ -64,9 +64,7 @@ def test_measured_radiance_of_a_white_lambert_surface(way):
 
 def test_ambient_counts_once_and_specular_is_white(way):
     lights = (Light("SUN", energy=math.pi), Light("SUN", energy=math.pi))
-    got = one_voxel(
-        (0, 0, 0), (0, 0, 1), lights, Shade(0.3, 0.5, 0.25, 8.0), (0.2, 0.4, 0.6), eye=(0.0, 0.0, 1.0, 0.0)
-    )
+    got = one_voxel((0, 0, 0), (0, 0, 1), lights, Shade(0.3, 0.5, 0.25, 8.0), (0.2, 0.4, 0.6), eye=(0.0, 0.0, 1.0, 0.0))
     np.testing.assert_allclose(got, np.array((0.2, 0.4, 0.6)) * (0.3 + 2 * 0.5) + 2 * 0.25, rtol=1e-6)
 
 
@@ -106,14 +104,11 @@ def test_a14_nothing_blows_up_at_the_light(way):
     # No brighter than the light's own surface: P / (pi A) for an area, P / (4 pi^2 r^2) for a sphere.
     for shape, area in (("SQUARE", 4.0), ("DISK", math.pi), ("RECTANGLE", 6.0), ("ELLIPSE", 1.5 * math.pi)):
         light = Light("AREA", energy=10.0, size=2.0, size_y=3.0, shape=shape)
-        np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (light,)),
-                                   10.0 / (math.pi * area), rtol=1e-6)
+        np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (light,)), 10.0 / (math.pi * area), rtol=1e-6)
     scaled = Light("AREA", energy=10.0, size=1.0, matrix_world=pose(scale=2.0))
-    np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (scaled,)), 10.0 / (math.pi * 4),
-                               rtol=1e-6)
+    np.testing.assert_allclose(one_voxel((0, 0, -1e-3), (0, 0, 1), (scaled,)), 10.0 / (math.pi * 4), rtol=1e-6)
     ball = Light("POINT", energy=10.0, radius=0.5)
-    np.testing.assert_allclose(one_voxel((0, 0, -0.1), (0, 0, 1), (ball,)),
-                               10.0 / (4 * math.pi**2 * 0.25), rtol=1e-6)
+    np.testing.assert_allclose(one_voxel((0, 0, -0.1), (0, 0, 1), (ball,)), 10.0 / (4 * math.pi**2 * 0.25), rtol=1e-6)
 
 
 def written_out(classified, n, matrix, s, lights, forward, eye):
@@ -175,8 +170,7 @@ def test_a_whole_volume_is_shaded_by_the_formula(eye, shininess):
 
 def test_any_shininess_is_finite(way):
     for shininess in (0.0, 0.5, 1e6, 1e300):
-        got = one_voxel((0, 0, 0), (0, 0.6, 0.8), (Light("SUN"),), Shade(0, 1, 1, shininess),
-                        eye=(0, 0, 1.0, 0))
+        got = one_voxel((0, 0, 0), (0, 0.6, 0.8), (Light("SUN"),), Shade(0, 1, 1, shininess), eye=(0, 0, 1.0, 0))
         assert np.isfinite(got).all()
 
 

@@ -27,13 +27,13 @@ def encoded(axis=2, density=0.4, shape=(5, 4, 6)):
         (nx, ny, nz), row_offsets(mask.reshape(nz * ny, nx).sum(axis=1)), np.nonzero(mask)[2].astype(np.uint16),
         rng.random(n, dtype=np.float32), rng.random(n, dtype=np.float32), rng.random((n, 3), dtype=np.float32),
         0, 1.0, 1.0,
-    )
+    )  # fmt: skip
     return encode(classified, classified.color, axis)
 
 
 def stored(axes=(0, 1, 2), **kwargs):
     return StoredVolume.of({axis: encoded(axis, **kwargs) for axis in axes}, np.diag((0.5, 0.5, 2.0, 1.0)), "mm", 0.001,
-                        {"name": "CT-Bone"}, {"headlight": True}, "head.raw", ("a remark",))
+                        {"name": "CT-Bone"}, {"headlight": True}, "head.raw", ("a remark",))  # fmt: skip
 
 
 @pytest.mark.parametrize("axes", ((0, 1, 2), (1,)))
@@ -58,9 +58,11 @@ def test_nothing_half_made_is_left(tmp_path, monkeypatch):
     path = tmp_path / "v.rle"
     path.write_bytes(b"the old file")
     for interruption in (OSError(28, "No space left on device"), KeyboardInterrupt()):
+
         def broken(part, members, interruption=interruption):
             part.write_bytes(b"half")
             raise interruption
+
         with monkeypatch.context() as patch:
             patch.setattr(store, "write_file", broken)
             with pytest.raises((RleSplatError, KeyboardInterrupt)):
@@ -140,14 +142,38 @@ def test_a_file_that_another_program_zipped(tmp_path):
     refused(path)
 
 
-@pytest.mark.parametrize("change", (
-    {"format": "other"}, {"version": 2}, {"record": 8}, {"record": 5}, {"record": 6}, {"record": [6]},
-    {"shape_xyz": [6, 4, 6]}, {"shape_xyz": [4, 6, 5]}, {"shape_xyz": [0, 4, 5]},
-    {"shape_xyz": [10**9, 10**9, 10**9]}, {"shape_xyz": "big"}, {"model": "x"}, {"axes": []}, {"axes": ["w"]},
-    {"axes": ["x"]}, {"affine": [[1, 2], [3, 4]]}, {"unit_length": -1}, {"unit_length": None}, {"unit": 3},
-    {"remarks": None}, {"axes": 7}, {"visible": 7}, {"most_color": -1}, {"slabs": []}, {"coarse": True},
-    {"classification": "post"}, {"dtypes": {}},
-))
+@pytest.mark.parametrize(
+    "change",
+    (
+        {"format": "other"},
+        {"version": 2},
+        {"record": 8},
+        {"record": 5},
+        {"record": 6},
+        {"record": [6]},
+        {"shape_xyz": [6, 4, 6]},
+        {"shape_xyz": [4, 6, 5]},
+        {"shape_xyz": [0, 4, 5]},
+        {"shape_xyz": [10**9, 10**9, 10**9]},
+        {"shape_xyz": "big"},
+        {"model": "x"},
+        {"axes": []},
+        {"axes": ["w"]},
+        {"axes": ["x"]},
+        {"affine": [[1, 2], [3, 4]]},
+        {"unit_length": -1},
+        {"unit_length": None},
+        {"unit": 3},
+        {"remarks": None},
+        {"axes": 7},
+        {"visible": 7},
+        {"most_color": -1},
+        {"slabs": []},
+        {"coarse": True},
+        {"classification": "post"},
+        {"dtypes": {}},
+    ),
+)
 def test_a_lying_header_is_refused(tmp_path, change):
     path = tmp_path / "v.rle"
     save(path, stored((2,)))

@@ -140,13 +140,16 @@ def test_bad_volume_properties_get_one_sentence(tmp_path, change, words):
     assert words in sentence and "'Plain'" in sentence and "file.xml" in sentence
 
 
-@pytest.mark.parametrize("content, words", [
-    ('<!DOCTYPE a [<!ENTITY b "c">]><MRML><VolumeProperty name="&b;"/></MRML>', "DOCTYPE"),
-    ('<!DOCTYPE a SYSTEM "file:///etc/hostname"><MRML/>', "DOCTYPE"),
-    ("<MRML><VolumeProperty></MRML>", "not well-formed XML"),
-    ('<?xml version="1.0" encoding="no-such"?><MRML/>', "not well-formed XML"),
-    ("<MRML/>", "has no VolumeProperty element"),
-])
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ('<!DOCTYPE a [<!ENTITY b "c">]><MRML><VolumeProperty name="&b;"/></MRML>', "DOCTYPE"),
+        ('<!DOCTYPE a SYSTEM "file:///etc/hostname"><MRML/>', "DOCTYPE"),
+        ("<MRML><VolumeProperty></MRML>", "not well-formed XML"),
+        ('<?xml version="1.0" encoding="no-such"?><MRML/>', "not well-formed XML"),
+        ("<MRML/>", "has no VolumeProperty element"),
+    ],
+)
 def test_bad_xml_gets_one_sentence(tmp_path, content, words):
     assert words in refusal(written(tmp_path, content))
 
@@ -180,17 +183,20 @@ def test_a_vp_json_file(tmp_path):
     assert off.gradient_opacity is None
 
 
-@pytest.mark.parametrize("content, words", [
-    ({"volumeProperties": []}, "no volume properties"),
-    ({"volumeProperties": 3}, "must be a list"),
-    ({"volumeProperties": [7]}, "must be an object"),
-    ({"volumeProperties": [{"components": []}]}, "without components"),
-    (vp_json(scalarOpacity={"points": [{"x": 1}]}), "must be a finite number"),
-    (vp_json(scalarOpacity={"points": []}), "has no points"),
-    (vp_json(rgbTransferFunction={"points": [{"x": 1, "color": [1, 1]}]}), "three numbers"),
-    (vp_json(scalarOpacityUnitDistance=0), "above zero"),
-    (vp_json(lighting=[]), "must be an object"),
-])
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ({"volumeProperties": []}, "no volume properties"),
+        ({"volumeProperties": 3}, "must be a list"),
+        ({"volumeProperties": [7]}, "must be an object"),
+        ({"volumeProperties": [{"components": []}]}, "without components"),
+        (vp_json(scalarOpacity={"points": [{"x": 1}]}), "must be a finite number"),
+        (vp_json(scalarOpacity={"points": []}), "has no points"),
+        (vp_json(rgbTransferFunction={"points": [{"x": 1, "color": [1, 1]}]}), "three numbers"),
+        (vp_json(scalarOpacityUnitDistance=0), "above zero"),
+        (vp_json(lighting=[]), "must be an object"),
+    ],
+)
 def test_bad_vp_json_gets_one_sentence(tmp_path, content, words):
     assert words in refusal(written(tmp_path, json.dumps(content), "a.vp.json"))
 

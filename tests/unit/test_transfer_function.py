@@ -92,9 +92,7 @@ def test_keys_follow_what_the_picture_depends_on():
 @pytest.mark.parametrize("shade", [None, Shade(0.1, 0.2, 0.3, 40.0), Shade(shininess=40.0, smoothness=1.5)])
 @pytest.mark.parametrize("distance", [None, 0.75])
 def test_the_file_holds_everything(tmp_path, shade, distance):
-    function = curve(
-        (-1000.0, 0.0), (0.1, 1 / 3), name="Näme", unit="HU", shade=shade, opacity_unit_distance=distance
-    )
+    function = curve((-1000.0, 0.0), (0.1, 1 / 3), name="Näme", unit="HU", shade=shade, opacity_unit_distance=distance)
     path = tmp_path / "function.json"
     function.save(path)
     assert TransferFunction.from_json(path) == function

@@ -46,7 +46,7 @@ def random_scene(rng, kind):
         matrix_world=placed, type=kind, lens=rng.uniform(15, 90), ortho_scale=reach * rng.uniform(0.5, 2),
         shift_x=rng.uniform(-0.3, 0.3), shift_y=rng.uniform(-0.3, 0.3), clip_start=1e-3 * reach, clip_end=1e3 * reach,
         pixel_aspect=(1.0, rng.uniform(0.5, 2)), sensor_fit=str(rng.choice(("AUTO", "HORIZONTAL", "VERTICAL"))),
-    )
+    )  # fmt: skip
     return camera, matrix, shape
 
 
@@ -86,9 +86,7 @@ def test_every_visible_ray_finds_its_base_plane_inside_the_window():
     for _ in range(60):
         camera, matrix, shape = random_scene(rng, str(rng.choice(("ORTHO", "PERSP"))))
         view = index_view(camera, matrix, 40, 30)
-        planes = {
-            (a, s): base_plane(view, shape, a, s, "slice", 1.0) for a, s in candidate_pyramids(view)
-        }
+        planes = {(a, s): base_plane(view, shape, a, s, "slice", 1.0) for a, s in candidate_pyramids(view)}
         point = rng.uniform(0, 1, 3) * (np.array(shape) - 1)
         pixel = view.projection @ np.append(point, 1.0)
         column, row = pixel[:2] / pixel[2]
@@ -269,7 +267,7 @@ def test_depths_as_large_as_what_stands_for_none_are_told(scale, told, way):
     carried = replace(
         camera, matrix_world=grown @ camera.matrix_world, ortho_scale=scale * camera.ortho_scale,
         clip_start=scale * camera.clip_start, clip_end=scale * camera.clip_end,
-    )
+    )  # fmt: skip
     tf = TransferFunction(opacity=((0, 0.9),), color=((0, 1, 1, 1),))
     found = render(Scene(volume, tf, carried, 16, 16, grown @ matrix), Quality())
     assert found.rgba[8, 8, 3] > 0.9

@@ -96,7 +96,7 @@ def run(function, image, to_sheet, name, size, half=None, most=1.0, sheet_origin
     function(
         pixels, half, sheet_origin, to_sheet, np.zeros((3, 3)), 2, 1, *FILTERS[name][1:], np.float32(most),
         depth_map, picture_origin, True, rgba, depth,
-    )
+    )  # fmt: skip
     return rgba, depth
 
 
@@ -217,7 +217,7 @@ def test_every_pixel_that_looks_into_a_sheet_is_found(to_sheet):
         function(
             pixels, half, (0, 0), to_sheet, np.zeros((3, 3)), 2, 1, 2, FILTERS["bilinear"].table, np.float32(1.0),
             np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]]), (0, 0), False, rgba, depth,
-        )
+        )  # fmt: skip
         found.append((rgba, depth))
     np.testing.assert_allclose(found[0][0], found[1][0], atol=2e-6)
     np.testing.assert_allclose(found[0][1], found[1][1], rtol=1e-6)
@@ -244,7 +244,7 @@ def test_a_window_of_a_picture_is_the_same_to_the_bit(function, name):
         found = run(
             function, pixels[part], tilted, name, (bottom - top, right - left), np.ascontiguousarray(half[part]),
             sheet_origin=(first_u, first_v), picture_origin=(left, top),
-        )
+        )  # fmt: skip
         np.testing.assert_array_equal(found[0].view(np.uint32), rgba[top:bottom, left:right].view(np.uint32))
         np.testing.assert_array_equal(found[1].view(np.uint32), depth[top:bottom, left:right].view(np.uint32))
 

@@ -254,9 +254,7 @@ def _remarks(group: Group, stack: Stack, mapping, padded: int) -> tuple:
             f"{np.linalg.norm(stack.affine[:3, 2]):.4g} mm apart."
         )
     if stack.moved > TOLD_MM:
-        found.append(
-            f"Slices are up to {stack.moved:.3f} mm off the even, parallel stack that they were put into."
-        )
+        found.append(f"Slices are up to {stack.moved:.3f} mm off the even, parallel stack that they were put into.")
     if not has_geometry(group.first):
         found.append("The files do not say where the slices lie; their order is that of their numbers.")
     if series.table is not None:

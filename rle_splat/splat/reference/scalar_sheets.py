@@ -237,7 +237,7 @@ def _light_numpy(light, plane, position, planes):
 def splat_scalar_sheets_numpy(
     tables, sheets, rays, box, lookup, sign, absorbs, thinned, light, plane, mist, channels, labels, least, pixels,
     half, filled,
-):
+):  # fmt: skip
     """Generator over sheets: yields fractions done; fills ``pixels``, ``half`` and ``filled`` as ``splat_scalar_rows``
     does.
 
