@@ -140,6 +140,8 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     # Beside ray ends triangles cast shadows.
     if nearest <= furthest or _any_before(scene.triangles, depth_row(scene.camera), furthest):
         return True, "meshes are in or in front of the volume"
+    if scene.triangles is not None and len(scene.triangles) and (scene.volume_shadows or scene.ambient_occlusion > 0.0):
+        return True, "meshes behind the volume shade it"  # from lamps, or the sky, that lie behind them
     return False, BEHIND
 
 

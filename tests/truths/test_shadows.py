@@ -270,6 +270,25 @@ def test_a_mesh_shades_what_lies_behind_it_and_nothing_before_it():
     assert found[voxels[:, 2] <= 9].max() < 0.01
 
 
+@pytest.mark.parametrize("classification", ["pre", "post"])
+def test_a_mesh_wholly_behind_the_volume_shades_it_too(classification):
+    """A wall between the volume and a sun that shines from behind and above."""
+    volume = Volume(np.pad(np.full((5, 5, 5), 2.5, np.float32), 4), np.eye(4))
+    camera, matrix = turntable(volume, 30, 20, 1.2, False, 40.0, 24, 24)
+    right, up, back = camera.matrix_world[:3, :3].T
+    corners = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]]) * 100.0
+    wall = corners @ np.stack((right, up)) - 30.0 * back
+    lit = scene_of(volume.voxels, None, [sun(back - 1.5 * up, energy=3.0)], camera=camera, volume_matrix=matrix)
+    shaded = replace(lit, triangles=wall[[[0, 1, 2], [0, 2, 3]]])
+    quality = Quality(classification=classification)
+    light, dark = (render(scene, quality).rgba for scene in (lit, shaded))
+    light_most, dark_most = light[..., :3].max(), dark[..., :3].max()
+    # Of post, points beside voxels reach a little of the nodes before the volume, which no mesh shades.
+    assert light_most > 0.05 and dark_most < 0.002 * light_most
+    unshadowed = replace(shaded, volume_shadows=False)
+    assert not analyze(unshadowed, quality)["mesh occlusion"].on
+
+
 @pytest.mark.parametrize(
     ("light", "width"),
     [
