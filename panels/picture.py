@@ -30,16 +30,17 @@ class PicturePanel:
         row.row().prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
         _draw_quality(context, layout)
-        header, body = layout.panel("rle_splat_export", default_closed=True)
-        header.label(text="Pictures and Files")
-        if body is not None:
-            _draw_files(body)
         draw_outdated(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):
             alert = layout.column()
             alert.alert = True
             paragraph(context, alert, sentence, icon="ERROR")
+        # Last: the panel below would lie over what follows a closed one (5.2).
+        header, body = layout.panel("rle_splat_export", default_closed=True)
+        header.label(text="Pictures and Files")
+        if body is not None:
+            _draw_files(body)
 
 
 def _tall(layout):
