@@ -34,8 +34,7 @@ POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands f
 PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_figure": "viewport", "window_hidden": "value under the mouse",
     "window_import": "framed_persp", "window_panels": "labels", "window_segments": "without_table",
-    "window_shadows": "picture", "window_slices": "four_up", "window_times": "turned_first",
-    "window_world": "slot 1 before the edit",
+    "window_slices": "four_up", "window_times": "turned_first",
 }  # fmt: skip
 SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for
 

@@ -36,7 +36,7 @@ def short(monkeypatch):
 def test_those_of_several_lookup_tables(short):
     short(arguments)
     one = Lookup(np.zeros(8, np.float32), np.zeros(8, np.float32), *map(np.float32, range(7)), np.int32(1))
-    lookups = ChannelLookups.of([one, one, one], 2)
+    lookups = ChannelLookups.of([one], [one, one], 2)
     assert (lookups.planes.dtype, lookups.begins.dtype) == (np.int64, np.int64)
     assert lookups.planes.tolist() == [0, 2, 3] and lookups.begins.tolist() == [0, 8, 16, 24]
 
