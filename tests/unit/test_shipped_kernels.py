@@ -68,7 +68,8 @@ OF_ALL_PYTHONS = {
     "PyErr_SetString", "PyEval_RestoreThread", "PyEval_SaveThread", "PyExc_RuntimeError", "PyExc_StopIteration",
     "PyExc_SystemError", "PyExc_TypeError", "PyExc_ValueError", "PyFloat_AsDouble", "PyFloat_FromDouble",
     "PyLong_AsLongLong", "PyLong_AsUnsignedLongLong", "PyNumber_Float", "PyNumber_Long", "PyObject_Hash",
-    "PyObject_IsTrue", "PyTuple_GetItem", "PyTuple_Pack", "PyTuple_Size", "Py_DecRef", "Py_IncRef", "PyUnicode_FromKindAndData",
+    "PyObject_IsTrue",
+    "PyTuple_GetItem", "PyTuple_Pack", "PyTuple_Size", "Py_DecRef", "Py_IncRef", "PyUnicode_FromKindAndData",
     "_Py_NoneStruct",
 }  # fmt: skip
 OF_OTHERS = "Kernels of this installation are of other sources"
