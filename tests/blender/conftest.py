@@ -38,6 +38,7 @@ EVERY_BLENDER = {
     # Renders of every kind: Cycles, EEVEE, compositors, view layers, slices, turntables, modes.
     "test_composite.py", "test_view_layers.py", "test_cycles_truth.py", "test_bake_volume.py", "test_world_light.py",
     "test_mesh_shadows.py", "test_first_light.py", "test_camera.py", "test_several_volumes.py", "test_slices.py",
+    "test_slice_renders.py",
     "test_turntable.py", "test_modes.py", "test_motion.py", "test_messages.py", "test_switches.py",
     # The interface: panels, operators, viewports.
     "test_panels.py", "test_panel_actions.py", "test_own_presets.py", "test_bad_input.py", "test_clip_handles.py",

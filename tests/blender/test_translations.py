@@ -33,8 +33,8 @@ def test_every_text_has_a_german_translation(german, addon):
 
 def test_translations_end_as_the_texts_do(german):
     """Tooltips have no final period, sentences have one, and a menu's ellipsis stays."""
-    wrong = [text for text, told in german.items() for end in ".…"
-             if text.endswith(end) != told.endswith(end) and not told.endswith(".)")]  # fmt: skip
+    wrong = [text for text, words in german.items() for end in ".…"
+             if text.endswith(end) != words.endswith(end) and not words.endswith(".)")]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
 
@@ -103,7 +103,7 @@ def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
 
 def test_translated_templates_have_the_fields_of_theirs(german):
     fields = re.compile(r"\{\w+\}")
-    wrong = [text for text, told in german.items() if sorted(fields.findall(text)) != sorted(fields.findall(told))]
+    wrong = [text for text, words in german.items() if sorted(fields.findall(text)) != sorted(fields.findall(words))]
     assert not wrong, "\n".join(wrong)
 
 
