@@ -255,7 +255,7 @@ MUTANTS = (
     ),
     _left_out(
         "the extinction that casts shadows", "pipeline/scan_source.py",
-        "tables_of, *around, unlit.key, boxed=False,", "tables_of, *around, visible_key, boxed=False,",
+        "runs_steps, *around, unlit.key, boxed=False,", "runs_steps, *around, visible_key, boxed=False,",
     ),
     _left_out(
         "the eye that sees highlights", "pipeline/lighting.py",

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
 from ..encode.encode import fetch_chunks
 from ..encode.pooling import pool_steps
-from ..encode.scalars import in_scanlines, scalar_tables
-from ..encode.tables import RunTables
+from ..encode.scalars import in_scanlines, scalar_table_steps
 from ..runtime.array_hash import hash_array
 from ..runtime.steps import map_steps
 from ..shade.light_nodes import lit_nodes_steps, read_nodes_steps, shade_nodes_steps
@@ -34,6 +33,7 @@ from .mesh_depth import sheet_depth
 # Slices behind a mesh that are still lit: light is interpolated between voxels, and the surface itself is to be lit.
 BEHIND_MESHES = 0.5
 LISTED_AT_ONCE = 1 << 21  # nodes that are listed between two chances to cancel, 10 ms
+CODED_AT_ONCE = 1 << 20  # voxels whose light becomes codes between two chances to cancel, 10 ms
 # Slices next to a voxel that do not occlude it: they belong to the same surface, whose steps between voxels would show.
 NEAR_SKY = 2
 
@@ -48,8 +48,8 @@ class Occluders:
     find_extinction : callable
         ``find_extinction()``: generator of fractions done that returns the extinction of the voxels, (m,) float32,
         1 / world length, in their own order.
-    tables_of : callable
-        ``tables_of(axis)``: RunTables of the voxels.
+    table_steps : callable
+        ``table_steps(axis)``: generator of fractions done that returns the RunTables of the voxels.
     matrix : (4, 4) ndarray of float64
         Voxel index (x, y, z) to world.
     triangles : (n, 3, 3) ndarray or None
@@ -66,7 +66,7 @@ class Occluders:
 
     voxels: VisibleVoxels
     find_extinction: Callable[[], Iterator]
-    tables_of: Callable[[int], RunTables]
+    table_steps: Callable[[int], Iterator]
     matrix: np.ndarray
     triangles: np.ndarray | None
     clips: tuple
@@ -110,8 +110,7 @@ class Occluders:
         n_scanlines), and the extinction of their voxels."""
         if axis not in self._blocking:
             extinction = yield from map_steps(self.extinction_steps(), lambda fraction: 0.5 * fraction)
-            yield 0.5
-            tables = self.tables_of(axis)
+            tables = yield from map_steps(self.table_steps(axis), lambda _: 0.5)
             _, ny, nz = self.voxels.shape_xyz
             rows = self.voxels.row_start[:-1].reshape(nz, ny)
             if axis == 0:
@@ -157,9 +156,9 @@ def pool_occluders_steps(occluders: Occluders, side: int):
     matrix = occluders.matrix.copy()
     matrix[:3, 3] += 0.5 * (side - 1) * matrix[:3, :3].sum(axis=1)
     matrix[:3, :3] *= side
-    tables_of = cache(partial(scalar_tables, voxels, threads=occluders.threads))
+    table_steps = partial(scalar_table_steps, voxels, threads=occluders.threads)
     return replace(
-        occluders, voxels=voxels, find_extinction=lambda: _return(extinction), tables_of=tables_of, matrix=matrix,
+        occluders, voxels=voxels, find_extinction=lambda: _return(extinction), table_steps=table_steps, matrix=matrix,
         clips=(), medium_key=(occluders.key, side), _blocking={},
     )  # fmt: skip
 
@@ -363,7 +362,12 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
             threads=occluders.threads,
         )  # fmt: skip
         yield from map_steps(steps, along)
-    return np.rint(np.minimum(sums, np.float32(1.0)).T * ONE).astype(np.int16)
+    codes = np.empty(sums.shape[::-1], np.int16)
+    for first in range(0, len(sums), CODED_AT_ONCE):
+        yield 1.0
+        part = slice(first, first + CODED_AT_ONCE)
+        codes[:, part] = np.rint(np.minimum(sums[part], np.float32(1.0)).T * ONE)
+    return codes
 
 
 def _cuts(occluders: Occluders) -> Cuts:
@@ -391,7 +395,7 @@ def _sweep_steps(sweeps: list[Sweep], occluders: Occluders):
         for sweep in across:
             blocking = yield from map_steps(occluders.blocking_steps(0), lambda _: 0.0)
             sweep_light(sweep, *blocking, _meshes_before(sweep, occluders), found, threads=threads)
-        fetched = fetch_chunks(occluders.tables_of(0), voxels, codes[:, None], found[:, None], threads=threads)
+        fetched = fetch_chunks(blocking[0], voxels, codes[:, None], found[:, None], threads=threads)
         yield from map_steps(fetched, lambda _: 0.5)
     for sweep in sweeps:
         if sweep.axis != 0:

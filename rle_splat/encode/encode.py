@@ -14,10 +14,11 @@ from ..classify.reference import find_targets
 from ..classify.reference import pack as mark_bits
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, parallel_call, read_only, run_either, thread_count
-from ..runtime.steps import drain
+from ..runtime.steps import drain, map_steps
 from ..runtime.work_sizes import RECORDS_AT_ONCE
 from ..scene import MODELS, RECORDS, RleSplatError
 from ..volume.axes import AXES
+from ..volume.blocks import cut_chunks
 from . import encode_kernels as passes
 from . import reference
 from .line_bits import WORD
@@ -35,6 +36,8 @@ from .tables import (
 # Records packed at once, per thread: their unpacked form, 16 bytes each, then stays in a cache. (A new buffer of 64 MiB
 # for every change of light would cost as much as the packing.)
 PACKED_AT_ONCE = 1 << 18
+PAGE, TOUCHED_AT_ONCE = 1 << 12, 1 << 23  # bytes; so many are touched between two chances to cancel, 5 to 10 ms
+TABLED_AT_ONCE = 1 << 25  # voxels, shown or not, whose runs are counted or written between two chances to cancel
 
 
 def encode(
@@ -110,14 +113,19 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
     RleSplatError
         If there is no such axis.
     """
+    return drain(table_steps(voxels, axis, threads=threads))
+
+
+def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
+    """Generator of fractions done: as ``run_tables``."""
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     if not compiled():
         tables = reference.make_tables(voxels, axis)
     elif axis == 0:
-        tables = _tables_across(voxels, threads)
+        tables = yield from _across_steps(voxels, threads)
     else:
-        tables = _tables_of_rows(voxels, axis, threads)
+        tables = yield from _row_steps(voxels, axis, threads)
     return RunTables(axis, voxels.shape_xyz, *tables)
 
 
@@ -155,6 +163,8 @@ def record_steps(
     floats, codes = empty_records(16, 0), empty_records(record, 0)
     most_color = 0.0
     in_order = tables.axis == 2  # records stay in the order of the voxels
+    if not in_order:
+        yield from map_steps(touch_steps(voxel_data), lambda _: 0.0)
     for fraction, *chunk in _cut_chunks(voxels):
         yield fraction
         if record == 16:
@@ -179,6 +189,7 @@ def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthV
     """As ``record_steps``, from the records of principal z, ``in_order``, which are in the order of the voxels."""
     voxel_data = empty_records(in_order.record, tables.n_voxels)
     words, target = words_of(in_order.voxel_data), words_of(voxel_data)
+    yield from map_steps(touch_steps(voxel_data), lambda _: 0.0)
     yield from place_chunks(tables, voxels, words, target, threads=threads)
     return tables.with_voxels(in_order.model, voxel_data, in_order.decoding, in_order.most_color)
 
@@ -241,6 +252,18 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
                 passes.fetch_across(*moved, *_across(voxels))
         else:
             words[first:last] = source[find_targets(positions)]
+
+
+def touch_steps(array: np.ndarray):
+    """Generator of fractions: write to each page of a contiguous array that holds nothing yet.
+
+    The system clears a page when it is first written to.  Who writes to all parts of a large array at once waits for
+    all of them: 170 ms of 107 MB.
+    """
+    memory = array.reshape(-1).view(np.uint8)
+    for first in range(0, memory.size, TOUCHED_AT_ONCE):
+        yield first / memory.size
+        memory[first : first + TOUCHED_AT_ONCE : PAGE] = 0
 
 
 def brightest_steps(voxels: VisibleVoxels, write):
@@ -327,8 +350,8 @@ def _bytes(words) -> np.ndarray:
     return words.reshape(-1).view(np.uint8)
 
 
-def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
-    """Tables of principal y or z, where a scanline is a row of the visible voxels."""
+def _row_steps(voxels: VisibleVoxels, axis, threads):
+    """Generator of fractions: tables of principal y or z, where a scanline is a row of the visible voxels."""
     nx, ny, nz = voxels.shape_xyz
     # Row z * ny + y belongs to slice z, scanline y for principal z; to slice y, scanline z for principal y.
     rows = np.arange(nz * ny, dtype=np.int64).reshape(nz, ny)
@@ -341,26 +364,34 @@ def _tables_of_rows(voxels: VisibleVoxels, axis, threads):
     run_counts = 2 * voxels.row_pieces.astype(np.int64) + (seen & (last < nx)).astype(np.int64)
     scanline_pointers, n_runs = scanline_pointers_from_counts(run_counts[rows])
     scanline_data_pointers, n_voxels = pointers_from_counts((ends - starts)[rows])
-    runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
-    with parallel_call(threads):
-        passes.fill_row_runs(rows, _bits_of(voxels), nx, scanline_pointers, runs)
+    runs, bits = np.empty(n_runs, dtype=run_type(voxels.shape_xyz)), _bits_of(voxels)
+    for first, last in cut_chunks(len(rows), rows.shape[1] * nx, TABLED_AT_ONCE):
+        yield first / len(rows)
+        with parallel_call(threads):
+            passes.fill_row_runs(rows[first:last], bits, nx, scanline_pointers[first:last], runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
 
-def _tables_across(voxels: VisibleVoxels, threads):
-    """Tables of principal x, where scanlines run along y, so that each plane z crosses nx of them."""
+def _across_steps(voxels: VisibleVoxels, threads):
+    """Generator of fractions: tables of principal x, where scanlines run along y, so that each plane z crosses nx."""
     nx, ny, nz = voxels.shape_xyz
     # Filled instead of np.zeros: the system provides a page when it is first touched, which is slow from two threads
     # at once.
     run_counts, voxel_counts = np.full((2, nz, nx), 0, np.int32)
-    bits = _bits_of(voxels)
-    with parallel_call(threads):
-        passes.count_across(bits, ny, run_counts, voxel_counts)
-        scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
-        scanline_data_pointers, n_voxels = pointers_from_counts(np.ascontiguousarray(voxel_counts.T))
-        runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
-        starts = np.ascontiguousarray(scanline_pointers.T)
-        passes.fill_across_runs(bits, ny, starts, runs)
+    bits, planes = _bits_of(voxels), list(cut_chunks(nz, nx * ny, TABLED_AT_ONCE))
+    for first, last in planes:
+        yield 0.5 * first / nz
+        with parallel_call(threads):
+            own = slice(first, last)
+            passes.count_across(bits[first * ny : last * ny], ny, run_counts[own], voxel_counts[own])
+    scanline_pointers, n_runs = scanline_pointers_from_counts(np.ascontiguousarray(run_counts.T))
+    scanline_data_pointers, n_voxels = pointers_from_counts(np.ascontiguousarray(voxel_counts.T))
+    runs = np.empty(n_runs, dtype=run_type(voxels.shape_xyz))
+    starts = np.ascontiguousarray(scanline_pointers.T)
+    for first, last in planes:
+        yield 0.5 + 0.5 * first / nz
+        with parallel_call(threads):
+            passes.fill_across_runs(bits[first * ny : last * ny], ny, starts[first:last], runs)
     data_pointers = data_pointers_from_scanlines(scanline_data_pointers, n_voxels)
     return scanline_pointers, data_pointers, runs, scanline_data_pointers

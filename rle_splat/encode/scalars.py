@@ -15,14 +15,13 @@ import numpy as np
 from ..classify.visible import VisibleVoxels
 from ..runtime.buffer_pool import empty
 from ..runtime.steps import map_steps
-from .encode import place_chunks, run_tables
+from .encode import place_chunks, table_steps, touch_steps
 from .encode_kernels import MOST_BYTES
 from .tables import OnAxis, RunTables
 
 OWN_TYPES = ("uint8", "int8", "uint16", "int16", "float32")  # stored unchanged; other types become float32
 MOST = 1e37  # larger values that become float32 are taken for it, so that their differences stay finite
 AT_ONCE = 1 << 16  # voxels of other types that are converted at once
-PAGE, TOUCHED_AT_ONCE = 1 << 12, 1 << 23  # bytes; so many are touched between two chances to cancel, 5 to 10 ms
 NOT_A_NUMBER = np.float32(-3e38)  # replaces NaN; treated like a voxel that is not kept
 
 
@@ -145,9 +144,10 @@ def is_shared(axis: int) -> bool:
     return axis != 0
 
 
-def scalar_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTables:
-    """As ``encode.run_tables``, but principal y uses the records of principal z, so that both share one list."""
-    tables = run_tables(voxels, axis, threads=threads)
+def scalar_table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
+    """Generator of fractions: as ``encode.table_steps``, but principal y uses the records of principal z, so that both
+    share one list."""
+    tables = yield from table_steps(voxels, axis, threads=threads)
     if axis != 1:
         return tables
     _, ny, nz = voxels.shape_xyz
@@ -158,13 +158,13 @@ def scalar_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunT
 def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: int = 0):
     """Generator: yield the fraction done, return the records of the voxels in the order of ``tables``.
 
-    ``tables``: of ``scalar_tables``; ``words`` (m,) or (m, w): records in the order of the voxels.
+    ``tables``: of ``scalar_table_steps``; ``words`` (m,) or (m, w): records in the order of the voxels.
     """
     if is_shared(tables.axis):
         return words
     rows = np.ascontiguousarray(words).reshape(len(words), math.prod(words.shape[1:]))
     target, at_once = empty(rows.shape, rows.dtype), MOST_BYTES // rows.itemsize
-    yield from map_steps(_touch_steps(target), lambda _: 0.0)
+    yield from map_steps(touch_steps(target), lambda _: 0.0)
     for first in range(0, rows.shape[1], at_once):  # codes of many lamps are longer than a record can be
         part = np.ascontiguousarray(rows[:, first : first + at_once])
         moved = target if part.shape == target.shape else np.empty_like(part)
@@ -172,15 +172,3 @@ def in_scanlines(tables: RunTables, voxels: VisibleVoxels, words, *, threads: in
         if moved is not target:
             target[:, first : first + at_once] = moved
     return target.reshape(words.shape)
-
-
-def _touch_steps(array: np.ndarray):
-    """Generator of fractions: write to each page of a contiguous array that holds nothing yet.
-
-    The system clears a page when it is first written to.  Who writes to all parts of a large array at once waits for
-    all of them: 170 ms of 107 MB.
-    """
-    memory = array.reshape(-1).view(np.uint8)
-    for first in range(0, memory.size, TOUCHED_AT_ONCE):
-        yield first / memory.size
-        memory[first : first + TOUCHED_AT_ONCE : PAGE] = 0

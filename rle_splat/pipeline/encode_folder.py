@@ -132,7 +132,7 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     scene, clock, volume = analyze_effects(scene, quality)[1], Clock(), scene.volume
     looking = "Looking through the voxels"
     with clock.stage("classify"):
-        volume.measured["voxel_key"] = yield from announce(key_steps(volume), 0.0, 0.02, looking)
+        yield from announce(key_steps(volume), 0.0, 0.02, looking)
     kind = _ClassifiedChunks if quality.classification == "pre" else _ScalarChunks
     chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
@@ -324,7 +324,7 @@ class _ClassifiedChunks(_Chunks):
         local = gather_kept(shown.volume, bits, counted, blocks, threads=self.threads)
         voxels = self.in_volume(local, first)
         found = self.source.classify(self.source.shown, voxels, self.length)
-        directions = None if self.falling is None else self.source.normals(voxels)
+        directions = None if self.falling is None else drain(self.source.normal_steps(voxels))
         return local, LitVolume(self.source, found, self.falling, normals=directions)
 
     def encode_chunk(self, first: int, last: int) -> _ChunkTables:

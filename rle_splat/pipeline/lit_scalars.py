@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..classify.lookup_table import LookupTable, extinction_steps
 from ..classify.relevant import Reach
 from ..classify.visible import VisibleVoxels
 from ..effects.ray_values import ValueMap, find_shown_values
-from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_tables, scalars_of
+from ..encode.scalars import ScalarVolume, center_of, in_scanlines, is_shared, scalar_table_steps, scalars_of
 from ..raycast.rays import ChannelVoxels, RowVoxels, bricks_of
 from ..raycast.trace import trace as trace_rays
 from ..runtime.jit import read_only
@@ -152,7 +153,8 @@ class LitScalars:
         voxels, job, clock, threads = self.voxels, self.work.job, self.work.clock, self.source.threads
         kind = self.source.scene.volume.voxels.dtype
         with clock.stage("encode"):
-            tables = job.get("runs", (self.key, axis), lambda: scalar_tables(voxels, axis, threads=threads))
+            make_steps = partial(scalar_table_steps, voxels, axis, threads=threads)
+            tables = yield from job.steps("runs", (self.key, axis), make_steps)
         order = IN_ROWS if is_shared(axis) else axis
 
         def place_steps(words):

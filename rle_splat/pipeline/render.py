@@ -38,6 +38,7 @@ from dataclasses import replace
 from ..effects.exposure import exposure_steps, list_exposures
 from ..runtime.steps import Clock, Progress, announce, drain
 from ..scene import Quality, Rendering, Scene
+from ..volume.volume import key_steps
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
 from .medium import Medium
@@ -104,6 +105,8 @@ def _average_steps(scene: Scene, quality: Quality, cache: StageCache | None, ref
     if cache is None:
         # Sharp pictures of one scene have most stages in common; one alone needs nothing to be kept.
         cache = StageCache() if len(scenes) > 1 else StageCache(0)
+    if cache.keeps and scene.volume.holds_values:  # keys of results hold that of the voxels
+        yield from announce(key_steps(scene.volume), 0.0, 0.0, "Looking through the voxels")
     # Plan: sheets per voxel, the pixels of a sheet, the filter of the warp, where opaque rays end, and how many pixels
     # are single rays. A preset takes the cheapest plan that is expected to keep its error. The source has it then.
     with clock.stage("plan"):

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from ..classify.shown_nearby import mean_extinction, nearby_steps
-from ..effects.shadows import Occluders
+from ..effects.shadows import CODED_AT_ONCE, Occluders
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import read_only
 from ..runtime.steps import announce, map_steps
@@ -135,10 +135,12 @@ def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job,
     for n, plane in enumerate(anew):
         one = arriving[plane]
         if side == TRACED:
-            yield n / len(anew)
-            if n == 0:
-                codes[:, : known.shape[1]] = known
-            codes[:, NORMAL + plane] = one.codes if one.strength == 1.0 else _weaken(one.codes, one.strength)
+            for first in range(0, len(codes), CODED_AT_ONCE):
+                yield n / len(anew)
+                part = slice(first, first + CODED_AT_ONCE)
+                if n == 0:
+                    codes[part, : known.shape[1]] = known[part]
+                codes[part, NORMAL + plane] = _weaken(one.codes[part], one.strength)
             continue
         steps = read_nodes_steps(
             one.codes, side, one.strength, voxels, placed.offsets, None if n else known, codes, NORMAL + plane,
@@ -149,8 +151,8 @@ def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job,
 
 
 def _weaken(codes, strength: float) -> np.ndarray:
-    """(m,) int16 of light of which only a part of what is blocked counts."""
-    return np.rint(ONE - np.float32(strength) * (ONE - codes)).astype(np.int16)
+    """(n,) int16 of light of which only a part of what is blocked counts."""
+    return codes if strength == 1.0 else np.rint(ONE - np.float32(strength) * (ONE - codes)).astype(np.int16)
 
 
 class Placed:

@@ -32,13 +32,13 @@ from ..classify.gaps import close_gaps
 from ..classify.limits import LEAST_DISTANCE
 from ..classify.lookup_table import LookupTable
 from ..classify.mixture import Mixture
-from ..classify.relevant import Reach, count_kept, gather_kept, relevant_steps
+from ..classify.relevant import Reach, count_kept, gather_steps, relevant_steps
 from ..classify.visible import VisibleVoxels
 from ..effects.mixing import is_sampled
 from ..effects.ray_mode import OF_VALUES
 from ..effects.ray_values import ValueMap, find_shown_values, value_map
 from ..effects.shadows import Occluders
-from ..encode.scalars import scalar_tables
+from ..encode.scalars import scalar_table_steps
 from ..runtime.memory import bytes_text
 from ..runtime.steps import Progress, announce
 from ..scene import preintegrated_of
@@ -208,8 +208,8 @@ class ScalarSource(Source):
                 by_gradient = self._factor(work, unlit.voxels, key)
                 factor = by_gradient if factor is None else factor * by_gradient
 
-        def tables_of(axis):
-            return job.get("runs", (key, axis), lambda: scalar_tables(unlit.voxels, axis, threads=self.threads))
+        def table_steps(axis):
+            return job.steps("runs", (key, axis), partial(scalar_table_steps, unlit.voxels, axis, threads=self.threads))
 
         blocking_key = key, *unlit.functions_key, length
 
@@ -222,7 +222,7 @@ class ScalarSource(Source):
 
         around = scene.index_to_world, scene.triangles, scene.clips
         occluders = Occluders(
-            unlit.voxels, extinction_steps, tables_of, *around, blocking_key, boxed=True, threads=self.threads
+            unlit.voxels, extinction_steps, table_steps, *around, blocking_key, boxed=True, threads=self.threads
         )
         codes, codes_key = None, ()
         if unlit.falling is not None:
@@ -298,19 +298,24 @@ class ScalarSource(Source):
         with clock.stage("classify"):
             if closed:
                 close_gaps(bits, volume.shape_xyz, threads=self.threads)
+                yield Progress(0.08, FINDING)
             counted = count_kept(bits, threads=self.threads)
         counts = VoxelCount.in_rows(volume, counted)
         needed = estimate_for(counts)
         work.claim(needed)
-        yield Progress(0.08, f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all")
+        keeping = f"Keeping {needed.visible_voxels} voxels, about {bytes_text(needed.needed)} in all"
+        yield Progress(0.08, keeping)
+
+        def gather():
+            lists = []
+            for part, own in zip((volume, *(channel.volume for channel in channels)), (blocks, *further_blocks)):
+                lists.append((yield from gather_steps(part, bits, counted, own, threads=self.threads)))
+            voxels = lists[0]
+            others = tuple((shown, replace(voxels, stored=own.stored)) for shown, own in zip(further, lists[1:]))
+            return RelevantVoxels(reach, voxels, closed, counts, others)
+
         with clock.stage("classify"):
-            voxels = gather_kept(volume, bits, counted, blocks, threads=self.threads)
-            stored = (
-                gather_kept(channel.volume, bits, counted, own, threads=self.threads).stored
-                for channel, own in zip(channels, further_blocks)
-            )
-            others = tuple((shown, replace(voxels, stored=own)) for shown, own in zip(further, stored))
-            relevant = job.get("relevant", key, lambda: RelevantVoxels(reach, voxels, closed, counts, others))
+            relevant = yield from announce(job.steps("relevant", key, gather), 0.08, 0.08, keeping)
         return relevant, needed
 
     def _transfer(self, work: Work, voxels_key, ends, length: float) -> LookupTable | ValueMap:

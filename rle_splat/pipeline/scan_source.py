@@ -23,15 +23,16 @@ from ..classify.mixture import Mixture
 from ..classify.relevant import count_kept, gather_steps
 from ..classify.visible import Visibility, mark_steps
 from ..effects.shadows import Occluders
-from ..encode.encode import brightest_steps, record_steps, reorder_steps, run_tables
+from ..encode.encode import brightest_steps, record_steps, reorder_steps, table_steps
 from ..encode.records import decoding_of
 from ..runtime.memory import bytes_text
 from ..runtime.steps import Clock, Progress, announce, drain, map_steps
 from ..scene import Quality, Scene
 from ..shade.lighting import Lighting
-from ..shade.shading import DENSITY, color_bound, light_records, normals, shaded_colors
+from ..shade.shading import DENSITY, color_bound, light_records, shaded_colors
 from ..volume.axes import AXES
 from ..volume.blocks import block_steps
+from ..volume.gradient import normal_steps
 from .lighting import lighting_key, scene_lighting, shadow_lighting_steps
 from .medium import ClassifiedVoxels
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
@@ -111,7 +112,8 @@ class LitVolume:
         work, quality, voxels = self.work, self.source.quality, self.classified.voxels
         job, clock, threads = work.job, work.clock, self.source.threads
         with clock.stage("encode"):
-            tables = job.get("runs", (self.visible_key, axis), lambda: run_tables(voxels, axis, threads=threads))
+            make_steps = partial(table_steps, voxels, axis, threads=threads)
+            tables = yield from job.steps("runs", (self.visible_key, axis), make_steps)
         write = clock.timing("shade", self.write_records(quality.model))
 
         def key_of(axis):
@@ -161,8 +163,10 @@ class ScanSource(Source):
         """Type of the voxels for the estimate of memory: float32 where each has its own optical properties."""
         return np.float32 if self.scene.transfer_function.gradient_opacity is not None else None
 
-    def normals(self, voxels) -> np.ndarray:
-        return normals(voxels, self.scene.volume, self.scene.index_to_world, threads=self.threads)
+    def normal_steps(self, voxels):
+        """Generator of fractions: (m, 3) float32 unit normals of visible voxels, world."""
+        rows = voxels.row_start, voxels.column
+        return normal_steps(self.scene.volume, *rows, self.scene.index_to_world, threads=self.threads)
 
     # --- the stages -----------------------------------------------------------------------------------------------
 
@@ -199,10 +203,11 @@ class ScanSource(Source):
         matrix, visible_key = scene.index_to_world, unlit.visible_key
         with work.clock.stage("shade"):
             normals_key = (visible_key, array_key(matrix[:3, :3]))
-            directions = job.get("normals", normals_key, lambda: self.normals(voxels))
+            steps = job.steps("normals", normals_key, lambda: self.normal_steps(voxels))
+            directions = yield from announce(steps, 0.1, 0.1, "Shading")
 
-        def tables_of(axis):
-            return job.get("runs", (visible_key, axis), lambda: run_tables(voxels, axis, threads=self.threads))
+        def runs_steps(axis):
+            return job.steps("runs", (visible_key, axis), partial(table_steps, voxels, axis, threads=self.threads))
 
         def extinction_steps():
             yield 0.0
@@ -210,7 +215,7 @@ class ScanSource(Source):
 
         around = matrix, scene.triangles, scene.clips
         occluders = Occluders(
-            voxels, extinction_steps, tables_of, *around, unlit.key, boxed=False, threads=self.threads,
+            voxels, extinction_steps, runs_steps, *around, unlit.key, boxed=False, threads=self.threads,
         )  # fmt: skip
         falling, shadows_key = yield from shadow_lighting_steps(scene, unlit.falling, work, occluders)
         key = (unlit.key, *lighting_key(scene, matrix, unlit.falling), shadows_key)

@@ -67,9 +67,10 @@ def bricks_of(bits: np.ndarray, shape_xyz) -> np.ndarray:
     """The ``bricks`` of RowVoxels from their ``bits``."""
     nx, ny, nz = shape_xyz
     size = 1 << BRICK_BITS
-    eights = bits.astype("<u8", copy=False).view(np.uint8).reshape(nz, ny, -1)
+    words = bits.astype("<u8", copy=False).reshape(nz, ny, -1)
     for axis, count in ((1, ny), (0, nz)):
-        eights = np.bitwise_or.reduceat(eights, np.arange(0, count, size), axis=axis)
+        words = np.bitwise_or.reduceat(words, np.arange(0, count, size), axis=axis)
+    eights = words.view(np.uint8)
     parts = [eights >> first & (1 << size) - 1 for first in range(0, 8, size)]
     return np.ascontiguousarray(np.stack(parts, axis=-1).reshape(*eights.shape[:2], -1)[..., : -(-nx // size)])
 

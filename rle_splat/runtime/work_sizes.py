@@ -6,9 +6,9 @@ They are apart from the stages because what only looks at a file loads no compil
 from __future__ import annotations
 
 MIXED_AT_ONCE = 1 << 20  # voxels of labels and channels whose float64 properties still fit into the cache
-RECORDS_AT_ONCE = 1 << 22  # visible voxels whose records are made between two chances to cancel, some 50 ms
+RECORDS_AT_ONCE = 1 << 19  # visible voxels whose records are made between two chances to cancel, 5 to 20 ms
 SMOOTHED_AT_ONCE = 1 << 20  # voxels that are smoothed between two chances to cancel, 20 ms on one core
 PLACED_AT_ONCE = 1 << 18  # voxels whose surfaces are placed between two chances to cancel, 15 ms on one core
-RAYS_AT_ONCE = 4096  # single rays between two looks at the user's Esc
+RAYS_AT_ONCE = 512  # single rays between two chances to cancel, 15 ms
 MESH_SAMPLES = 16  # rays per pixel on which meshes are searched for
 BRICK_SIDE = 8  # cells of a brick of extinction: it has 1.4 times as many corners, with 4 cells it would have 2

@@ -19,7 +19,9 @@ import numpy as np
 from ..classify.visible import VisibleVoxels
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only, thread_count
 from ..runtime.parallel import share_out
+from ..runtime.steps import map_steps
 from ..runtime.work_sizes import BRICK_SIDE as SIDE
+from ..volume.blocks import cut_chunks
 from . import reference
 from .sample_light import OCTAVES
 from .surface_points import STEPS
@@ -30,6 +32,7 @@ LAYER, BRICK = CORNERS**2, CORNERS**3
 FURTHEST = 8  # bricks that a ray passes over at once
 OPAQUE = 10.0  # optical depth from which a ray is not followed further: at most 5e-5 of the light arrives
 TRACED_AT_ONCE = 1 << 14  # voxels whose rays a worker follows between two chances to cancel, 10 to 30 ms
+FILLED_AT_ONCE = 1 << 22  # voxels, shown or not, that are brought to bricks likewise, 10 ms
 _LOW, _HIGH = 0.5 - math.sqrt(1.0 / 12.0), 0.5 + math.sqrt(1.0 / 12.0)  # nodes of the quadrature on [0, 1]
 _ZERO = np.float32(0.0)
 
@@ -72,12 +75,12 @@ def brick_steps(voxels: VisibleVoxels, extinction, *, threads: int = 0):
     """Generator of fractions: the Bricks of the extinction (m,) float32 of kept voxels."""
     counts = [max(-(-(n - 1) // SIDE), 1) for n in voxels.shape_xyz[::-1]]
     numbers = np.zeros(counts, np.int32)
-    lists = (read_only(voxels.row_start), read_only(voxels.column), read_only(extinction), voxels.shape_xyz)
+    lists = read_only(voxels.row_start), read_only(voxels.column), read_only(extinction)
     if compiled():
-        with parallel_call(threads):
-            _fill(*lists, numbers, np.zeros(0, np.float32))
+        steps = _fill_steps(lists, voxels.shape_xyz, numbers, np.zeros(0, np.float32), threads)
+        yield from map_steps(steps, lambda done: 0.3 * done)
     else:
-        reference.mark_bricks(*lists, numbers)
+        reference.mark_bricks(*lists, voxels.shape_xyz, numbers)
     yield 0.3
     shown = numbers > 0
     numbers[:] = _distances(shown)
@@ -85,11 +88,21 @@ def brick_steps(voxels: VisibleVoxels, extinction, *, threads: int = 0):
     corners = np.zeros(np.count_nonzero(shown) * BRICK, np.float32)
     yield 0.5
     if compiled():
-        with parallel_call(threads):
-            _fill(*lists, numbers, corners)
+        steps = _fill_steps(lists, voxels.shape_xyz, numbers, corners, threads)
+        yield from map_steps(steps, lambda done: 0.5 + 0.5 * done)
     else:
-        reference.fill_bricks(*lists, numbers, corners)
+        reference.fill_bricks(*lists, voxels.shape_xyz, numbers, corners)
     return Bricks(numbers, corners)
+
+
+def _fill_steps(lists, shape_xyz, numbers, corners, threads: int):
+    """Generator of fractions: the kernel ``_fill``, some layers of bricks at a time."""
+    (row_start, *lists), (nx, ny, nz) = lists, shape_xyz
+    for first, last in cut_chunks(len(numbers), SIDE * ny * nx, FILLED_AT_ONCE * thread_count(threads)):
+        yield first / len(numbers)
+        rest = nx, ny, nz - SIDE * first
+        with parallel_call(threads):
+            _fill(row_start[SIDE * first * ny :], *lists, rest, numbers[first:last], corners)
 
 
 def _distances(shown) -> np.ndarray:

@@ -14,7 +14,6 @@ from ..classify.placing import RecordPositions, find_targets
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
-from ..volume.gradient import unit_normals
 from . import reference
 from .chunk_light import (
     DB,
@@ -40,25 +39,6 @@ _ZERO = np.float32(0.0)
 _NO_ROWS = {kind: read_only(np.empty(0, kind)) for kind in ("uint8", "uint16")}
 
 
-def normals(classified, volume, index_to_world, *, threads: int = 0) -> np.ndarray:
-    """Unit normals of visible voxels.
-
-    Parameters
-    ----------
-    classified : ClassifiedVolume or VisibleVoxels
-    volume : Volume
-    index_to_world : (4, 4) array_like
-    threads : int
-        0 for one per core.
-
-    Returns
-    -------
-    (m, 3) ndarray of float32
-        World; (0, 0, 0) where the gradient is below the noise floor.
-    """
-    return unit_normals(volume, classified.row_start, classified.column, index_to_world, threads=threads)
-
-
 def components(normals: np.ndarray) -> np.ndarray:
     """(3, n) of (n, 3) normals, for kernels, and without a copy: ``normals`` keeps one component after another."""
     return read_only(np.ascontiguousarray(normals.T))
@@ -73,7 +53,7 @@ def shade(
     ----------
     classified : ClassifiedVolume
     normals : (m, 3) ndarray of float32 or None
-        As of ``normals``; None if ``is_shaded`` is False.
+        As of ``unit_normals``; None if ``is_shaded`` is False.
     index_to_world : (4, 4) array_like
     shading : Shade or None
     lights : sequence of Light

@@ -21,8 +21,8 @@ from .sheet_buffer import splat_rows
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
 # Pixel-sheets between two chances to report progress or to cancel, a few hundredths of a second's work.
-WORK_AT_ONCE = 30_000_000
-BANDS_EACH = 4  # for each thread at once, at least: with fewer, threads wait for one another
+WORK_AT_ONCE = 4_000_000
+BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
 
 
@@ -80,7 +80,7 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
         note_loaded(splat_rows, given)
     bands = int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin)))
-    rows_at_once = BAND * workers * max(BANDS_EACH, bands // workers)
+    rows_at_once = BAND * workers * max(BANDS_EACH if workers > 1 else 1, bands // workers)
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         splat(first, min(first + rows_at_once, plane.height), workers)

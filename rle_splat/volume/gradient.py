@@ -12,11 +12,14 @@ computed constant may carry.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
+from ..runtime.steps import drain
 from . import reference
 from .reference import SMOOTHING
 
@@ -24,9 +27,15 @@ INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # machine epsilons per voxel
 GAP = 64  # columns: hidden voxels between visible ones up to this width are computed too, which beats a new stretch
 AT_ONCE = 16  # columns tested together
+NORMALS_AT_ONCE = 1 << 19  # selected voxels between two chances to cancel, 10 to 20 ms
 
 
 def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0) -> np.ndarray:
+    """``normal_steps`` at once."""
+    return drain(normal_steps(volume, row_start, column, index_to_world, threads=threads))
+
+
+def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0):
     """Unit normals of selected voxels, in world space.
 
     Parameters
@@ -40,6 +49,11 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
         Voxel index (x, y, z) to world; any invertible affine.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
 
     Returns
     -------
@@ -57,17 +71,24 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
     is_integer = voxels.dtype.kind in "iu"
     floor = INTEGER_FLOOR if is_integer else FLOAT_FLOOR * float(np.finfo(voxels.dtype).eps)
     normals = empty((3, len(column)), np.float32)  # one component after another, for SIMD
-    lists = (read_only(row_start), read_only(column))
-    if compiled():
-        covector = tuple(covector.ravel().tolist())
+    if not compiled():
+        lists = read_only(row_start), read_only(column)
+        reference.find_normals(voxels, lists, covector, floor, is_integer, normals)
+        return normals.T
+    covector, (n_z, n_y, _) = tuple(covector.ravel().tolist()), voxels.shape
+    sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
+    starts = row_start[::n_y]
+    ends = np.searchsorted(starts, np.arange(0, len(column), NORMALS_AT_ONCE)).tolist()
+    for first, last in pairwise(sorted({*ends, n_z})):
+        yield first / n_z
+        low, high = max(first - 1, 0), min(last + 1, n_z)  # the rows of the planes around are empty
+        rows = np.clip(row_start[low * n_y : high * n_y + 1], starts[first], starts[last])
+        given = voxels[low:high], (read_only(rows), read_only(column)), covector, floor
         with parallel_call(threads):
             if is_integer:
-                sum_type = np.empty(0, np.int32 if voxels.dtype.itemsize <= 2 else np.int64)
-                _sobel(voxels, lists, covector, floor, sum_type, normals)
+                _sobel(*given, sum_type, normals)
             else:
-                _central(voxels, lists, covector, floor, normals)
-    else:
-        reference.find_normals(voxels, lists, covector, floor, is_integer, normals)
+                _central(*given, normals)
     return normals.T
 
 

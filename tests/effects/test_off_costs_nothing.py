@@ -13,9 +13,9 @@ from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import NotingKernels, compiled, kernel
 from rle_splat.scene import Light, Quality, Scene
-from rle_splat.shade.shading import normals
 from rle_splat.shade.surface_normals import surface_steps
 from rle_splat.view.turntable import turntable
+from rle_splat.volume.gradient import normal_steps
 from rle_splat.volume.volume import Volume
 from tests.ways import NUMPY
 
@@ -131,9 +131,10 @@ def test_a_mesh_in_the_volume_adds_its_depths_and_nothing_else(classification):
 
 @pytest.mark.parametrize("classification", KERNELS)
 def test_shading_that_is_off_by_hand_computes_no_gradient(classification, way, monkeypatch):
-    name, asked = {"pre": ("scan_source.normals", normals), "post": ("scalar_light.surface_steps", surface_steps)}[
-        classification
-    ]
+    name, asked = {
+        "pre": ("scan_source.normal_steps", normal_steps),
+        "post": ("scalar_light.surface_steps", surface_steps),
+    }[classification]
     calls = []
     monkeypatch.setattr(f"rle_splat.pipeline.{name}", lambda *a, **k: calls.append(a) or asked(*a, **k))
     lit = scene_of(transfer_function=SHINY, lights=(Light("SUN"),))

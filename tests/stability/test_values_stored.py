@@ -17,7 +17,7 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError
-from rle_splat.shade.shading import normals, shade
+from rle_splat.shade.shading import shade
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import STORED_TYPES, Volume
 from tests.stability.scenes import (
@@ -172,7 +172,7 @@ def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, w
     record("V8", "components of normals other than 0", found, 0, "either", "whole numbers")
     white = TransferFunction(opacity=((0, 0.5),), color=((0, 0.2, 0.5, 1.0),))
     classified = classify(volume, white, np.eye(4))
-    n = normals(classified, volume, np.eye(4))
+    n = unit_normals(volume, classified.row_start, classified.column, np.eye(4))
     how = dict(headlight_direction=(0, 0, -1), eye=(0, 0, 1, 0))
     colors = shade(classified, n, np.eye(4), Shade(), (), **how)
     record(

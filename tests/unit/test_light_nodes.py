@@ -19,7 +19,7 @@ from rle_splat.effects.shadows import (
     sky_passes,
     voxel_light_steps,
 )
-from rle_splat.encode.encode import run_tables
+from rle_splat.encode.encode import table_steps
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip, Light
@@ -47,7 +47,7 @@ def occluders_of(field, matrix=None, threads=1, triangles=None, clips=()):
         return values
 
     return Occluders(
-        voxels, extinction_steps, lambda axis: run_tables(voxels, axis, threads=threads), matrix, triangles, clips, (),
+        voxels, extinction_steps, lambda axis: table_steps(voxels, axis, threads=threads), matrix, triangles, clips, (),
         boxed=True, threads=threads,
     )  # fmt: skip
 
@@ -223,7 +223,7 @@ def test_a_coarse_grid_is_the_same_whatever_is_made_at_once(monkeypatch):
     steps = []
     for module, name in (
         ("effects.shadows", "LISTED_AT_ONCE"), ("encode.pooling", "VOXELS_AT_ONCE"), ("effects.clip_cover", "AT_ONCE"),
-        ("encode.encode", "RECORDS_AT_ONCE"), ("encode.scalars", "TOUCHED_AT_ONCE"),
+        ("encode.encode", "RECORDS_AT_ONCE"), ("encode.encode", "TOUCHED_AT_ONCE"),
     ):  # fmt: skip
         monkeypatch.setattr(sys.modules[f"rle_splat.{module}"], name, 100)
     drain(pool_occluders_steps(occluders_of(field, SKEWED, clips=(clip,)), 2), steps.append)

@@ -173,7 +173,7 @@ def test_the_estimate_of_a_picture_of_scalars_covers_what_it_takes(dtype, size, 
     assert 0.9 * peak <= needed <= 2.4 * peak, (needed, peak)
 
 
-@pytest.mark.parametrize("n, size", ((16, 64), (32, 256)))
+@pytest.mark.parametrize("n, size", ((24, 128), (32, 256)))
 def test_the_estimate_covers_what_single_rays_take(n, size):
     """Of a small picture they take most: so many are followed at a time."""
     if not compiled():

@@ -9,7 +9,7 @@ import pytest
 from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.classify.visible import VisibleVoxels
-from rle_splat.encode.scalars import ScalarVolume, in_scanlines, scalar_tables
+from rle_splat.encode.scalars import ScalarVolume, in_scanlines, scalar_table_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Environment, Quality
 from rle_splat.shade.lighting import lighting
@@ -71,7 +71,7 @@ def splatted(
     view = index_view(camera, to_world, SIDE, SIDE)
     planes = (base_plane(view, volume.shape_xyz, *one, rule, 1.0, boxed=True) for one in candidate_pyramids(view))
     plane = max((one for one in planes if one is not None), key=lambda one: one.width * one.height)
-    tables = scalar_tables(voxels, plane.axis)
+    tables = drain(scalar_table_steps(voxels, plane.axis))
     scalars = drain(in_scanlines(tables, voxels, voxels.stored))
     codes = None if codes is None else drain(in_scanlines(tables, voxels, codes.view(np.uint16))).view(np.int16)
     encoded = ScalarVolume(tables, scalars, 0.0, codes, light, thinned)

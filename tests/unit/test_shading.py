@@ -10,7 +10,8 @@ from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
 from rle_splat.shade.lighting import is_shaded
-from rle_splat.shade.shading import normals, shade
+from rle_splat.shade.shading import shade
+from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
 from tests.ways import both
 
@@ -153,7 +154,7 @@ def test_a_whole_volume_is_shaded_by_the_formula(eye, shininess):
     )
     s = Shade(0.2, 0.7, 0.4, shininess)
     forward, eye = np.array((0.0, 0.6, -0.8)), np.array(eye)
-    n = normals(classified, volume, PLACE)
+    n = unit_normals(volume, classified.row_start, classified.column, PLACE)
     assert 0 < (~n.any(axis=1)).sum() < len(n)
     truth, found = written_out(classified, n.astype(float), PLACE, s, lights, forward, eye), []
     for facing in (eye, -eye):
