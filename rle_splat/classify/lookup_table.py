@@ -21,7 +21,7 @@ from .points import LARGEST, pieces, positive_intervals
 FEWEST, MOST = 1 << 10, 1 << 14  # entries; the part of a large table that is in use fits into the L2 cache
 FINEST = 1.0 / 512.0  # wanted difference of opacity between neighboring entries on the steepest ramp
 AT_ONCE = 1 << 16  # values of large types that are looked up at once
-FOUND_AT_ONCE = 1 << 21  # values that are looked up between two chances to cancel, 5 ms of small types
+FOUND_AT_ONCE = 1 << 19  # values that are looked up between two chances to cancel, 2 ms of small types
 BEYOND = 2.0  # a table extends this many times the span of a function's points beyond them
 ROUNDING = 1e-6  # rounding error of float32 sums, relative to the largest value
 LARGEST_SUM = 256.0  # of the values that are rounded at a function's points, relative to the largest point

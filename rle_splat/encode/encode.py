@@ -120,6 +120,7 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
     """Generator of fractions done: as ``run_tables``."""
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
+    yield 0.0
     if not compiled():
         tables = reference.make_tables(voxels, axis)
     elif axis == 0:

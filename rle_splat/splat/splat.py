@@ -20,8 +20,8 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-# Pixel-sheets between two chances to report progress or to cancel, a few hundredths of a second's work.
-WORK_AT_ONCE = 4_000_000
+# Pixels and voxels along the rows of all sheets, for each thread between two chances to cancel: 10 to 25 ms.
+WORK_AT_ONCE = 12_000_000
 BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
 
@@ -79,8 +79,8 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
         yield LOADING
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
         note_loaded(splat_rows, given)
-    bands = int(WORK_AT_ONCE / (BAND * plane.width * len(sheets.begin)))
-    rows_at_once = BAND * workers * max(BANDS_EACH if workers > 1 else 1, bands // workers)
+    bands = WORK_AT_ONCE // (BAND * (plane.width + arguments[0].width) * len(sheets.begin))
+    rows_at_once = int(BAND * workers * max(BANDS_EACH if workers > 1 else 0.5, bands))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
         splat(first, min(first + rows_at_once, plane.height), workers)
