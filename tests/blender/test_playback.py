@@ -302,7 +302,8 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, ref
     store, volume = bridge("loop.store"), bridge("volumes.volumes").load_volume(owner)
     for forget in (store.forget_all, lambda: None):  # also where the frame that is shown is in memory
         forget()
-        done = [step.fraction for step in labels.listed_steps(owner, volume)]
+        wish = store.wish_of(owner, None, labels.PURPOSE)
+        done = [step.fraction for step in labels.listed_steps(labels.file_of(owner), volume, wish)]
         between = {int(frames * (2.0 * fraction - 1.0)) for fraction in done if 0.5 <= fraction < 1.0}
         assert done == sorted(done) and (frames == 1 or len(between) >= frames - 1), "each frame shows progress"
     found, keys = [], set()
