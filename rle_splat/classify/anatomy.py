@@ -1,7 +1,7 @@
 """Color and opacity of a segment by its anatomical name.
 
 Names are those of TotalSegmentator, FreeSurfer, DICOM's code meanings and plain English.  Colors are from 3D Slicer's
-table GenericAnatomyColors (Halle, Talos, Kikinis, Pieper, Aucoin, Jakab, 2010), but those of gray matter and metastases.
+table GenericAnatomyColors (Halle, Talos, Kikinis, Pieper, Aucoin, Jakab, 2010); gray matter and metastases have others.
 """
 
 from __future__ import annotations
