@@ -16,7 +16,7 @@ SEEN_THROUGH, HAZE, SHELL, VEIL = 0.01, 0.04, 0.25, 0.08
 # Words, sRGB of 8 bits, opacity.  The first row one of whose words is in a name counts.
 _ROWS = (
     ("cysts?", (205, 205, 100), 1.0),
-    ("metastas[ie]s|neoplasms? secondary|secondary (neoplasms?|tumou?rs?)", (255, 165, 0), 1.0),
+    ("metastas[ie]s|neoplasms? secondary|secondary (neoplasms?|tumou?rs?)", (255, 60, 200), 1.0),
     ("neoplasms?|tumou?rs?|lesions?|mass|nodules?", (144, 238, 144), 1.0),
     ("false lumen", (0, 151, 206), 1.0),
     ("implants?|stents?|electrodes?|needles?|screws?", (220, 245, 20), 1.0),
