@@ -96,8 +96,9 @@ class LabelCells:
         rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int64), np.diff(row_start))
         mine = np.repeat(np.arange(len(self.row_start) - 1, dtype=np.int64), np.diff(self.row_start))
         own, asked = (row * self.shape_xyz[0] + x for row, x in ((mine, self.column), (rows, column)))
-        found = np.minimum(np.searchsorted(own, asked), max(len(own) - 1, 0))
-        return np.where(own[found] == asked, found, -1) if len(own) else np.full(len(asked), -1)
+        found, at_boundary = np.full(len(asked), -1), np.flatnonzero(self.numbers[asked] & BESIDE)
+        found[at_boundary] = np.searchsorted(own, asked[at_boundary])
+        return found
 
 
 def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
