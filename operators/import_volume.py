@@ -4,6 +4,7 @@ import os
 import textwrap
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
@@ -13,7 +14,7 @@ from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
 from ..bridge.translations import filled, translate
-from ..bridge.volumes import box, encoded, facts, new_volume, segments, volumes
+from ..bridge.volumes import box, encoded, facts, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
@@ -34,8 +35,10 @@ HIDDEN = "What is not the body is hidden; the eye of Background in the panel Seg
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
+MOST_WITHIN = 0.05  # share of a scan's voxels; segments that have more are shown without the rest of it
 ENCODED = "encoded"  # in place of the name of a format
-PROPOSED = ("use_headlight", "hide_table")  # what a dialog proposes to users, and no script gets without asking
+# What a dialog proposes to users, and no script gets without asking.
+PROPOSED = ("use_headlight", "use_segments", "hide_table")
 LETTERS = 38  # characters in a line of the dialog, since labels do not wrap
 DIALOG_GUESS_LIMIT = 1 << 26  # bytes unpacked to find a file's size while the dialog opens; about 0.2 s
 
@@ -66,6 +69,20 @@ def _sequence_among(paths, kind) -> tuple[str, bool]:
     return f"{numbered[0].count} frames from {numbered[0].first.name}", is_vdb or len(paths) > 1
 
 
+def _show_segments(owner, volume, made) -> str:
+    """Show the body that was found, or the segments of a file; return what was done, for the report.
+
+    Few segments, such as tumors, are shown within the scan, and many without it.
+    """
+    if made.number is not None:
+        segments.show(owner, volume, made, "BACKGROUND")
+        return filled(HIDDEN)
+    segments.show(owner, volume, made)
+    share = np.count_nonzero(made.found.volume.voxels) / made.found.volume.voxels.size
+    labels.show_anatomy(owner.rle_splat.labels, hides_background=share > MOST_WITHIN)
+    return filled("The segments are those of {file}.", file=os.path.basename(made.path))
+
+
 def _draw_text(layout, text: str) -> None:
     for line in textwrap.wrap(text, LETTERS):
         layout.label(text=line)
@@ -89,6 +106,10 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
         "give it less than half of its brightness on any side. The panel Lighting changes it",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
+    use_segments: BoolProperty(
+        name="Segments Beside It", description="Show the segmentation of the scan, if there is one beside it, in the "
+        "colors of Anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
+        "name has the word label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
         "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
@@ -107,7 +128,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         given = {name: value for name, value in vars(options).items() if name != "series"}
         return {**given, "filepath": path, "preset": self.preset, "at_cursor": self.at_cursor,
                 "use_framing": self.use_framing, "use_headlight": self.use_headlight,
-                "hide_table": self.hide_table, "use_dialog": False}  # fmt: skip
+                "use_segments": self.use_segments, "hide_table": self.hide_table, "use_dialog": False}  # fmt: skip
 
     def ask(self) -> None:
         """Before a dialog: switch on what it proposes."""
@@ -128,15 +149,14 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     def commit(self, context, results):
         owners, corners, warnings, sentences = [], [], list(self.guesses), []
-        for found, options, transfer_function, reason, body in results:
+        for found, options, transfer_function, reason, made in results:
             owner, remark = new_volume.add_volume(context, found, options, transfer_function, at_cursor=self.at_cursor)
             warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
-            if body is not None:
-                segments.show(owner, found.volume, body, "BACKGROUND")
             owners.append(owner)
             corners.append(box.world_corners(owner))
             sentences += [filled("Imported {volume}.", volume=owner.name), translate(reason)]
-            sentences += [] if body is None else [filled(HIDDEN)]
+            if made is not None:
+                sentences.append(_show_segments(owner, found.volume, made))
         self._show(context, len(corners))
         if self.use_framing and not bpy.app.background:
             viewports.open_tab(context.window)
@@ -180,12 +200,15 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         transfer_function, reason = yield from rescale(
             chosen_transfer_steps(self.preset, found.volume, self.is_channel), CHOOSING, BODY
         )
-        body = None
-        if self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
+        made = None
+        if self.use_segments:
+            made, problem = yield from rescale(segments.beside_steps(path, found.volume), BODY, 1.0)
+            self.guesses += (problem,)
+        if made is None and self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
             steps = segments.body_steps(found.volume, transfer_function, new_volume.name_of(path, found.volume))
-            body = yield from rescale(steps, BODY, 1.0)
+            made = yield from rescale(steps, BODY, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own
-        return found, options, transfer_function, reason, body
+        return found, options, transfer_function, reason, made
 
     def _completed_steps(self, path: str, options):
         """Generator of Progress: guess the missing layout of a raw file and report it.

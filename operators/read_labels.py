@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge.held import Held
+from ..bridge.loop import store
 from ..bridge.loop.jobs import READ_BUDGET, StepwiseOperator
 from ..bridge.volumes import labels, loading, volumes
 from .reading import TOO_LARGE
@@ -35,7 +36,8 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
     def prepare(self, context):
         owner = volumes.volume_object(context)
         self._owner = Held(owner)
-        return labels.listed_steps(owner, volumes.load_volume(owner))
+        wish = store.wish_of(owner, None, labels.PURPOSE)
+        return labels.listed_steps(labels.file_of(owner), volumes.load_volume(owner), wish)
 
     def commit(self, _context, result):
         count, further, remarks = labels.list_labels(self._owner.get(), result)

@@ -37,7 +37,8 @@ class Wish(NamedTuple):
 
 
 ANY = 0  # in place of a scene: the entry is that of any time
-AHEAD = Wish(0, ANY, "ahead")  # for one entry that nothing shows yet
+# For one frame that nothing shows yet, and for its label map.
+AHEAD, LABELS_AHEAD = Wish(0, ANY, "ahead"), Wish(0, ANY, "labels ahead")
 
 _entries: dict = {}  # key -> value
 _wanted: dict = {}  # Wish -> key, the least recently used first
@@ -63,7 +64,7 @@ def steps(wish: Wish, key: tuple, make_steps):
     """Generator: the value of a key, from memory or made by the generator ``make_steps()``; it is now wanted."""
     value = _entries.get(key)
     if value is None:
-        withdraw([AHEAD])
+        withdraw([LABELS_AHEAD] if wish == LABELS_AHEAD else [AHEAD, LABELS_AHEAD])
         value = yield from make_steps()
     put(wish, key, value)
     return value
@@ -95,7 +96,7 @@ def withdraw_others(owner, depsgraph, purposes) -> None:
 
 def forget_deleted() -> None:
     """Drop what only deleted objects and scenes wanted."""
-    wishes = [wish for wish in _wanted if wish != AHEAD]
+    wishes = [wish for wish in _wanted if wish not in (AHEAD, LABELS_AHEAD)]
     owners, scenes = {wish.owner for wish in wishes}, {ANY, *(one.session_uid for one in bpy.data.scenes)}
     held = {one.session_uid for one in bpy.data.objects if one.session_uid in owners and not presence.is_deleted(one)}
     held.update(one.session_uid for one in bpy.data.worlds)

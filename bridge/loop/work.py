@@ -143,7 +143,7 @@ def _next_frame() -> dict:
             if owner.rle_splat.frame_count > 1 and volumes.is_at_hand(owner) and not volumes.is_at_hand(owner, ahead=1):
                 try:
                     key = loading.key_of(owner, ahead=1)
-                    return {} if key in _failed else {key: ReadingWork(volumes.load_ahead_steps(owner))}
+                    return {} if key in _failed else {key: ReadingWork(loading.load_ahead_steps(owner))}
                 except RleSplatError:
                     return {}  # the frame is missing; it is said when it is shown
     return {}

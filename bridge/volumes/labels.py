@@ -195,16 +195,23 @@ def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
 
 
-def listed_steps(owner, volume):
-    """Generator of Progress: the LabelMap of a volume object's label file, with the values of all its frames.
+def listed_steps(file: LabelFile, volume, wish: store.Wish | None = None):
+    """Generator of Progress: the LabelMap of a label file, with the values of all its frames.
+
+    Parameters
+    ----------
+    file : LabelFile
+    volume : Volume
+    wish : store.Wish or None
+        None for an object that is not there yet: the map is then not stored.
 
     Raises
     ------
     RleSplatError
         If the file is no label map on the volume's grid.
     """
-    file, wish = file_of(owner), store.wish_of(owner, None, PURPOSE)
-    found, numbers = yield from rescale(load_steps(wish, file, volume), 0.0, FIRST)
+    first = _read_steps(file, volume) if wish is None else load_steps(wish, file, volume)
+    found, numbers = yield from rescale(first, 0.0, FIRST)
     check_grid(found, volume)
     frames = found.frames if changes_with_time(found) else 1
     for frame in range(1, frames + 1):  # a segment may be in some frames only
@@ -270,8 +277,14 @@ def _describe(row, number: int, named) -> None:
     row.color = named.color if row.use_color else distinct_color(number)
 
 
-def show_anatomy(rows) -> tuple[int, int]:
-    """Show the rows of segments by their names, and hide the background.
+def show_anatomy(rows, hides_background: bool = True) -> tuple[int, int]:
+    """Show the rows of segments in colors by their names, or else in those that they have, or in distinct ones.
+
+    Parameters
+    ----------
+    rows : collection of LabelProperties
+    hides_background : bool
+        Whether what is in no segment is hidden.
 
     Returns
     -------
@@ -281,10 +294,10 @@ def show_anatomy(rows) -> tuple[int, int]:
     found = count = 0
     for row in rows:
         if row.label == BACKGROUND:
-            row.show = False
+            row.show = not hides_background
             continue
         known = find_appearance(row.label_name)
-        row.shown_color = known.color if known else distinct_color(row.label)
+        row.shown_color = known.color if known else row.color if row.use_color else distinct_color(row.label)
         row.look, row.opacity = SOLID, known.opacity if known else 1.0
         found, count = found + bool(known), count + 1
     return found, count

@@ -95,6 +95,13 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
     )  # fmt: skip
 
 
+def load_ahead_steps(owner):
+    """Generator of Progress: read what a volume object shows in the next frame, and its labels if they change."""
+    changes = labels.are_used(owner) and owner.rle_splat.label_frames > 1
+    file = labels.file_of(owner, ahead=1) if changes else None
+    return _one_after_another(volumes.load_ahead_steps(owner), file, store.LABELS_AHEAD, [])
+
+
 def withdraw_unused(owner, depsgraph) -> None:
     """Let a volume object no longer want labels and channels that it has no more; hidden channels stay."""
     purposes = {volumes.PURPOSE, *(row.source.session_uid for row in owner.rle_splat.channels if row.source)}

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import bpy
 import numpy as np
 
+from ...rle_splat.read.beside import find_segmentations_steps
 from ...rle_splat.read.formats import write_steps
 from ...rle_splat.runtime.steps import announce, rescale
 from ...rle_splat.scene import RleSplatError
@@ -31,9 +32,10 @@ LOADED, MADE = 0.2, 0.8  # shares of the time until the map is read and changed
 WRITTEN = 0.75  # share of the rest until it is written
 BACKGROUND_NAME, BODY, BODY_NUMBER = "Background", "Body", 1
 SAMPLES = 1 << 20  # voxels that are looked at
-# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16, the table
-# of a chest 0.29; a chest of which some ribs are not found as its body has 0.05, and must stay whole.
-LEAST_BESIDE = 0.1
+# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16, the tables
+# of two chests 0.02 and 0.30, what is around a heart that was cut out of its scan 0.007.
+LEAST_BESIDE = 0.015
+NAMED = 3  # files whose names a message lists
 LEAST_SHOWN = 0.01  # opacity
 VISIBLE = 0.02  # share of the transfer function's largest opacity from which on a value counts as visible
 VALUES = 4096  # of the volume's range, at which the transfer function is looked up
@@ -41,11 +43,11 @@ VALUES = 4096  # of the volume's range, at which the transfer function is looked
 
 @dataclass(frozen=True)
 class MadeSegment:
-    """A label map with a new or changed segment, and its file."""
+    """A label map, its file, and the number of the segment that is new or changed; None of a map that was found."""
 
     path: str
     found: labels.LabelMap
-    number: int
+    number: int | None
 
 
 def change_steps(owner, volume: Volume, make_mask, number: int | None = None, name: str = "", over_others: bool = True):
@@ -135,6 +137,36 @@ def body_steps(volume: Volume, transfer_function, name: str):
     after = put_segment(empty_map(volume), BODY_NUMBER, body)
     named = NamedLabel(BACKGROUND, BACKGROUND_NAME), NamedLabel(BODY_NUMBER, BODY)
     return (yield from rescale(_written_steps(after, named, _free_path(name), BODY_NUMBER), MADE, 1.0))
+
+
+def beside_steps(path: str, volume: Volume):
+    """Generator of Progress: the segmentation that lies beside a scan; see ``find_segmentations_steps``.
+
+    Parameters
+    ----------
+    path : str
+        Of the scan.
+    volume : Volume
+
+    Returns
+    -------
+    made : MadeSegment or None
+        None if there is none, there are several, or it is not one of this scan.
+    reason : str
+        A sentence why there is none in spite of a file, or "".
+    """
+    found = yield from rescale(find_segmentations_steps(path), 0.0, LOADED)
+    if len(found) != 1:
+        names = ", ".join(one.name for one in found[:NAMED]) + (" and others" if len(found) > NAMED else "")
+        return None, f"Several segmentations lie beside the scan ({names}); choose one in Segments." if found else ""
+    file = labels.LabelFile(str(found[0]), os.path.basename(path))
+    try:
+        listed = yield from rescale(labels.listed_steps(file, volume), LOADED, 1.0)
+    except RleSplatError as problem:
+        return None, f"The segments beside the scan are not shown. {problem}"
+    if listed.volume.place_key and volume.place_key and listed.volume.place_key != volume.place_key:
+        return None, f"{found[0].name} belongs to another frame of reference than the scan, and is not shown."
+    return MadeSegment(file.path, listed, None), ""
 
 
 def _share_beside(volume: Volume, transfer_function, body: np.ndarray) -> float:

@@ -170,7 +170,7 @@ def load_steps(owner, depsgraph=None):
 
 
 def load_ahead_steps(owner):
-    """Generator of Progress: read what a volume object shows in the next frame of the timeline.
+    """Generator of Progress: load the voxels that a volume object shows in the next frame of the timeline.
 
     Of all objects, one frame that was read ahead is cached.
     """

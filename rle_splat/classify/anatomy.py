@@ -1,7 +1,7 @@
 """Color and opacity of a segment by its anatomical name.
 
 Names are those of TotalSegmentator, FreeSurfer, DICOM's code meanings and plain English.  Colors are from 3D Slicer's
-table GenericAnatomyColors (Halle, Talos, Kikinis, Pieper, Aucoin, Jakab, 2010), but that of gray matter.
+table GenericAnatomyColors (Halle, Talos, Kikinis, Pieper, Aucoin, Jakab, 2010); gray matter and metastases have others.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ SEEN_THROUGH, HAZE, SHELL, VEIL = 0.01, 0.04, 0.25, 0.08
 # Words, sRGB of 8 bits, opacity.  The first row one of whose words is in a name counts.
 _ROWS = (
     ("cysts?", (205, 205, 100), 1.0),
-    ("neoplasms?|tumou?rs?|lesions?|mass|metastas[ie]s|nodules?", (144, 238, 144), 1.0),
+    ("metastas[ie]s|neoplasms? secondary|secondary (neoplasms?|tumou?rs?)", (255, 60, 200), 1.0),
+    ("neoplasms?|tumou?rs?|lesions?|mass|nodules?", (144, 238, 144), 1.0),
     ("false lumen", (0, 151, 206), 1.0),
     ("implants?|stents?|electrodes?|needles?|screws?", (220, 245, 20), 1.0),
     ("left atri(um|al)|atrium left|atrial appendage", (203, 108, 81), 1.0),

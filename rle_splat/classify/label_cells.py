@@ -26,7 +26,6 @@ import numpy as np
 from ..runtime.jit import read_only
 from ..scene import RleSplatError
 from ..volume.blocks import cut_chunks
-from .label_edges import beside_edge
 
 SIGMA, RADIUS = 1.6, 4  # voxels, of G, and where it is cut
 NARROW = np.sqrt(2.0) / (np.sqrt(2.0) - 1.0)  # weight of G before G * G
@@ -97,8 +96,9 @@ class LabelCells:
         rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int64), np.diff(row_start))
         mine = np.repeat(np.arange(len(self.row_start) - 1, dtype=np.int64), np.diff(self.row_start))
         own, asked = (row * self.shape_xyz[0] + x for row, x in ((mine, self.column), (rows, column)))
-        found = np.minimum(np.searchsorted(own, asked), max(len(own) - 1, 0))
-        return np.where(own[found] == asked, found, -1) if len(own) else np.full(len(asked), -1)
+        found, at_boundary = np.full(len(asked), -1), np.flatnonzero(self.numbers[asked] & BESIDE)
+        found[at_boundary] = np.searchsorted(own, asked[at_boundary])
+        return found
 
 
 def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
@@ -139,8 +139,9 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
         planes = numbers_of(low, high)
         own = slice(first - low, last - low)
         numbers[first:last] = planes[own]
-        numbers[first:last][_mixed_cells(planes)[own]] |= MIXED
-        found.append(_Boundary(planes, own.start, own.stop).records(smooth))
+        mixed = _mixed_cells(planes)
+        numbers[first:last][mixed[own]] |= MIXED
+        found.append(_Boundary(planes, mixed, own.start, own.stop).records(smooth))
     rows, *columns = (np.concatenate(each) for each in zip(*found))
     row_start = np.concatenate(([0], np.cumsum(rows)))
     leads = _mark_boundaries(numbers, row_start, *columns[:3])
@@ -148,14 +149,25 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
 
 
 def _mixed_cells(planes) -> np.ndarray:
-    """Bool, shape of ``planes``: whether the cell from a voxel to the next ones has several functions."""
-    least = most = planes
+    """Bool, shape of ``planes``: whether the cell from a voxel to the next ones has several functions.
+
+    It has them if they differ along one of its edges.
+    """
+    mixed = np.zeros(planes.shape, bool)
     for axis in range(3):
-        least, most = least.copy(), most.copy()
-        for ends, choose in ((least, np.minimum), (most, np.maximum)):
-            moved = np.moveaxis(ends, axis, 0)
-            moved[:-1] = choose(moved[:-1], moved[1:])
-    return least != most
+        differ = np.zeros(planes.shape, bool)
+        values = np.moveaxis(planes, axis, 0)
+        np.not_equal(values[:-1], values[1:], out=np.moveaxis(differ, axis, 0)[:-1])
+        for other in {0, 1, 2} - {axis}:
+            moved = np.moveaxis(differ, other, 0)
+            moved[:-1] |= moved[1:]
+        mixed |= differ
+    return mixed
+
+
+def _where(mask) -> np.ndarray:
+    """(3, n): indices z, y, x of the voxels of a mask, faster than by np.nonzero."""
+    return np.stack(np.unravel_index(np.flatnonzero(mask), mask.shape))
 
 
 def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
@@ -173,7 +185,7 @@ def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
         leads[at] = np.clip(np.rint(lead), 1, np.iinfo(np.int8).max)
         others = np.full((top - first, ny, nx), NO_KIND, np.uint16)
         others.reshape(-1)[at - first * ny * nx] = kinds[records, 1]
-        cells = np.stack(np.nonzero(numbers[first:last] & MIXED))
+        cells = _where(numbers[first:last] & MIXED != 0)
         corners = [np.minimum(cells[n][:, None] + CORNERS[:, n], size - 1) for n, size in enumerate(others.shape)]
         own, other = (numbers[first:top] & NO_KIND)[tuple(corners)], others[tuple(corners)]
         low, high = own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True)
@@ -185,14 +197,17 @@ def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
 class _Boundary:
     """Voxels at boundaries in planes [first, last) of some planes of function numbers."""
 
-    def __init__(self, planes, first: int, last: int):
+    def __init__(self, planes, mixed, first: int, last: int):
         self.planes = planes
-        beside = beside_edge(planes)
+        beside = mixed.copy()  # a voxel that differs from one of the 26 around shares a cell with it
+        for axis in range(3):
+            moved = np.moveaxis(beside, axis, 0)
+            moved[1:] |= moved[:-1]
         self.rows = np.count_nonzero(beside[first:last], axis=2).reshape(-1)
-        self.at = np.stack(np.nonzero(beside[first:last]))
+        self.at = _where(beside[first:last])
         self.at[0] += first
         self.own = planes[tuple(self.at)]
-        around = np.stack(np.nonzero(beside))
+        around = _where(beside)
         self.boxes = _boxes(planes[tuple(around)], around)
 
     def records(self, smooth: bool) -> tuple[np.ndarray, ...]:

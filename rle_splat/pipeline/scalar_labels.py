@@ -24,6 +24,7 @@ from ..shade.sample_light import ONE
 from ..shade.surface_normals import Surfaces
 from ..shade.surface_points import place_steps, shown_ranges
 from ..volume.blocks import cut_chunks
+from ..volume.counts import counts_values
 
 FLAT = 0.02  # of the largest density, in two voxels: less is no boundary that light shows
 CLEAR = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 0.0, 0.0, 0.0),))  # of a hidden label
@@ -85,6 +86,10 @@ class LabelFunctions:
         labels = np.asarray(self.labels.volume.voxels[first:last])
         if not len(self.known):
             return np.zeros(labels.shape, np.uint16)
+        if counts_values(labels.dtype):
+            table = np.zeros(1 << 8 * labels.itemsize, np.uint16)
+            table[self.known] = self.numbers  # those below zero count from its end, here as below
+            return table[labels]
         at = np.minimum(np.searchsorted(self.known, labels), len(self.known) - 1)
         return np.where(self.known[at] == labels, self.numbers[at], np.uint16(0))
 

@@ -48,7 +48,8 @@ def body_steps(volume: Volume):
     Notes
     -----
     The ball is the largest one with which the body does not become much smaller: a skull's walls are thin.  The air
-    around the body belongs to it, so that its skin is not cut where it fades into the air.
+    around the body belongs to it, so that its skin is not cut where it fades into the air. Where the scanner's field of
+    view cuts the body, the body goes on beyond it: a chest wall that is cut to a thin strip is no thin part.
     """
     scale = min(1.0, float((volume.spacing * volume.shape_xyz).max()) / ADULT)
     factors = tuple(
@@ -56,11 +57,11 @@ def body_steps(volume: Volume):
     )
     coarse = yield from announce(reduce_steps(volume, factors), 0.0, REDUCED, "averaging voxels")
     values = _values(coarse, volume)
-    tissue = values > _threshold(values)
+    tissue, depth = values > _threshold(values), _depth_in_view(values, coarse)
     share = (FOUND - REDUCED) / len(RADII)
     bodies = []
     for number, radius in enumerate(RADII):
-        steps = _without_thin_parts(tissue, coarse, scale * radius, scale * VOXEL)
+        steps = _without_thin_parts(tissue, depth, coarse, scale * radius, scale * VOXEL)
         bodies.append((yield from rescale(steps, REDUCED + number * share, REDUCED + (number + 1) * share)))
     sizes = [np.count_nonzero(body) for body in bodies]
     body = next(one for one, size in zip(bodies, sizes) if size >= ENOUGH * max(sizes))
@@ -105,25 +106,54 @@ def _threshold(values: np.ndarray) -> float:
     return float(low + threshold)
 
 
-def _without_thin_parts(tissue: np.ndarray, coarse: Volume, radius: float, margin: float):
-    """Generator of Progress: the largest part through which a ball rolls, tissue close to it, and all it encloses."""
+def _across(coarse: Volume) -> list[int]:
+    """The two axes of the arrays in the slices across the patient's long axis."""
+    along = int(np.abs(coarse.affine[2, :3]).argmax()) if coarse.space == PATIENT else 2
+    return [axis for axis in range(3) if axis != 2 - along]
+
+
+def _depth_in_view(values: np.ndarray, coarse: Volume) -> np.ndarray:
+    """(nz, ny, nx) float64: mm from each voxel to the side of its slice or of the scanner's round field of view.
+
+    It is below 0 outside of the circle, and without one if the values there are not all equal.
+    """
+    first, second = _across(coarse)
+    half = [0.5 * values.shape[axis] * coarse.spacing[2 - axis] for axis in (first, second)]
+    places = [np.linspace(-one, one, 2 * values.shape[axis] + 1)[1::2] for axis, one in zip((first, second), half)]
+    depth = np.minimum.outer(*(one - np.abs(place) for one, place in zip(half, places)))
+    round_depth = max(half) - np.hypot.outer(*places)
+    along = ({0, 1, 2} - {first, second}).pop()
+    depth, round_depth = (
+        np.broadcast_to(np.expand_dims(one, along), values.shape) for one in (depth, round_depth)
+    )
+    outside = values[round_depth < -coarse.spacing.max()]
+    return np.minimum(depth, round_depth) if outside.size and np.ptp(outside) == 0.0 else depth
+
+
+def _without_thin_parts(tissue: np.ndarray, depth: np.ndarray, coarse: Volume, radius: float, margin: float):
+    """Generator of Progress: the largest part through which a ball rolls, tissue close to it, and all it encloses.
+
+    The ball rolls beyond the field of view, too; tissue at its edge is no thin part if it is connected there to others.
+    ``depth``: of ``_depth_in_view``.
+    """
     spacing = coarse.spacing
     if not tissue.any():
         return tissue
-    core = yield from rescale(shrink_steps(tissue, spacing, radius), 0.0, 0.3)
+    beyond = depth < 0.0
+    core = yield from rescale(shrink_steps(tissue | beyond, spacing, radius), 0.0, 0.3)
+    core = (core & ~beyond) | (tissue & (depth < radius + margin) & ~beyond)
     if not core.any():
         return core
     core = yield from rescale(keep_largest_steps(core), 0.3, 0.5)
     near = yield from rescale(grow_steps(core, spacing, radius + 1.5 * margin), 0.5, 0.9)
     yield Progress(0.9, "filling the body")
-    return _fill_sides(tissue & near, coarse)
+    return _fill_sides(tissue & near, _across(coarse))
 
 
-def _fill_sides(mask: np.ndarray, coarse: Volume) -> np.ndarray:
+def _fill_sides(mask: np.ndarray, axes) -> np.ndarray:
     """A mask and what has it on SIDES of four sides in a slice: lungs, also those that the scan's side cuts open."""
-    along = int(np.abs(coarse.affine[2, :3]).argmax()) if coarse.space == PATIENT else 2
     count = np.zeros(mask.shape, np.uint8)
-    for axis in {0, 1, 2} - {2 - along}:
+    for axis in axes:
         for turn in (slice(None), slice(None, None, -1)):
             way = tuple(turn if one == axis else slice(None) for one in range(3))
             count[way] += np.logical_or.accumulate(mask[way], axis=axis)

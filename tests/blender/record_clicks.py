@@ -35,19 +35,17 @@ FILE, FOLDER = 0, 1  # entries of File > Import
 STEP = 12  # pixels between rows that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
-READ, ANATOMY = "bpy.ops.rle_splat.read_labels(", "bpy.ops.rle_splat.color_anatomy("
-WHITE = "bpy.ops.rle_splat.plain_background("
-# Name, entry of File > Import, scan, labels or None, buttons that are pressed afterwards.
+WHITE, CHANNELS = "bpy.ops.rle_splat.plain_background(", "bpy.ops.rle_splat.import_channel(of_file=True"
+# Name, entry of File > Import, scan, buttons that are pressed afterwards. Segmentations lie beside the scans.
 CASES = (
-    ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", None, ()),
-    ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
-     "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz", (ANATOMY,)),
-    ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", None, ()),
-    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", "pet_seg/dicom_seg_tumour_13frames.dcm", (WHITE,)),
-    ("CT with RTSTRUCT", FOLDER, "dicom_ct_chest_512x512x46", "rt_utils_chest.dcm", (ANATOMY,)),
-    ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif",
-     "fluorescence/nuclei_labels_256x256x60_uint32.tif", (ANATOMY,)),
-)  # fmt: skip
+    ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", ()),
+    ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", ()),
+    ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", ()),
+    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", (WHITE,)),
+    ("CT with RTSTRUCT", FOLDER, "rtstruct/dicom_ct_chest_512x512x46", ()),
+    ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif", ()),
+    ("two channels of a file", FILE, "fluorescence/cortex_2ch_288x288x30_uint16.ome.tif", (CHANNELS,)),
+)
 
 
 class Count:
@@ -109,21 +107,11 @@ def imported(count: Count, entry: int, scan: Path):
     return volumes()[0]
 
 
-def read(count: Count, owner, labels: Path):
-    """Labels, whose file is chosen by the folder beside the path: three clicks more than Read."""
-    owner.rle_splat.label_file = str(labels)
-    count.clicks += 3
-    yield from press_button(count, READ)
-    yield from waited(count, lambda: len(owner.rle_splat.labels) > 1 and is_idle())
-
-
-def measured(name: str, entry: int, scan: str, labels, buttons):
+def measured(name: str, entry: int, scan: str, buttons):
     yield from new_file()
     count = Count()
     owner = yield from imported(count, entry, DATA / scan)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = TAB
-    if labels is not None:
-        yield from read(count, owner, DATA / labels)
     for place in buttons:
         yield from press_button(count, place)
         yield from waited(count, is_idle)
@@ -135,7 +123,7 @@ def measured(name: str, entry: int, scan: str, labels, buttons):
 
 
 def scenario():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_channels")
     for case in CASES:
         if (DATA / case[2]).exists():
             yield from measured(*case)

@@ -111,6 +111,10 @@ def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refu
     found = bridge("volumes.labels").file_of(owner).key(volume)
     assert (bridge("loop.store").find(found).volume.voxels == 3).sum() == 5 * 6
     refused(bpy.ops.rle_splat.import_volume, "read the file as labels", filepath=str(path))
+    bpy.ops.rle_splat.import_folder(directory=str(tmp_path / "scan"), use_segments=True)
+    heart = active().rle_splat.labels[1]
+    assert (heart.label_name, heart.look, heart.use_color) == ("heart", "SOLID", True)
+    assert tuple(heart.color) != (1.0, 0.0, 0.0), "the color of atlases"
 
 
 def with_place(dataset, _number):

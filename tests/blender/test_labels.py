@@ -152,3 +152,30 @@ def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_pa
     colors = np.array([row.color for row in rows])
     apart = np.abs(colors[:, np.newaxis] - colors).max(axis=-1)
     assert apart[~np.eye(3, dtype=bool)].min() > 0.2 and tuple(rows[1].color) == first
+
+
+@pytest.mark.parametrize("size, hides", [(3, True), (1, False)])
+def test_an_import_shows_the_segments_beside_the_scan(size, hides, addon, tmp_path, capfd):
+    """In colors by their names, without the rest of the scan if they are a good part of it."""
+    nibabel = pytest.importorskip("nibabel")
+    scan, labels = np.full((N, N, N), 100, np.uint8), np.zeros((N, N, N), np.uint8)
+    labels[:, :size, :size] = 2
+    nibabel.save(nibabel.Nifti1Image(scan, np.eye(4)), tmp_path / "ct.nii.gz")
+    nibabel.save(nibabel.Nifti1Image(labels, np.eye(4)), tmp_path / "ct_seg.nii.gz")
+    (tmp_path / "ct_seg.txt").write_text('2 255 0 0 1 1 1 "liver"\n')
+    for asked in (True, False):
+        assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=asked) == {"FINISHED"}
+        properties = bpy.context.view_layer.objects.active.rle_splat
+        found = [(row.label_name, row.show, row.look) for row in properties.labels]
+        assert found == ([("Background", not hides, "OWN"), ("liver", True, "SOLID")] if asked else [])
+    # Of segments elsewhere, and of two maps, the scan comes without.
+    away = np.eye(4)
+    away[:3, 3] = 90.0
+    nibabel.save(nibabel.Nifti1Image(labels, away), tmp_path / "ct_seg.nii.gz")
+    assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=True) == {"FINISHED"}
+    assert not bpy.context.view_layer.objects.active.rle_splat.labels
+    assert "The label file lies elsewhere" in capfd.readouterr().out
+    (tmp_path / "ct_label.nii.gz").write_bytes((tmp_path / "ct_seg.nii.gz").read_bytes())
+    assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=True) == {"FINISHED"}
+    assert not bpy.context.view_layer.objects.active.rle_splat.labels
+    assert "Several segmentations lie beside the scan (ct_label.nii.gz, ct_seg.nii.gz)" in capfd.readouterr().out

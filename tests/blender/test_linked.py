@@ -349,7 +349,7 @@ def test_what_an_override_cannot_drop_is_said(library, bridge, core, refused, tm
 
     owner.rle_splat.label_file = str(tmp_path / "work" / "other_labels.raw")  # 0, 2 and 7; the library has 1
     labels, volume = bridge("volumes.labels"), bridge("volumes.volumes").load_volume(owner)
-    listed = core("runtime.steps").drain(labels.listed_steps(owner, volume))
+    listed = core("runtime.steps").drain(labels.listed_steps(labels.file_of(owner), volume))
     assert labels.list_labels(owner, listed)[:2] == (3, 1)
     owner = reopened()
     assert sorted(row.label for row in owner.rle_splat.labels) == [0, 1, 2, 7]

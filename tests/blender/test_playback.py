@@ -284,7 +284,7 @@ def test_labels_of_fewer_frames_than_the_scan_are_said(tmp_path, capfd):
 
 
 @pytest.mark.parametrize("frames", [3, 1])
-def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, refused):
+def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, core, refused):
     """A map of each frame, with a segment that only the second has; or one map for all frames, which is read once."""
     nibabel = pytest.importorskip("nibabel")
     values = np.zeros((N, N, N, 3), np.uint8) + np.array((50, 100, 150), np.uint8)
@@ -302,7 +302,8 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, ref
     store, volume = bridge("loop.store"), bridge("volumes.volumes").load_volume(owner)
     for forget in (store.forget_all, lambda: None):  # also where the frame that is shown is in memory
         forget()
-        done = [step.fraction for step in labels.listed_steps(owner, volume)]
+        wish = store.wish_of(owner, None, labels.PURPOSE)
+        done = [step.fraction for step in labels.listed_steps(labels.file_of(owner), volume, wish)]
         between = {int(frames * (2.0 * fraction - 1.0)) for fraction in done if 0.5 <= fraction < 1.0}
         assert done == sorted(done) and (frames == 1 or len(between) >= frames - 1), "each frame shows progress"
     found, keys = [], set()
@@ -316,6 +317,10 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, ref
         assert loading.is_at_hand(owner, depsgraph)
     assert found == ([[1, 0], [0, 2], [3, 0], [3, 0], [1, 0]] if frames > 1 else 5 * [[1, 0]])
     assert len(keys) == frames
+    core("runtime.steps").drain(loading.load_ahead_steps(owner))  # of frame 2
+    assert len(store._entries) == (4 if frames > 1 else 3)
+    bpy.context.scene.frame_set(2)
+    assert loading.is_at_hand(owner, bpy.context.evaluated_depsgraph_get())
     if frames > 1:
         owner.rle_splat.active_label = 1
         refused(bpy.ops.rle_splat.change_segment, "change with time", tool="FILL")

@@ -14,6 +14,7 @@ SAME = {
     "cortex": ("Left-Cerebellum-Cortex", "ctx-rh-superiorfrontal", "Brain"),
     "kidney": ("kidney_left", "Right kidney"),
     "tumor": ("Neoplasm, Primary", "liver_tumour", "Lung nodule"),
+    "metastasis": ("Neoplasm, Secondary", "liver_metastases"),
     "cyst": ("kidney_cyst_left",),
     "muscle": ("gluteus_medius_left", "autochthon_right", "skeletal_muscle"),
 }  # fmt: skip

@@ -73,6 +73,20 @@ def test_what_is_beyond_the_field_of_view_is_air():
     assert kept > 0.99 and left == 0.0
 
 
+@pytest.mark.parametrize("is_round", [True, False])
+def test_a_chest_wall_that_the_field_of_view_cuts_thin_belongs_to_the_body(is_round):
+    """6 mm of it are left beside the lungs; the table, which the field of view cuts too, is left out."""
+    (x, y, _), parts, reach = places(), chest(gap=4.0), 92.0
+    rows, columns = (np.flatnonzero(np.abs(at.ravel()) < reach) for at in (y + 20.0, x))
+    values, body, table = (one[:, rows][:, :, columns] for one in parts)
+    if is_round:
+        beyond = np.broadcast_to(x**2 + (y + 20.0) ** 2 > reach**2, SHAPE)[:, rows][:, :, columns]
+        values[beyond] = -3024.0
+        body, table = body & ~beyond, table & ~beyond
+    kept, left = shares(values, body, table)
+    assert table.any() and kept > 0.995 and left < 0.02
+
+
 def test_slices_lie_across_the_body_whatever_the_order_of_axes():
     values, body, table = chest()
     turned = [np.ascontiguousarray(one.transpose(2, 0, 1)) for one in (values, body, table)]  # z, y, x: x, z, y

@@ -83,7 +83,7 @@ def read_segmentation_steps(found: read.Elements):
         remarks.append("The segments are fractional; voxels with at least half of the largest value were taken.")
     return Volume(
         voxels=merged, affine=stacked.affine, unit="mm", modality="SEG", name="DICOM SEG", space=PATIENT,
-        remarks=tuple(remarks), named_labels=labels,
+        place_key=pictures[0].series.place, remarks=tuple(remarks), named_labels=labels,
     )  # fmt: skip
 
 
