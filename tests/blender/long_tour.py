@@ -56,10 +56,10 @@ def watch_redraws():
     live = import_module(f"{MODULE}.bridge.live")
 
     def timed(function, name):
-        def call(*arguments):
+        def call(*arguments, **named):
             began = time.thread_time()
             try:
-                return function(*arguments)
+                return function(*arguments, **named)
             finally:
                 _parts[name] = _parts.get(name, 0.0) + time.thread_time() - began
 
@@ -97,9 +97,10 @@ def watch_steps():
 
     def place_of(steps):
         """Where a generator waits: the innermost function and its line."""
-        while getattr(steps, "gi_yieldfrom", None) is not None:
-            steps = steps.gi_yieldfrom
-        frame = getattr(steps, "gi_frame", None)
+        frame = None
+        while (inner := getattr(steps, "gi_frame", None)) is not None:
+            frame = inner
+            steps = steps.gi_yieldfrom or frame.f_locals.get("steps")
         return f"{frame.f_code.co_name}:{frame.f_lineno}" if frame is not None else "its end"
 
     def timed_steps(function):
