@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.pictures import backdrop, backdrop_work, outdated, pictures
+from ..bridge.pictures import backdrop, live_backdrop, outdated, pictures
 from ..bridge.pictures.canvas import ProgressImage, redraw
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
@@ -37,7 +37,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def prepare(self, context):
-        backdrop_work.stop()
+        live_backdrop.stop()
         scene = context.scene
         settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
@@ -96,7 +96,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        backdrop_work.stop()
+        live_backdrop.stop()
         backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
         redraw(context)

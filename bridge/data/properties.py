@@ -18,15 +18,20 @@ from . import knob_items
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
 from .effects import EffectOverrideProperties, EffectRowProperties
-from .live_kinds import LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, evaluate_anew
 from .overridable import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    LiveBool,
+    LiveEnum,
+    LiveFloat,
+    LiveInt,
+    LivePointer,
     PointerProperty,
     StringProperty,
-)
+    evaluate_anew,
+)  # fmt: skip
 from .preferences import FAILED_FRAME_ITEMS
 from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
 from .volume_properties import VolumeProperties

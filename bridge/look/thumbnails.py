@@ -23,7 +23,7 @@ from ...rle_splat.scene import RleSplatError
 from ...rle_splat.volume.reduced import factors_of, reduce_steps
 from .. import live
 from ..held import Held
-from ..loop import timer
+from ..loop import store, timer
 from ..pictures.canvas import redraw_sidebars
 from ..scene import viewports
 from ..volumes import volumes
@@ -46,17 +46,17 @@ class WantedThumbnail:
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """The volume that thumbnails are made from now, and the stages that they share."""
+    """The volume that thumbnails are made from, in the store while any is wanted, and the stages that they share."""
 
-    key: str
     volume: object
     cache: StageCache
 
 
+COARSE = store.Wish(0, store.ANY, "thumbnails")  # for one Coarse
+
 _collections: list = []  # the one preview collection while the extension is registered
 _wanted: dict[tuple, WantedThumbnail] = {}  # by key, in the order in which they were asked for
 _failed: set = set()  # keys of thumbnails that cannot be made
-_coarse: list[Coarse] = []  # at most one
 _work: list = []  # at most one (WantedThumbnail, generator)
 
 
@@ -73,8 +73,9 @@ def stop() -> None:
     """Drop all work and all pictures, before another file is opened."""
     for _, steps in _work:
         steps.close()
-    for held in (_work, _wanted, _failed, _coarse):
+    for held in (_work, _wanted, _failed):
         held.clear()
+    store.withdraw([COARSE])
     for collection in _collections:
         collection.clear()
     timer.stop(_tick)
@@ -133,8 +134,9 @@ def _rest() -> None:
     """Nothing is asked for now: what is unfinished is dropped, and the coarser voxels with it."""
     for _, steps in _work:
         steps.close()
-    for held in (_work, _wanted, _coarse):
+    for held in (_work, _wanted):
         held.clear()
+    store.withdraw([COARSE])
 
 
 def _others_work() -> bool:
@@ -223,10 +225,12 @@ def picture_steps(entry: Entry, volume):
         raise RleSplatError(
             "A preset that shows only where values change has no picture here, since it would take long."
         )
-    if not _coarse or _coarse[0].key != volume.key:
+    of_volume = "thumbnails", volume.key
+    coarse = store.find(of_volume)
+    if coarse is None:
         small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
-        _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]
-    coarse = _coarse[0]
+        coarse = Coarse(small, StageCache(CACHE_BYTES))
+        store.put(COARSE, of_volume, coarse)
     spacing = float(volume.spacing.min())
     pixels = yield from rescale(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
     thumbnail_files.save(key, pixels)

@@ -36,6 +36,7 @@ IMPORTED_BY_KERNELS = (
     "numba.cpython.hashing",
     "numba.cpython.unicode",
     "numba.cpython.charseq",
+    "numba.misc.quicksort",
     "numba.np.arrayobj",
 )
 MANGLED = "_ZN"  # names of functions that numba compiled begin so

@@ -230,7 +230,7 @@ def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch
 @pytest.fixture
 def timeline(volume, slow, bridge, monkeypatch):
     """A following backdrop whose camera moves from frame 1 to 2, with the user scrubbing."""
-    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("pictures.backdrop_work")
+    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("pictures.live_backdrop")
     for frame, x in ((1, 40.0), (2, 50.0), (3, 30.0)):
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)

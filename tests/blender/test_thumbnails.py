@@ -133,6 +133,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     while thumbnails._wanted and ticks < 1000:
         assert thumbnails._tick() == thumbnails.TICK
         ticks += 1
+    assert bridge("loop.store").has_any(thumbnails.COARSE)
     (collection,) = thumbnails._collections
     (preview,) = collection.values()  # its icon is 0 in background mode
     assert tuple(preview.image_size) == (128, 128) and len(thumbnails.rendered) == 1
@@ -144,7 +145,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     thumbnails.icon(ball, entries(bridge, ball)["x-ray"])
     shown[0] = False
     assert thumbnails._tick() is None and len(thumbnails.rendered) == 1
-    assert not thumbnails._coarse and not thumbnails._wanted
+    assert not bridge("loop.store").has_any(thumbnails.COARSE) and not thumbnails._wanted
 
 
 def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, cache, monkeypatch):
