@@ -305,7 +305,7 @@ def test_while_playing_nothing_is_refined(timeline, monkeypatch):
 
 def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
     bpy.context.scene.frame_set(2)
-    monkeypatch.setattr(timeline, "_unfinished", [
-        timeline.Refinement(iter(()), None, None, work.fail, None) for work in timeline._unfinished])  # fmt: skip
+    failing = (1 / 0 for _ in range(1))
+    monkeypatch.setattr(timeline, "_unfinished", [one._replace(steps=failing) for one in timeline._unfinished])
     assert timeline._tick() is None
     assert backdrop_pixels().max() == 0.0 and "could not be rendered" in bpy.context.scene.rle_splat.message
