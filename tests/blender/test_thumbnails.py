@@ -104,13 +104,13 @@ def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, cor
 
 
 def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
-    files = bridge("look.thumbnail_files")
-    monkeypatch.setattr(files, "MOST", 3)
+    files = bridge("look.thumbnails")
+    monkeypatch.setattr(files, "MOST_FILES", 3)
     pixels = np.zeros((128, 128, 3), np.uint8)
     for number in range(6):
-        files.save(f"{number}", pixels)
-    assert len(list(cache.iterdir())) == 3 and files.load("5") is not None
-    assert files.load("absent") is None
+        files.save_file(f"{number}", pixels)
+    assert len(list(cache.iterdir())) == 3 and files.load_file("5") is not None
+    assert files.load_file("absent") is None
 
 
 def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
