@@ -35,7 +35,7 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
             column = layout.box().column(align=True)
             for one in found:
                 _draw_one(context, column, one)
-            layout.prop(context.scene.rle_splat, "clip_objects", text="Also Cut by")
+            layout.prop(context.scene.rle_splat, "clip_objects", text="")
 
 
 def _draw_one(context, layout, one) -> None:
