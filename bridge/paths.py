@@ -1,4 +1,4 @@
-"""The folder where the extension may write: the one that Blender assigns to it.
+"""The folder where the extension may write, the one that Blender assigns to it, and file names that no system can have.
 
 This module is imported first.  Kernel modules choose the folder of their compiled code when they are imported, so the
 environment variable must be set before.
@@ -11,6 +11,7 @@ import bpy
 
 EXTENSION = __package__.rpartition(".")[0]
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
+RESERVED = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in "123456789¹²³")}
 
 
 def extension_folder() -> Path | None:
@@ -29,6 +30,11 @@ def choose_kernel_cache() -> None:
     folder = extension_folder()
     if folder is not None:
         os.environ.setdefault(CACHE_VARIABLE, str(folder / "cache"))
+
+
+def is_reserved(name: str) -> bool:
+    """Whether Windows takes a file name for a device, whatever its suffixes."""
+    return name.split(".")[0].strip().upper() in RESERVED
 
 
 choose_kernel_cache()

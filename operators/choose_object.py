@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import StringProperty
 
+from .placing import select_alone
 from .refusal import refuse
 
 
@@ -26,10 +27,7 @@ class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
         chosen = context.view_layer.objects.get(self.name)
         if chosen is None:
             return refuse(self, f"{self.name!r} is not in this view layer; include its collection in the Outliner.")
-        for other in context.selected_objects:
-            other.select_set(False)
-        chosen.select_set(True)  # a hidden object stays unselected
-        context.view_layer.objects.active = chosen
+        select_alone(context, chosen)
         return {"FINISHED"}
 
 

@@ -1,4 +1,4 @@
-"""Include in Renders and Remove from Renders: add the volume to every render through the compositor."""
+"""Show in Renders and Remove from Renders: add the volume to every render through the compositor."""
 
 import bpy
 
@@ -19,7 +19,7 @@ from .through_camera import has_volume_and_camera
 
 class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
-    bl_label = "Include in Renders"
+    bl_label = "Show in Renders"
     bl_description = (
         "Render the volumes of this scene with every frame (F12) and combine them with the meshes inside them"
     )

@@ -40,11 +40,16 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         return labels.listed_steps(labels.file_of(owner), volumes.load_volume(owner), wish)
 
     def commit(self, _context, result):
-        count, further, remarks = labels.list_labels(self._owner.get(), result)
+        owner = self._owner.get()
+        count, further, remarks = labels.list_labels(owner, result)
         for remark in remarks:
             self.report({"INFO"}, remark)
-        self.report({"INFO"}, f"{count} segments" + (
-            f"; {further} rows of the library have no voxels but cannot be removed" if further else ""))  # fmt: skip
+        sentence = f"{count} segments"
+        if further:
+            sentence += f"; {further} rows of the library have no voxels but cannot be removed"
+        if not any(row.use_color for row in owner.rle_splat.labels):  # so that the picture is as before
+            sentence += "; press Anatomy to see them in color"
+        self.report({"INFO"}, sentence)
 
 
 CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -1,4 +1,4 @@
-"""Pin to Camera and Remove from Camera: the volume's picture as a background image of the active camera."""
+"""Show in Camera View and Remove from Camera View: the volume's picture as a background image of the active camera."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.pictures import backdrop, backdrop_work, outdated, pictures
+from ..bridge.pictures import backdrop, live_backdrop, outdated, pictures
 from ..bridge.pictures.canvas import ProgressImage, redraw
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
@@ -15,7 +15,7 @@ from .through_camera import evaluated, has_volume_and_camera, is_looked_through,
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
-    bl_label = "Pin to Camera"
+    bl_label = "Show in Camera View"
     bl_description = "Render the volume and show it in the active camera's view, aligned to the pixel"
 
     place: EnumProperty(
@@ -37,7 +37,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def prepare(self, context):
-        backdrop_work.stop()
+        live_backdrop.stop()
         scene = context.scene
         settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
@@ -83,7 +83,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
 
 class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
     bl_idname = "rle_splat.remove_backdrop"
-    bl_label = "Remove from Camera"
+    bl_label = "Remove from Camera View"
     bl_description = "Remove the volume's picture from the active camera's view"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -91,12 +91,12 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
     def poll(cls, context):
         scene = context.scene
         if scene.camera is None or scene.camera.type != "CAMERA" or backdrop.find(scene, scene.camera) is None:
-            cls.poll_message_set("No picture of a volume is pinned to the active camera")
+            cls.poll_message_set("The active camera shows no picture of a volume")
             return False
         return True
 
     def execute(self, context):
-        backdrop_work.stop()
+        live_backdrop.stop()
         backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
         redraw(context)

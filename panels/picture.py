@@ -1,4 +1,4 @@
-"""The Render panel: the volume in renders, pinned to the camera and as a picture, and the messages about them."""
+"""The Render panel: the volume in renders, in the camera view and as a picture, and the messages about them."""
 
 import bpy
 from bpy.app.translations import pgettext_iface
@@ -23,7 +23,7 @@ class PicturePanel:
         _draw_composite(context, layout)
         layout.label(text="In the Camera View")
         row = _tall(layout)
-        row.operator("rle_splat.set_backdrop", icon="PINNED")
+        row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
         row.operator("rle_splat.remove_backdrop", text="", icon="X")
         row = layout.split(factor=0.4)
         row.label(text="Picture Is")

@@ -1,4 +1,4 @@
-"""The top of the tab, always visible: which volume, its views, and whether what is shown is up to date."""
+"""The top of the tab: which volume, its views, and whether what is shown is up to date."""
 
 import bpy
 
@@ -16,29 +16,31 @@ from .volume_menu import icon_of
 
 
 class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
+    """With a header, without which Blender draws no background behind a panel's text."""
+
     bl_label = "Volume"
     bl_idname = "RLE_SPLAT_PT_volume"
     bl_order = 0
-    bl_options = {"HIDE_HEADER"}
+
+    def draw_header_preset(self, context):
+        if volumes.volume_object(context) is not None:
+            draw_switch(self.layout, context.space_data)
+            _draw_in_renders(self.layout, context.scene.rle_splat.use_composite)
 
     def draw(self, context):
         layout = self.layout
         _warn_without_numba(context, layout)
         _draw_progress(layout)
-        if not volumes.volume_objects(context.scene):
-            first_run.draw(context, layout)
-            return
         owner = volumes.volume_object(context)
-        row = layout.row(align=True)
-        if owner is None:
-            row.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
+        if owner is not None:
+            layout.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
+            _draw_views(layout, owner.rle_splat)
+            draw_state(context, layout)
+        elif volumes.volume_objects(context.scene):
+            layout.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
             paragraph(context, layout, WHICH_VOLUME, icon="INFO")
-            return
-        row.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
-        draw_switch(row, context.space_data)
-        _draw_in_renders(row, context.scene.rle_splat.use_composite)
-        _draw_views(layout, owner.rle_splat)
-        draw_state(context, layout)
+        else:
+            first_run.draw(context, layout)
 
 
 def _draw_in_renders(layout, is_on: bool) -> None:

@@ -18,15 +18,20 @@ from . import knob_items
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
 from .effects import EffectOverrideProperties, EffectRowProperties
-from .live_kinds import LiveBool, LiveEnum, LiveFloat, LiveInt, LivePointer, evaluate_anew
 from .overridable import (
     BoolProperty,
     CollectionProperty,
     EnumProperty,
     FloatProperty,
+    LiveBool,
+    LiveEnum,
+    LiveFloat,
+    LiveInt,
+    LivePointer,
     PointerProperty,
     StringProperty,
-)
+    evaluate_anew,
+)  # fmt: skip
 from .preferences import FAILED_FRAME_ITEMS
 from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
 from .volume_properties import VolumeProperties
@@ -236,15 +241,15 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera view shows the pinned picture", update=_place_backdrop,
-        items=[("BACK", "Behind", "Show the pinned picture behind the objects"),
-               ("FRONT", "In Front", "Show the pinned picture in front of the objects")])  # fmt: skip
+        name="Place", description="Where the camera view shows the picture", update=_place_backdrop,
+        items=[("BACK", "Behind", "Show the picture behind the objects"),
+               ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(
         name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop"
     )
     backdrop_follows: BoolProperty(
         name="Keep Up to Date", default=False, update=evaluate_anew,
-        description="Update the pinned picture when the frame, the camera, the volume, a light, a clip object or a "
+        description="Update the picture when the frame, the camera, the volume, a light, a clip object or a "
         "setting changes")  # fmt: skip
     composite_object: PointerProperty(
         name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include"
@@ -267,7 +272,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
         items=FAILED_FRAME_ITEMS)  # fmt: skip
     use_composite: BoolProperty(
-        name="Include in Renders", description="Render the volume with every frame and combine it with the meshes",
+        name="Show in Renders", description="Render the volume with every frame and combine it with the meshes",
         default=False)  # fmt: skip
     scene_id: StringProperty(
         name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"}

@@ -17,7 +17,6 @@ from ..volumes.channels import ChannelProperties
 from ..volumes.labels import LabelProperties
 from ..volumes.source_paths import make_absolute
 from .automatic import switch
-from .live_kinds import LiveBool, LiveEnum, LiveFloat, LivePointer, LiveString, evaluate_anew
 from .overridable import (
     BoolProperty,
     CollectionProperty,
@@ -25,9 +24,15 @@ from .overridable import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    LiveBool,
+    LiveEnum,
+    LiveFloat,
+    LivePointer,
+    LiveString,
     PointerProperty,
     StringProperty,
-)
+    evaluate_anew,
+)  # fmt: skip
 from .playback import Playback
 from .source_options import SourceOptions
 

@@ -19,7 +19,7 @@ from ...rle_splat.volume.slices import slice_size
 from .. import messages
 from ..held import Held
 from ..loop import timer, work
-from ..render.placeholder import placeholder
+from ..pictures import images
 from . import slices
 
 SIZE = 64  # pixels along a side of a placeholder
@@ -152,7 +152,7 @@ def _update(scene, one, depsgraph, most: int | None) -> bool:
         if _shown.get(uid) == shows:
             return False
         _drafts.pop(uid, None)
-        slices.show(one, placeholder(SIZE, SIZE))
+        slices.show(one, images.placeholder(SIZE, SIZE))
         _problems[one.session_uid] = sentence
         messages.complain(scene.rle_splat, sentence)
     _shown[uid] = shows

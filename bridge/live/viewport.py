@@ -19,9 +19,9 @@ from ..messages import sentence_of
 from .frames import Contents, Ends, RegionPicture, Shot, picture_steps, shot_of
 from .view import Matrices, ViewportView, differ, eye_of
 
-# Seconds of work at a time: in a redraw, with all that it looks at, and in a timer.  A step of a draft may take 10 ms,
-# and a redraw is to take 30 at most.
-IN_REDRAW, BITE = 0.02, 0.03
+# Seconds of work at a time, in a redraw with all that it looks at.  A step of a draft may take 10 ms, and a redraw is
+# to take 30 at most.
+BITE = 0.02
 STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without a change before a view is refined
 # For how long pictures of another view are shown while the next ones are made: seconds, or times as long as the last
 # draft took, whichever is more; or slow drafts would alternate with nothing.
@@ -225,7 +225,7 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        self._advance(now + IN_REDRAW)
+        self._advance(now + BITE, foresees=False)  # since a draft is to be seen at once
 
     def work(self) -> bool:
         """Work for a bite, from a timer; return whether there is a new picture to draw."""
@@ -283,8 +283,8 @@ class Viewport:
             self._work.close()
             self._work = None
 
-    def _advance(self, until: float) -> None:
-        """Work until a time, or until the pictures are made."""
+    def _advance(self, until: float, *, foresees: bool = True) -> None:
+        """Work until a time, or until the pictures are made; ``foresees``: begin no step that may end after it."""
         while self._work is not None:
             began = self._now()
             try:
@@ -295,8 +295,7 @@ class Viewport:
             else:
                 self._spent += self._now() - began
             now = self._now()
-            # Of a refined picture no step is begun that may end after the bite; a draft is to be seen at once.
-            if now >= until or (self._work_on[1] is None and 2.0 * now - began >= until):
+            if now >= until or (foresees and 2.0 * now - began >= until):
                 break
 
     def _finish(self, pictures: list[RegionPicture]) -> None:

@@ -16,7 +16,7 @@ from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.runtime.steps import Progress, announce
 from ...rle_splat.runtime.whole_files import whole_files
 from ...rle_splat.scene import RleSplatError
-from ..pictures.file_names import is_reserved
+from ..paths import is_reserved
 
 PLACE = "presets/rle_splat"
 SUFFIX = ".json"

@@ -9,7 +9,10 @@ or once the tab is not shown.
 from __future__ import annotations
 
 import time
+import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 import bpy.utils.previews
@@ -18,21 +21,25 @@ import numpy as np
 from ...rle_splat.pipeline.stage_cache import StageCache
 from ...rle_splat.pipeline.thumbnail import SIDE, VOXELS, thumbnail_key, thumbnail_steps
 from ...rle_splat.runtime import jit
+from ...rle_splat.runtime.cache_folder import cache_folder
 from ...rle_splat.runtime.steps import announce, rescale
+from ...rle_splat.runtime.whole_files import whole_files
 from ...rle_splat.scene import RleSplatError
 from ...rle_splat.volume.reduced import factors_of, reduce_steps
 from .. import live
 from ..held import Held
-from ..loop import timer
+from ..loop import store, timer
 from ..pictures.canvas import redraw_sidebars
 from ..scene import viewports
 from ..volumes import volumes
-from . import preset_entries, thumbnail_files
+from . import preset_entries
 from .preset_entries import Entry
 
 BUDGET = 0.005  # seconds of work after which a call of the timer begins no further step; a step takes up to 25 ms
 TICK, BUSY = 0.02, 0.3  # seconds between calls, and while other work is done
 CACHE_BYTES = 1 << 28  # of stages that thumbnails of one volume share
+MOST_FILES = 600  # about 10 kB each
+FOLDER, PIXELS = "thumbnails", "pixels"  # in the user's cache; the array in a file
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,17 +53,17 @@ class WantedThumbnail:
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
-    """The volume that thumbnails are made from now, and the stages that they share."""
+    """The volume that thumbnails are made from, in the store while any is wanted, and the stages that they share."""
 
-    key: str
     volume: object
     cache: StageCache
 
 
+COARSE = store.Wish(0, store.ANY, "thumbnails")  # for one Coarse
+
 _collections: list = []  # the one preview collection while the extension is registered
 _wanted: dict[tuple, WantedThumbnail] = {}  # by key, in the order in which they were asked for
 _failed: set = set()  # keys of thumbnails that cannot be made
-_coarse: list[Coarse] = []  # at most one
 _work: list = []  # at most one (WantedThumbnail, generator)
 
 
@@ -73,8 +80,9 @@ def stop() -> None:
     """Drop all work and all pictures, before another file is opened."""
     for _, steps in _work:
         steps.close()
-    for held in (_work, _wanted, _failed, _coarse):
+    for held in (_work, _wanted, _failed):
         held.clear()
+    store.withdraw([COARSE])
     for collection in _collections:
         collection.clear()
     timer.stop(_tick)
@@ -133,8 +141,9 @@ def _rest() -> None:
     """Nothing is asked for now: what is unfinished is dropped, and the coarser voxels with it."""
     for _, steps in _work:
         steps.close()
-    for held in (_work, _wanted, _coarse):
+    for held in (_work, _wanted):
         held.clear()
+    store.withdraw([COARSE])
 
 
 def _others_work() -> bool:
@@ -215,7 +224,7 @@ def picture_steps(entry: Entry, volume):
     """
     function, _ = yield from rescale(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
     key = thumbnail_key(volume, function)
-    kept = thumbnail_files.load(key)
+    kept = load_file(key)
     if kept is not None:
         return kept
     # The viewport has compiled the kernels of others.
@@ -223,11 +232,55 @@ def picture_steps(entry: Entry, volume):
         raise RleSplatError(
             "A preset that shows only where values change has no picture here, since it would take long."
         )
-    if not _coarse or _coarse[0].key != volume.key:
+    of_volume = "thumbnails", volume.key
+    coarse = store.find(of_volume)
+    if coarse is None:
         small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
-        _coarse[:] = [Coarse(volume.key, small, StageCache(CACHE_BYTES))]
-    coarse = _coarse[0]
+        coarse = Coarse(small, StageCache(CACHE_BYTES))
+        store.put(COARSE, of_volume, coarse)
     spacing = float(volume.spacing.min())
     pixels = yield from rescale(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
-    thumbnail_files.save(key, pixels)
+    save_file(key, pixels)
     return pixels
+
+
+def file_folder() -> Path:
+    """Where thumbnails are kept; it may not exist yet."""
+    return cache_folder() / FOLDER
+
+
+def load_file(key: str) -> np.ndarray | None:
+    """A thumbnail that was kept on disk; its file is named by a hash of voxels and transfer function.
+
+    Parameters
+    ----------
+    key : str
+        See ``thumbnail_key``.
+
+    Returns
+    -------
+    (SIDE, SIDE, 3) ndarray of uint8, or None
+        None if it is not there, or damaged.
+    """
+    try:
+        with np.load(file_folder() / f"{key}.npz", allow_pickle=False) as stored:
+            pixels = stored[PIXELS]
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    return pixels if pixels.shape == (SIDE, SIDE, 3) and pixels.dtype == np.uint8 else None
+
+
+def save_file(key: str, pixels: np.ndarray) -> None:
+    """Keep a thumbnail, and forget the oldest beyond MOST_FILES; where nothing can be written it is not kept."""
+    place = file_folder()
+    with suppress(OSError):
+        place.mkdir(exist_ok=True)
+        with whole_files([place / f"{key}.npz"]) as (part,):
+            np.savez_compressed(part, **{PIXELS: pixels})
+        _forget_oldest(place)
+
+
+def _forget_oldest(place: Path) -> None:
+    files = sorted(place.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+    for file in files[MOST_FILES:]:
+        file.unlink(missing_ok=True)

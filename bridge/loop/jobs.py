@@ -20,7 +20,7 @@ from ..translations import filled, translate
 from ..volumes import loading, volumes
 
 TIME_BUDGET = 0.1  # seconds of work per tick of the timer; in between the window redraws and handles events
-READ_BUDGET = 0.03  # the same while a file is read
+READ_BUDGET = 0.02  # the same while a file is read
 TICK = 0.01  # seconds between ticks
 LOADING = 0.5  # share of the progress bar for voxels that are not in memory yet
 REDRAW = 0.2  # seconds between redraws of the progress bars in panels

@@ -28,7 +28,7 @@ class Wish(NamedTuple):
     owner, scene : int
         Session ids of the object or the world that shows the entry, and of the scene whose time it is read for.
     purpose : object
-        "voxels", "labels", "light", or the session id of a channel's object.
+        "voxels", "labels", "light", "thumbnails", or the session id of a channel's object.
     """
 
     owner: int
@@ -96,7 +96,7 @@ def withdraw_others(owner, depsgraph, purposes) -> None:
 
 def forget_deleted() -> None:
     """Drop what only deleted objects and scenes wanted."""
-    wishes = [wish for wish in _wanted if wish not in (AHEAD, LABELS_AHEAD)]
+    wishes = [wish for wish in _wanted if wish.owner]
     owners, scenes = {wish.owner for wish in wishes}, {ANY, *(one.session_uid for one in bpy.data.scenes)}
     held = {one.session_uid for one in bpy.data.objects if one.session_uid in owners and not presence.is_deleted(one)}
     held.update(one.session_uid for one in bpy.data.worlds)

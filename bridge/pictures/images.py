@@ -10,6 +10,8 @@ import numpy as np
 
 # Custom properties of our images: the kind of content, and the id of the scene that owns the picture.
 MARK, OWNER = "rle_splat_kind", "rle_splat_owner"
+STRIPES = np.array(((1.0, 0.0, 0.6, 1.0), (0.02, 0.02, 0.02, 1.0)), dtype=np.float32)  # scene-linear, opaque
+ACROSS = 32  # approximate number of stripes along the longer side
 
 
 def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = False):
@@ -178,3 +180,21 @@ def _write(image, pixels: np.ndarray) -> None:
     flipped = np.ascontiguousarray(pixels[::-1], dtype=np.float32)
     image.pixels.foreach_set(flipped.ravel())
     image.update()
+
+
+def placeholder(width: int, height: int) -> np.ndarray:
+    """The picture of a frame that could not be rendered: opaque stripes that cannot be mistaken for a result.
+
+    Parameters
+    ----------
+    width, height : int
+        Size in pixels.
+
+    Returns
+    -------
+    ndarray, shape (height, width, 4), float32
+        Premultiplied scene-linear colors.
+    """
+    thickness = max(1, max(width, height) // ACROSS)
+    rows, columns = np.ogrid[:height, :width]
+    return STRIPES[(rows + columns) // thickness % 2]

@@ -1,21 +1,66 @@
 """The backdrop that follows the scene: it is rendered again whenever something it depends on has changed.
 
-It is shown by the scene's active camera, including a camera that a timeline marker makes active.
+It is shown by the scene's active camera, including a camera that a timeline marker makes active.  During playback,
+scrubbing and edits a slow picture would block the window.  So a draft is shown at once and a timer continues until the
+picture is done or something changes.  Scripts that set a frame, and background mode, get the full picture at once.
 """
 
 from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from typing import NamedTuple
+
+import bpy
 
 from ...rle_splat.runtime.steps import drain
 from .. import messages, presence
 from ..data.settings import tolerance_of
 from ..held import Held
-from ..loop import work
+from ..loop import timer, work
 from ..scene import render_scene
 from ..scene.camera import camera_object, image_size
-from . import backdrop, backdrop_work, images, outdated, pictures
+from . import backdrop, images, outdated, pictures
+from .canvas import redraw
+from .drafts import Draft
 
+BITE = 0.02  # seconds of work per tick of the timer; short, so that scrubbing stays smooth
+PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between checks whether playback has ended
 HIDDEN = outdated.MadeFrom("hidden", "", False)  # the volume is hidden from renders
 FAILED = outdated.MadeFrom("failed", "", False)
+
+
+class _Work(NamedTuple):
+    """A picture in progress: ``steps`` yields Progress and at most one Draft, and returns a Rendering of inputs."""
+
+    steps: Generator
+    scene: Held
+    image: Held
+    made_from: outdated.MadeFrom
+
+
+_unfinished: list[_Work] = []  # at most one
+
+
+def is_playing() -> bool:
+    """Whether the user plays the animation."""
+    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
+
+
+def is_moving() -> bool:
+    """Whether the user plays the animation or drags through it."""
+    if bpy.app.background:
+        return False
+    return is_playing() or any(window.screen.is_scrubbing for window in bpy.context.window_manager.windows)
+
+
+def stop() -> None:
+    """Drop the work in progress.
+
+    The render thread may call this during a step, when the generator cannot be closed.  So the generator is only
+    released, and ends after that step.
+    """
+    _unfinished.clear()
 
 
 def follow(scene, depsgraph, later: bool, camera=None) -> None:
@@ -47,9 +92,9 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         plain, quality = render_scene.read_scene(volume_object, depsgraph, with_meshes=with_meshes, camera=camera)
         tolerance = tolerance_of(depsgraph.scene_eval)
         made_from = outdated.made_of(plain, quality, tolerance, with_meshes)
-        if image is not None and (outdated.made_from(image) == made_from or backdrop_work.is_making(made_from)):
+        if image is not None and made_from in (outdated.made_from(image), *(one.made_from for one in _unfinished)):
             return
-        backdrop_work.stop()
+        stop()
         if image is None:
             image = pictures.find_or_make(
                 scene, volume_object, "backdrop", *image_size(depsgraph.scene_eval.render), camera
@@ -58,7 +103,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
         wish = dict(tolerance=tolerance, refuse_empty_view=False)
         if later:
             steps = render_scene.steps(plain, quality, **wish, drafts=True)
-            backdrop_work.begin(_refinement(steps, Held(scene), Held(image), made_from))
+            _begin(_Work(steps, Held(scene), Held(image), made_from))
             return
         _finish(scene, image, drain(render_scene.steps(plain, quality, **wish)), made_from)
     except Exception as problem:  # a handler runs for every frame: one sentence instead of many tracebacks
@@ -88,25 +133,50 @@ def remove_deleted(scene) -> None:
         gone.add(followed.name)
         settings.backdrop_object = None
     if gone:
-        backdrop_work.stop()
+        stop()
         messages.complain(settings, f"{messages.the_volume(*gone)} was deleted, so its backdrop was removed.")
 
 
-def _refinement(steps, scene: Held, image: Held, made_from) -> backdrop_work.Refinement:
-    """The work on a backdrop for a timer; scene and image are looked up again at each step, and may be gone."""
+def _begin(one: _Work) -> None:
+    """Work until the draft and leave the rest to a timer."""
+    while (step := _advance(one)) is not None:
+        if isinstance(step, Draft):
+            _unfinished.append(one)
+            timer.start(_tick, PAUSE)
+            return
 
-    def with_both(act):
-        found = scene.find(), image.find()
-        if None not in found:
-            act(*found)
 
-    return backdrop_work.Refinement(
-        steps,
-        show=lambda rendering: with_both(lambda _scene, one: pictures.show(one, rendering)),
-        finish=lambda rendering: with_both(lambda one, other: _finish(one, other, rendering, made_from)),
-        fail=lambda problem: with_both(lambda one, other: _fail(one, other, problem)),
-        wish=made_from,
-    )
+def _tick():
+    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    if _unfinished and is_playing():
+        return WAIT
+    until = time.perf_counter() + BITE
+    while (works := _unfinished[:1]) and time.perf_counter() < until:
+        step = _advance(works[0])
+        if step is None:
+            stop()
+        if step is None or isinstance(step, Draft):
+            redraw(bpy.context)
+    return PAUSE if _unfinished else None
+
+
+def _advance(one: _Work):
+    """Do one step and show the draft if it is one; return the step, or None at the end."""
+    scene, image = one.scene.find(), one.image.find()
+    if scene is None or image is None:
+        return None
+    try:
+        try:
+            step = next(one.steps)
+        except StopIteration as finished:
+            _finish(scene, image, finished.value, one.made_from)
+            return None
+        if isinstance(step, Draft):
+            pictures.show(image, step.rendering)
+        return step
+    except Exception as problem:
+        _fail(scene, image, problem)
+        return None
 
 
 def _finish(scene, image, rendering, made_from) -> None:
@@ -120,7 +190,7 @@ def _finish(scene, image, rendering, made_from) -> None:
 def _hide(scene, volume_object, image) -> None:
     """Clear the backdrop of a volume that is hidden from renders, with a message."""
     if image is not None and outdated.made_from(image) != HIDDEN:
-        backdrop_work.stop()
+        stop()
         images.clear(image)
         outdated.note(image, HIDDEN)
     _say(scene, f"{volume_object.name!r} is hidden from renders, so its backdrop is empty.")
@@ -128,7 +198,7 @@ def _hide(scene, volume_object, image) -> None:
 
 def _fail(scene, image, problem) -> None:
     """Clear the backdrop instead of showing an outdated picture, with a message."""
-    backdrop_work.stop()
+    stop()
     if image is not None:
         images.clear(image)
         outdated.note(image, FAILED)

@@ -14,10 +14,10 @@ from bpy.app.handlers import persistent
 
 from .. import messages
 from ..data import preferences
+from ..paths import is_reserved
 from ..render import compositor
 from ..volumes.source_paths import kept_path
 from . import images, outdated, pictures
-from .file_names import is_reserved
 
 FOLDER = "_rle_splat"  # the folder's name is that of the .blend with this suffix
 

@@ -16,7 +16,7 @@ from ..loop import timer, work
 from ..render import compositor, mesh_shadows
 from ..scene.camera import marked_camera
 from ..volumes import volumes
-from . import backdrop_work, live_backdrop, outdated, pictures
+from . import live_backdrop, outdated, pictures
 from .canvas import redraw
 
 PAUSE = 0.15  # seconds without a change before the scene is checked
@@ -42,7 +42,7 @@ def _on_change(scene=None, depsgraph=None):
 def _on_frame_change_post(scene, depsgraph=None):
     """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
-        live_backdrop.follow(scene, depsgraph, backdrop_work.is_moving(), marked_camera(scene))
+        live_backdrop.follow(scene, depsgraph, live_backdrop.is_moving(), marked_camera(scene))
         work.consider()
 
 
@@ -125,7 +125,7 @@ def _tick():
         return left
     if _due[0] == _seen[0] and not any(outdated.have_new_transfer_functions(scene) for scene in _followed()):
         return POLL if _followed() else None
-    if timer.must_wait() or backdrop_work.is_moving():
+    if timer.must_wait() or live_backdrop.is_moving():
         return PAUSE
     _seen[0] = _due[0]
     for window in bpy.context.window_manager.windows:

@@ -23,7 +23,7 @@ from .compositor_paths import feeding
 
 MARK = "rle_splat"  # custom property of our nodes: "over" or "picture"
 _OVER, _PICTURE, _DEFAULT = "over", "picture", "default"
-_AGAIN = "press Include in Renders again"
+_AGAIN = "press Show in Renders again"
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,11 @@ from ...rle_splat.scene import RleSplatError
 from .. import messages, presence
 from ..data.settings import tolerance_of
 from ..live import slices
-from ..pictures import backdrop_work, images, pictures
+from ..pictures import images, live_backdrop, pictures
 from ..scene import placements, render_scene
 from ..scene.camera import frame_crop, image_size
 from ..translations import filled, translate
 from . import compositor, mesh_shadows
-from .placeholder import placeholder
 from .render_log import RenderLog
 
 LAST_FRAME = 1048574  # Blender's largest frame number
@@ -41,7 +40,7 @@ _logs: dict[int, RenderLog] = {}
 
 @persistent
 def _on_render_init(scene, *_arguments):
-    backdrop_work.stop()
+    live_backdrop.stop()
     started = next(iter(_logs.values()), None)
     if started is not None and not started.is_in_frame:
         _logs.clear()  # a render that Blender aborted before its first frame sends no event at its end
@@ -290,4 +289,4 @@ def _shadows_on_meshes(volumes: list, depsgraph, quality, log: RenderLog) -> dic
 def _show_placeholder(image, render) -> None:
     left, top, right, bottom = frame_crop(render) or (0, 0, *image_size(render))
     width, height = max(1, right - left), max(1, bottom - top)
-    images.write_color(images.ensure_image(image, image.name, width, height), placeholder(width, height))
+    images.write_color(images.ensure_image(image, image.name, width, height), images.placeholder(width, height))

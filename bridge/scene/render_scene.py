@@ -25,9 +25,8 @@ from .camera import frame_crop, read_camera
 from .clip_objects import clip_objects, read_clips
 from .lights import BY_SCENE, read_lights
 from .meshes import known_surfaces
-from .mist import read_mist
 from .motion import read_motion
-from .world import read_world
+from .world import read_mist, read_world
 
 KEPT = StageCache()  # keyed by content, so it stays valid across files and undo
 

@@ -1,4 +1,4 @@
-"""The world's light as plain data.
+"""The world's light and mist as plain data.
 
 A Background of one color is read from its node, and an environment texture from its image.  Any other world was
 rendered before, see ``world_render.py``.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...rle_splat.scene import Environment
+from ...rle_splat.scene import LEAST_LENGTH, Environment, Mist
+from ..data.decimals import typed
 from . import world_nodes, world_render
 from .lights import BY_SCENE
 
@@ -95,3 +96,20 @@ def state(scene, lighting: str = "SCENE") -> str:
     if not has_directions and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
         return "World not used: one color and no lights"
     return f"World: {origin}"
+
+
+def read_mist(depsgraph) -> Mist | None:
+    """The mist of the scene's world, which the scene's own property switches on; the Mist pass of a view layer changes
+    no picture.  A world with more than one color counts as black.
+
+    Returns
+    -------
+    Mist or None
+        Start and depth in world units, falloff and scene-linear color; None if Mist is off in ``scene.rle_splat``.
+    """
+    world = depsgraph.scene_eval.world
+    if world is None or not depsgraph.scene_eval.rle_splat.use_mist:
+        return None
+    settings = world.mist_settings
+    color = world_nodes.plain_color(world) or (0.0, 0.0, 0.0)
+    return Mist(typed(settings.start), max(typed(settings.depth), LEAST_LENGTH), settings.falloff, color)

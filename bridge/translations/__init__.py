@@ -59,7 +59,8 @@ WHOLE = (
     "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.",
     "The world's light is not rendered yet, so it is left out; press Update World Light.",
     "rendering the world's light",
-    "Looking through the voxels", "Shading", "Splatting", "Warping", "counting the values", "adding the volume",
+    "Looking through the voxels", "Shading", "Splatting", "Warping", "Mixing volumes",
+    "counting the values", "adding the volume",
     "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
     "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",
 )  # fmt: skip

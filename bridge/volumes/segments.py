@@ -22,7 +22,7 @@ from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, p
 from ...rle_splat.volume.volume import NamedLabel, Volume
 from ..look import transfer
 from ..loop import store
-from ..pictures.file_names import is_reserved
+from ..paths import is_reserved
 from ..pictures.picture_files import FOLDER
 from . import labels
 from .source_paths import resolved_path

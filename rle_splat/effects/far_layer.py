@@ -39,11 +39,8 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
         return found
     past = layers.coverage_of(region) < 1.0
     if past.any():  # most pictures have no silhouette, and finding its pixels reads them all again
-        rows, columns = np.nonzero(past)
-        left, top = region[0], region[1]
-        behind = (
-            left + int(columns.min()), top + int(rows.min()), left + int(columns.max()) + 1, top + int(rows.max()) + 1
-        )  # fmt: skip
+        columns, rows = (np.flatnonzero(past.any(axis=axis)) + region[axis] for axis in (0, 1))
+        behind = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
         windows = [(n, plane.window(behind, reach)) for n, plane in enumerate(planes)]
         found.append((layers.far, behind, [(n, window) for n, window in windows if window is not None]))
     return found
@@ -99,7 +96,13 @@ def take_like(image: IntermediateImage, near: IntermediateImage | None, like) ->
     of_image, of_near = tuple(of_image), tuple(of_near)
     np.copyto(image.pixels[of_image], near.pixels[of_near], where=like[of_image][..., None])
     np.copyto(image.half_depth[of_image], near.half_depth[of_near], where=like[of_image])
-    image.note_filled()
+    width, moved = image.pixels.shape[1], near.base_plane.origin[0] - image.base_plane.origin[0]
+    filled, more = image.filled[:, of_image[0]], np.clip(near.filled[:, of_near[0]] + moved, 0, width)
+    for each in (filled, more):  # an empty row, so that it changes neither end of the other one
+        each[:, each[0] >= each[1]] = [[width], [0]]
+    np.minimum(filled[0], more[0], out=filled[0])
+    np.maximum(filled[1], more[1], out=filled[1])
+    filled[:, filled[0] >= filled[1]] = 0
 
 
 def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_depth) -> None:
@@ -119,6 +122,8 @@ def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_d
     """
     left, top = behind[0] - region[0], behind[1] - region[1]
     part = slice(top, top + far_depth.shape[0]), slice(left, left + far_depth.shape[1])
-    coverage = layers.coverage_of(behind)
-    rgba[part] = coverage[..., None] * rgba[part] + (1.0 - coverage[..., None]) * far_rgba
-    depth[part] = np.where(coverage >= 0.5, depth[part], far_depth)
+    coverage, near = layers.coverage_of(behind), rgba[part]
+    past = coverage < 1.0  # few pixels
+    share = coverage[past][:, None]
+    near[past] = share * near[past] + (1.0 - share) * far_rgba[past]
+    np.copyto(depth[part], far_depth, where=coverage < 0.5)

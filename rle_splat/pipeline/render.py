@@ -152,6 +152,7 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
 def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     """Generator of Progress: splat and warp each fade of the view and blend them; returns (rgba, depth)."""
     picture.ray_effects.leave_out_idle(picture.view.planes)  # such as a mesh that is behind the whole volume
+    yield Progress(BEFORE, "Splatting")  # since looking for silhouettes of meshes takes long
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = BEFORE + SPLATS * n / len(fades), SPLATS / len(fades)
@@ -179,14 +180,19 @@ def _splat_fade_steps(picture: Picture, medium: Medium, tables: dict, fade: Fade
             shortened = effects.intervals(ray_pass, number, plane)
             if shortened is not None:  # else no ray of this plane is left
                 plane, intervals = shortened
+                at = begin + share * done / count
+                yield Progress(at, "Splatting")
                 steps = medium.splat_steps(tables.get(plane.axis), plane, intervals)
-                image = yield from watch_splat_steps(steps, clock, begin + share * done / count, share / count)
+                image = yield from watch_splat_steps(steps, clock, at, share / count)
+                yield Progress(at + share / count, "Splatting")
                 images.append(effects.complete(ray_pass, number, image))
             done += 1
         steps = warp_steps(images, picture.view.index_view, ray_pass.region, picture.source.quality, largest)
         at = begin + share * done / count
         with clock.stage("warp"):  # ``finish`` colors pictures of values (MIP and the like)
             found = yield from announce(steps, at, at, "Warping")
+        yield Progress(at, "Warping")
+        with clock.stage("warp"):
             mixed = effects.mix(ray_pass, mixed, medium.finish(*found))
     rgba, depth = mixed
     return rgba, effects.clamp_to_clip(depth)

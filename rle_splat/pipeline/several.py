@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from ..runtime.steps import rescale
+from ..runtime.steps import Progress, rescale
 from ..scene import MODES, NO_DEPTH, Rendering, Scene
 from ..scene.changed import change
 from ..view.box_order import box_of, near_to_far
@@ -24,6 +25,7 @@ MOST_SPANS = 16  # in which overlapping volumes are mixed
 MARGIN = 4  # pixels by which the warp reaches beyond a box
 VOXELS = 2.0  # depth of a span, in sides of the smallest voxel
 OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
+BAND = 1 << 15  # pixels that are mixed at a time, which stay in the processor's cache
 SLICED = "volumes that overlap are rendered in spans of depth"
 LAID = "Volumes that overlap are laid over one another, the nearest first, because"
 
@@ -61,9 +63,19 @@ def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], 
         reports.append((n, rendering.report))
         return rendering.rgba, rendering.depth
 
+    def combine(function, *pictures):
+        made = tuple(np.empty_like(plane) for plane in pictures[0])
+        rows = max(BAND // made[0].shape[1], 1)
+        for first in range(0, len(made[0]), rows):
+            band = slice(first, first + rows)
+            for plane, found in zip(made, function(*((rgba[band], depth[band]) for rgba, depth in pictures))):
+                plane[band] = found
+            yield Progress(len(reports) / total, "Mixing volumes")
+        return made
+
     for layer in layers:
-        found = yield from layer.steps(make_next)
-        picture = found if picture is None else _lay_over(picture, found, None)
+        found = yield from layer.steps(make_next, combine)
+        picture = found if picture is None else (yield from combine(_lay_over, picture, found))
     about = {"count": len(scenes), "pictures": total, "mixed": overlap and not reason}
     return Rendering(*picture, _sum_reports(reports, about, f"{LAID} {reason}." if overlap and reason else ""))
 
@@ -87,12 +99,15 @@ class _Layer:
         """How many pictures of single volumes it takes."""
         return len(self._order) + sum(len(inside) for inside, _ in self._spans)
 
-    def steps(self, make: Callable):
-        """Generator of Progress: the picture and its depth."""
+    def steps(self, make: Callable, combine: Callable):
+        """Generator of Progress: the picture and its depth.
+
+        ``combine(function, *pictures)`` is a generator that returns ``function(*pictures)``.
+        """
         whole = mixed = None
         for n in self._order:
             found = yield from make(self._scenes[n], n)
-            whole = found if whole is None else _lay_over(whole, found, None)
+            whole = found if whole is None else (yield from combine(_lay_over, whole, found))
         for inside, span in self._spans:
             made = []
             for n in inside:
@@ -100,8 +115,12 @@ class _Layer:
                 if span is not None:
                     of_span = replace(of_span, camera=_clip_between(of_span.camera, span))
                 made.append((yield from make(of_span, n)))
-            found = made[0] if len(made) == 1 else _mix(made, span)
-            mixed = found if mixed is None else _lay_over(mixed, found, span if len(made) > 1 else None)
+            found, is_mixture = made[0], len(made) > 1
+            if is_mixture:
+                found = yield from combine(partial(_mix, span=span), *made)
+            if mixed is not None:
+                found = yield from combine(partial(_lay_over, span=span if is_mixture else None), mixed, found)
+            mixed = found
         if whole is None or mixed is None:
             return whole or mixed
         left, top, right, bottom = self._shared
@@ -231,8 +250,10 @@ def _clip_between(camera, span):
     return change(camera, clip_start=float(span[0]), clip_end=float(span[1]))
 
 
-def _mix(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
+def _mix(*made: tuple, span) -> tuple[np.ndarray, np.ndarray]:
     """The picture and the depth of a span from those of its volumes."""
+    if not any(rgba[..., 3].any() for rgba, _ in made):
+        return np.zeros_like(made[0][0]), np.full_like(made[0][1], NO_DEPTH)
     pictures = np.stack([rgba for rgba, _ in made]).astype(np.float64)
     opacity = pictures[..., 3:]
     depths = -np.log1p(-np.clip(opacity, 0.0, OPAQUE))
@@ -244,7 +265,7 @@ def _mix(made: list[tuple], span) -> tuple[np.ndarray, np.ndarray]:
     return rgba, _half_depth(np.zeros(whole.shape[:2]), whole[..., 0], span)
 
 
-def _lay_over(front: tuple, back: tuple, span) -> tuple[np.ndarray, np.ndarray]:
+def _lay_over(front: tuple, back: tuple, span=None) -> tuple[np.ndarray, np.ndarray]:
     """A picture over another one, and the depth of both; ``span``: depths of the back one if it is of a mixture."""
     (near, near_depth), (far, far_depth) = front, back
     rgba = near + (1.0 - near[..., 3:]) * far

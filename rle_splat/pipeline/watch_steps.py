@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..runtime.jit import NotingKernels, compiled, nothing_compiled_yet
-from ..runtime.steps import Clock, Progress, map_steps, step_within
+from ..runtime.jit import NotingKernels, compiled, first_load_steps, nothing_compiled_yet
+from ..runtime.steps import Clock, Progress, announce, map_steps, step_within
 from ..scene import RleSplatError, Scene
 from ..splat.splat import LOADING
 from ..volume.mapped_files import list_mapped_files, refuse_cut_files
@@ -25,6 +25,8 @@ def watch_steps(steps, scene: Scene, clock: Clock):
     kernels: set[str] = set()
     files, reached = list_mapped_files(scene), 0.0
     first_ever = compiled() and nothing_compiled_yet()
+    if compiled():
+        yield from announce(first_load_steps(), 0.0, 0.0, LOADING_KERNELS)
     while True:
         try:
             refuse_cut_files(files)

@@ -15,9 +15,11 @@ from __future__ import annotations
 
 import os
 import queue
+import sys
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 from ..scene import RleSplatError
@@ -26,7 +28,7 @@ from .called_kernels import NotingKernels
 
 __all__ = [
     "CACHE_VARIABLE", "KERNELS", "NUMBA_PROBLEM", "NUMBA_VARIABLE", "PLAIN_NUMBA", "NotingKernels", "available_threads",
-    "cache_folder", "compiled", "inner_loop", "is_loaded", "kernel", "need_kernels", "note_loaded",
+    "cache_folder", "compiled", "first_load_steps", "inner_loop", "is_loaded", "kernel", "need_kernels", "note_loaded",
     "nothing_compiled_yet", "numba", "parallel_call", "prange", "read_only", "run_either", "shipped_level",
     "shipped_problem", "thread_count", "use_reference", "while_compiling",
 ]  # fmt: skip
@@ -72,6 +74,14 @@ def shipped_level() -> str:
 def shipped_problem() -> str:
     """Why kernels of this installation are not used, for people; "" where all are, and where none came with it."""
     return "" if internals is None else internals.SHIPPED.problem
+
+
+def first_load_steps():
+    """Generator: import what numba imports when it loads its first kernel, a module at a step.  Yields 0."""
+    for name in internals.IMPORTED_BY_KERNELS if internals is not None else ():
+        if name not in sys.modules:
+            import_module(name)
+            yield 0.0
 
 
 @contextmanager

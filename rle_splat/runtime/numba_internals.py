@@ -31,6 +31,14 @@ from .kernel_cache import SHIPPED, cache_of, keep_in  # noqa: E402
 
 __all__ = ["SHIPPED", "OwnCopy", "compile_with", "fingerprint", "keep_in"]
 
+# Modules of numba that its first kernel brings in.
+IMPORTED_BY_KERNELS = (
+    "numba.cpython.hashing",
+    "numba.cpython.unicode",
+    "numba.cpython.charseq",
+    "numba.misc.quicksort",
+    "numba.np.arrayobj",
+)
 MANGLED = "_ZN"  # names of functions that numba compiled begin so
 
 

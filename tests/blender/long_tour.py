@@ -56,10 +56,10 @@ def watch_redraws():
     live = import_module(f"{MODULE}.bridge.live")
 
     def timed(function, name):
-        def call(*arguments):
+        def call(*arguments, **named):
             began = time.thread_time()
             try:
-                return function(*arguments)
+                return function(*arguments, **named)
             finally:
                 _parts[name] = _parts.get(name, 0.0) + time.thread_time() - began
 
@@ -88,17 +88,78 @@ def watch_redraws():
 
 
 def watch_steps():
-    """Note what each call of the one timer takes, and whom it calls."""
+    """Note what each call of the one timer takes, whom it calls, and which of its parts took longest."""
     timer = import_module(f"{MODULE}.bridge.loop.timer")
-    tick = timer._tick
+    tick, longest, shares = timer._tick, {}, {}
+
+    def note(name, seconds):
+        longest[name] = max(longest.get(name, 0.0), seconds)
+
+    def place_of(steps):
+        """Where a generator waits: the innermost function and its line."""
+        frame = None
+        while (inner := getattr(steps, "gi_frame", None)) is not None:
+            frame = inner
+            steps = steps.gi_yieldfrom or frame.f_locals.get("steps")
+        return f"{frame.f_code.co_name}:{frame.f_lineno}" if frame is not None else "its end"
+
+    def timed_steps(function):
+        def call(*arguments, **named):
+            steps, message = function(*arguments, **named), "the beginning"
+            while True:
+                begin, began = place_of(steps), time.thread_time()
+                try:
+                    progress = next(steps)
+                except StopIteration as finished:
+                    note(f"after {message} from {begin} to its end", time.thread_time() - began)
+                    return finished.value
+                note(f"after {message} from {begin} to {place_of(steps)}", time.thread_time() - began)
+                message = progress.message
+                yield progress
+
+        return call
+
+    def summed(function, name):
+        def call(*arguments, **named):
+            began = time.thread_time()
+            try:
+                return function(*arguments, **named)
+            finally:
+                shares[name] = shares.get(name, 0.0) + time.thread_time() - began
+
+        return call
 
     def timed_tick():
         function = min(timer._due, key=timer._due.get, default=tick)
-        began = time.thread_time()
+        longest.clear()
+        shares.clear()
+        began, start = time.thread_time(), time.perf_counter()
         again = tick()
-        _steps.append((time.thread_time() - began, f"{function.__module__.rpartition('.')[2]}.{function.__name__}"))
+        spent, wall = time.thread_time() - began, time.perf_counter() - start
+        name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+        _steps.append((spent, name))
+        if spent > SLOW:
+            parts = sorted(longest.items(), key=lambda part: -part[1])[:3]
+            listed = [f"{part} {1e3 * seconds:.0f}" for part, seconds in (*parts, *shares.items())]
+            print(f"slow step: {1e3 * spent:.0f} ms ({1e3 * wall:.0f} by the clock), {_doing[0]}, {name}: "
+                  f"{'; '.join(listed)}", flush=True)  # fmt: skip
         return again
 
+    def note_garbage(phase, _info, began=[0.0]):  # noqa: B006
+        if phase == "start":
+            began[0] = time.thread_time()
+        else:
+            shares["garbage"] = shares.get("garbage", 0.0) + time.thread_time() - began[0]
+
+    gc.callbacks.append(note_garbage)
+    for module, name in (("live.viewport", "picture_steps"), ("loop.work.loading", "load_steps")):
+        place = import_module(f"{MODULE}.bridge.{module.removesuffix('.loading')}")
+        place = getattr(place, "loading", place) if module.endswith("loading") else place
+        setattr(place, name, timed_steps(getattr(place, name)))
+    cache = import_module(f"{MODULE}.rle_splat.runtime.kernel_cache").KernelCache
+    cache.load_overload = summed(cache.load_overload, "loading kernels")
+    live = import_module(f"{MODULE}.bridge.live")
+    live._find_mesh_before = summed(live._find_mesh_before, "mesh before")
     timer.stop_all()
     timer._tick = timed_tick
 

@@ -242,7 +242,7 @@ def backdrop_of(camera):
 
 
 def set_anew(camera):
-    """The pixels of the backdrop as Pin to Camera makes it now."""
+    """The pixels of the backdrop as Show in Camera View makes it now."""
     assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
     return backdrop_of(camera)
 

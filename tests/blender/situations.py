@@ -111,9 +111,9 @@ SITUATIONS = {
     "B81": ("Behind or In Front is chosen", "the camera's backdrop changes at once"),
     "B82": ("a maximum error is set while shadows are on", "the panel says that shadows are left out, and so does the "
             "report"),
-    "B83": ("Remove from Camera, in a window", "the picture is gone from the screen at once"),  # window.py
+    "B83": ("Remove from Camera View, in a window", "the picture is gone from the screen at once"),  # window.py
     "B84": ("Measure Accuracy ends, in a window", "the panel shows its rows at once"),  # window.py
-    "B85": ("Pin to Camera, where no view looks through the camera", "the report says so"),
+    "B85": ("Show in Camera View, where no view looks through the camera", "the report says so"),
     # Renders: test_situations_renders.py
     "B86": ("EEVEE", "the volume is laid over the render as in Cycles"),
     "B87": ("Workbench", "the volume is laid over the render as in Cycles"),

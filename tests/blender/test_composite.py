@@ -1,4 +1,4 @@
-"""Include in Renders, through Cycles: predicted pixels with meshes before, inside and behind a volume whose
+"""Show in Renders, through Cycles: predicted pixels with meshes before, inside and behind a volume whose
 light is known in closed form, and a compositor that keeps what its owner put there.
 
 The volume is a uniform cube of N voxels at unit spacing.  Zero-padded, as its truth says, each voxel's tent adds
@@ -267,7 +267,7 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     tree.links.new(exposure.outputs[0], add_file_output(tree, tmp_path))
     scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.render_problem == (
-        "The compositor's node 'File Output' shows the render without the volume; press Include in Renders again."
+        "The compositor's node 'File Output' shows the render without the volume; press Show in Renders again."
     )
     bpy.ops.rle_splat.composite()
     scenes.rendered(tmp_path / "out.exr")

@@ -263,7 +263,7 @@ def remove_nodes(tree, over, picture):
 
 
 ABSENT = "so the volume is not in the render"
-AGAIN = "press Include in Renders again."
+AGAIN = "press Show in Renders again."
 REMOVE = "or press Remove from Renders."
 UNLINKED = (
     f"The volume's picture is not linked to the compositor's output, so it is not in the render; link it, or {AGAIN}"

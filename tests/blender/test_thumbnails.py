@@ -104,13 +104,13 @@ def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, cor
 
 
 def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
-    files = bridge("look.thumbnail_files")
-    monkeypatch.setattr(files, "MOST", 3)
+    files = bridge("look.thumbnails")
+    monkeypatch.setattr(files, "MOST_FILES", 3)
     pixels = np.zeros((128, 128, 3), np.uint8)
     for number in range(6):
-        files.save(f"{number}", pixels)
-    assert len(list(cache.iterdir())) == 3 and files.load("5") is not None
-    assert files.load("absent") is None
+        files.save_file(f"{number}", pixels)
+    assert len(list(cache.iterdir())) == 3 and files.load_file("5") is not None
+    assert files.load_file("absent") is None
 
 
 def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
@@ -133,6 +133,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     while thumbnails._wanted and ticks < 1000:
         assert thumbnails._tick() == thumbnails.TICK
         ticks += 1
+    assert bridge("loop.store").has_any(thumbnails.COARSE)
     (collection,) = thumbnails._collections
     (preview,) = collection.values()  # its icon is 0 in background mode
     assert tuple(preview.image_size) == (128, 128) and len(thumbnails.rendered) == 1
@@ -144,7 +145,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     thumbnails.icon(ball, entries(bridge, ball)["x-ray"])
     shown[0] = False
     assert thumbnails._tick() is None and len(thumbnails.rendered) == 1
-    assert not thumbnails._coarse and not thumbnails._wanted
+    assert not bridge("loop.store").has_any(thumbnails.COARSE) and not thumbnails._wanted
 
 
 def test_a_preset_that_cannot_be_read_is_tried_once(ball, thumbnails, bridge, cache, monkeypatch):

@@ -59,11 +59,11 @@ def test_the_interface_speaks_german(addon):
     before = view.language
     view.language = "de_DE"
     try:
-        assert bpy.app.translations.pgettext_iface("Include in Renders") == "In Renderings aufnehmen"
+        assert bpy.app.translations.pgettext_iface("Show in Renders") == "In Renderings zeigen"
         addon.unregister()
-        assert bpy.app.translations.pgettext_iface("Include in Renders") == "Include in Renders"
+        assert bpy.app.translations.pgettext_iface("Show in Renders") == "Show in Renders"
         addon.register()
-        assert bpy.app.translations.pgettext_iface("Include in Renders", "Operator") == "In Renderings aufnehmen"
+        assert bpy.app.translations.pgettext_iface("Show in Renders", "Operator") == "In Renderings zeigen"
     finally:
         view.language = before
 

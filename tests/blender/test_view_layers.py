@@ -1,4 +1,4 @@
-"""Include in Renders with several view layers, through Cycles: each has the volume, and what stands in it, as its
+"""Show in Renders with several view layers, through Cycles: each has the volume, and what stands in it, as its
 own visibility says.  Pixels are compared with closed forms.
 
 The volume is the uniform cube of ``test_composite.py``: a ray along an axis meets N units of it, and from above down to

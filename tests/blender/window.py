@@ -190,7 +190,7 @@ def check_drafts():
 def check_following():
     """A backdrop that follows gets drafts while the animation plays, and the picture itself once it rests."""
     scene = bpy.context.scene
-    following = import_module(f"{MODULE}.bridge.pictures.backdrop_work")
+    following = import_module(f"{MODULE}.bridge.pictures.live_backdrop")
     volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
     scene.frame_start, scene.frame_end = 1, 50
     for frame, x in ((1, 0.0), (50, 4.0)):

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.user_steps import live, middle, settled, simulate, viewport
@@ -150,13 +151,95 @@ def check_local_view():
     passed("local view")
 
 
+def check_a_missing_scan():
+    """A .blend whose scan is gone: the sentence is in the viewport and beside the button that mends it."""
+    yield from new_file()
+    with in_the_view():
+        owner = panel_states.add_volume(FOLDER, "gone")
+    bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "gone.blend"))
+    (FOLDER / "gone.raw").rename(FOLDER / "elsewhere.raw")
+    bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "gone.blend"))
+    yield from until(lambda: viewport() is not None and viewport().problem)
+    assert viewport().problem.startswith("The file of 'gone'"), viewport().problem
+    yield from photograph("missing scan")
+    owner = bpy.data.objects["gone"]
+    with in_the_view():
+        panel_states.make_active(owner)
+        assert bpy.ops.rle_splat.relocate(filepath=str(FOLDER / "elsewhere.raw")) == {"FINISHED"}
+    yield from until(lambda: viewport().problem == "" and viewport().pictures)
+    yield from settled()
+    yield from photograph("missing scan found")
+    passed("a missing scan")
+
+
+def check_light_of_the_default_scene():
+    """The first import into the default scene gets a headlight; a perspective scale bar says where it holds."""
+    yield from new_file()
+    with in_the_view():
+        lamp = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
+        lamp.data.energy, lamp.location = 1000.0, (4.0, 1.0, 6.0)
+        bpy.context.scene.collection.objects.link(lamp)
+        scenes.add_camera((7.36, -6.93, 4.96), (1.109, 0.0, 0.815))
+        panel_states.add_volume(FOLDER, "first")
+        bpy.data.objects.remove(bpy.context.object)
+        side = panel_states.SIDE
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(FOLDER / "first.raw"), shape=(side,) * 3, dtype="uint8", use_headlight=True
+        ) == {"FINISHED"}
+        owner = bpy.context.object
+        bpy.context.scene.rle_splat.show_scale_bar = True
+        bpy.ops.rle_splat.frame_volume()
+    yield from settled()
+    assert owner.rle_splat.lighting == "HEADLIGHT", owner.rle_splat.lighting
+    yield from photograph("light of the default scene")
+    passed("light of the default scene")
+
+
+def check_the_state_keeps_its_height():
+    """While a slider is dragged nothing below the line of the state moves."""
+    yield from new_file()
+    with in_the_view():
+        owner = panel_states.add_volume(FOLDER)
+    yield from settled()
+    yield from photograph("up to date")
+    for shift in (5.0, 10.0, 15.0):
+        owner.rle_splat.shift_by = shift
+        yield
+    assert viewport().is_busy, "the draft is refined when nothing moves any more"
+    yield from photograph("refining")
+    passed("the state's height")
+
+
+def check_another_label_file():
+    """Another label file: names and colors are its own, and the picture shows them at once."""
+    yield from new_file()
+    side = panel_states.SIDE
+    with in_the_view():
+        owner = panel_states.add_volume(FOLDER, "labeled")
+        bpy.ops.rle_splat.frame_volume()
+    for number, count in enumerate((2, 4)):
+        path = FOLDER / f"labels {count}.raw"
+        (np.arange(side**3) * count // side**3 + 1 + 2 * number).astype(np.uint8).tofile(path)
+        owner.rle_splat.label_file = str(path)
+        with in_the_view():
+            assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        yield from settled()
+        yield from photograph(f"labels of file {number}")
+    assert [row.label_name for row in owner.rle_splat.labels] == ["Label 3", "Label 4", "Label 5", "Label 6"]
+    passed("another label file")
+
+
 def scenario():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_labels")
     yield from check_a_bad_volume_in_f12()
     yield from check_local_view()
     yield from check_value_goes_with_the_mouse()
     yield from check_behind_a_mesh()
     yield from check_world_light()
+    yield from check_a_missing_scan()
+    yield from check_the_state_keeps_its_height()
+    yield from check_another_label_file()
+    yield from check_light_of_the_default_scene()
 
 
 drive(scenario)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.pipeline import several
 from rle_splat.pipeline.render import render_steps
 from rle_splat.pipeline.several import find_shared_pixels, several_steps
 from rle_splat.runtime.steps import drain
@@ -83,6 +84,18 @@ def test_two_boxes_that_overlap_have_the_light_of_the_paper(box):
     laid = picture([near, far], most_spans=1)
     assert np.abs(laid.rgba - found.rgba)[5:11, 5:11].max() > 4.0 / 255.0
     assert any("laid over one another" in remark for remark in laid.report["remarks"])
+
+
+def test_volumes_are_mixed_in_bands_of_rows(box, monkeypatch):
+    """So that no step of a viewport's picture is the mixture of all its pixels."""
+    scenes = [box((0, -4, 0), 0.2, RED), box((0, 4, 3), 0.1, BLUE), box((0, 0, 20), 0.1, BLUE)]
+    whole = picture(scenes)
+    steps, bands = several_steps(scenes, lambda scene, _: render_steps(scene, QUALITY, None)), []
+    monkeypatch.setattr(several, "BAND", 3 * 16)
+    found = drain(steps, lambda step: bands.append(step.message == "Mixing volumes"))
+    np.testing.assert_array_equal(found.rgba, whole.rgba)
+    np.testing.assert_array_equal(found.depth, whole.depth)
+    assert sum(bands) >= 2 * 16 // 3
 
 
 def test_the_order_in_which_volumes_are_given_changes_nothing(box):

@@ -183,7 +183,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
     for setting in ("Maximum Error", "Ambient Occlusion", "Keep Up to Date", "Level", "Own Color"):
         assert f"| {setting} | " in text
-    assert "*Include in Renders*, *Remove from Renders*, *Pin to Camera*" in text
+    assert "*Show in Renders*, *Remove from Renders*, *Show in Camera View*" in text
 
 
 def test_the_reference_explains_every_setting():

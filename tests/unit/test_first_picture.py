@@ -167,3 +167,18 @@ def test_whether_anything_was_compiled_is_seen_on_disk(monkeypatch, tmp_path):
     assert nothing_compiled_yet()
     (tmp_path / "kernels" / "splat" / "one.nbi").touch()
     assert not nothing_compiled_yet()
+
+
+IMPORTS = """
+from rle_splat.runtime.jit import first_load_steps
+print(len(list(first_load_steps())), len(list(first_load_steps())))
+"""
+
+
+@pytest.mark.skipif(not compiled(), reason="nothing is imported without numba")
+def test_what_numba_imports_for_its_first_kernel_is_imported_in_steps():
+    """So that a window is drawn between them."""
+    command = [sys.executable, "-c", IMPORTS]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=300)
+    first, again = map(int, done.stdout.split())
+    assert first > 1 and again == 0
