@@ -166,7 +166,7 @@ def plans_table(views: dict) -> str:
     for name, first in sorted(every.items(), key=lambda item: (item[1]["truth"] != "T2", item[1]["frame_ms"])):
         cells = [_plan_cell(mine.get(name)) for mine in ladders.values()]
         rows.append([name, first["truth"], *cells])
-    return markdown(["plan", "truth", *views], rows)
+    return markdown(["plan", "reference", *views], rows)
 
 
 def _plan_cell(entry: dict | None) -> str:
@@ -229,7 +229,7 @@ def knobs_table(measured: dict, names: dict) -> str:
             same = all(mine[n] == reference[title] for title, mine in points.items())
             cells.append(f"**{value}**" if same else f"{value}: {_factor(error)}, {_factor(ms)}")
         rows.append([knob, AGAINST.get(knob, "its own"), "; ".join(cells)])
-    return markdown(["knob", "truth", "value: error, time, as factors of the value in bold"], rows)
+    return markdown(["knob", "reference", "value: error, time, as factors of the value in bold"], rows)
 
 
 def _reference(points, knob: str):

@@ -203,7 +203,7 @@ def draw_crops(figure, sweep, names) -> None:
     axes = figure.subplots(2, len(names) + 1, squeeze=False)
     for each in axes.ravel():
         each.set(xticks=[], yticks=[])
-    _picture(axes[0, 0], true, f"the truth\n{sweep.plan(chosen)['truth']}")
+    _picture(axes[0, 0], true, f"the reference\n{sweep.plan(chosen)['truth']}")
     axes[1, 0].axis("off")
     shades = None
     for (above, below), name in zip(axes[:, 1:].T, names):

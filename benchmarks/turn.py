@@ -149,7 +149,7 @@ def summary(turn, near, step: float) -> list[str]:
     lines.append(
         f"The same frame from both axes within {BAND:g} degrees of a switch: at most {most['largest']:.2f} levels "
         f"apart (at {most['azimuth']:g} degrees), RMSE {max(row['rmse'] for row in near):.3f}, alpha "
-        f"{max(row['alpha_largest'] for row in near):.2f}; from the truth at most "
+        f"{max(row['alpha_largest'] for row in near):.2f}; from the reference at most "
         f"{max(row['true_largest'] for row in near):.2f} and {max(row['other_largest'] for row in near):.2f}."
     )
     lines.append(

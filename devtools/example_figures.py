@@ -1,7 +1,7 @@
 """dev.py figures: figures of the documentation, made by the command line with options of users.
 
-Runs in an environment with numpy and pydicom: ``python -m devtools.example_figures``.  The scan is the skull of the
-data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
+Runs in an environment with numpy, pydicom and Pillow: ``python -m devtools.example_figures``.  The scan is the skull of
+the data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
 """
 
 from __future__ import annotations
@@ -12,11 +12,19 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
+from PIL import Image, ImageDraw
+
+from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 VIEWS = ((0, 0), (90, 0), (0, 90))  # azimuth and elevation
+OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.75")
+SMALL, POSTER, EYE = 360, 3600, (500, 2700)  # pixels: a picture's side, a poster's, and where a part of it begins
+TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
+MOST_BYTES = 80_000
 TURN = tuple((20 + 60 * n, 15) for n in range(6))
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 # Two boxes leave the head holder out: their middle and half their sides in mm, the second turned by 45 degrees.
@@ -65,7 +73,60 @@ def command_lines(folder: Path) -> list[list[str]]:
          "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
+        ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
+        ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
+        ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),
+         "-o", str(folder / "part.png")],
     ]  # fmt: skip
+
+
+def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
+    """Pictures in a row on dark gray, as one JPEG."""
+    row = Image.new("RGB", (sum(one.width + 4 for one in pictures) - 4, pictures[0].height), "#303030")
+    left = 0
+    for one in pictures:
+        row.paste(one, (left, 0), one)
+        left += one.width + 4
+    save_jpeg(row, folder / f"{name}.jpg", MOST_BYTES)
+
+
+def picture_and_depth(folder: Path) -> None:
+    """The picture and the depth of the page on Python, as that page makes them."""
+    import rle_splat as rs
+
+    volume = rs.read_volume(skull_words(folder)[0])
+    camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.75)
+    file = folder / "boxes.json"
+    clips = rs.Clip.list_from_json(file) if file.is_file() else ()
+    function, _ = rs.fit_preset("ct-bone", volume)
+    scene = rs.Scene(volume, function, camera, width=SMALL, height=SMALL, volume_matrix=matrix, clips=clips)
+    made = rs.render(scene, rs.Quality.preset("fine"))
+    seen = made.rgba[..., 3] > 0.5
+    near, far = np.quantile(made.depth[seen], (0.01, 0.99))
+    gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
+    shown = np.where(made.rgba <= 0.0031308, 12.92 * made.rgba, 1.055 * np.maximum(made.rgba, 0.0) ** (1 / 2.4) - 0.055)
+    shown[..., 3] = 1.0  # black behind
+    depth = np.stack([gray, gray, gray, np.ones_like(gray)], axis=-1)
+    beside(folder, "how-to-python", *(Image.fromarray(np.uint8(np.rint(255.0 * np.clip(one, 0.0, 1.0))), "RGBA")
+                                      for one in (shown, depth)))  # fmt: skip
+
+
+def from_parts(folder: Path) -> None:
+    """The pictures that are put together from others."""
+    whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
+    beside(folder, "how-to-coarse", coarse, whole)
+    framed, scale = whole.copy(), SMALL / POSTER
+    corners = [scale * at for at in (*EYE, EYE[0] + SMALL, EYE[1] + SMALL)]
+    ImageDraw.Draw(framed).rectangle(corners, outline="#ffb000", width=2)
+    beside(folder, "how-to-poster", framed, part)
+    tiled = whole.copy()
+    draw = ImageDraw.Draw(tiled)
+    places = [(x, y) for y in range(0, SMALL, TILE) for x in range(0, SMALL, TILE)]
+    for number, (x, y) in enumerate(places):
+        color = WORKERS[(number + y // TILE) % len(WORKERS)]
+        draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
+    beside(folder, "how-to-tiles", tiled, whole)
+    picture_and_depth(folder)
 
 
 def main() -> int:
@@ -73,7 +134,10 @@ def main() -> int:
     from rle_splat.cli.main import main as rle_splat
 
     FOLDER.mkdir(parents=True, exist_ok=True)
-    return max(map(rle_splat, command_lines(FOLDER)))
+    code = max(map(rle_splat, command_lines(FOLDER)))
+    if code == 0:
+        from_parts(FOLDER)
+    return code
 
 
 if __name__ == "__main__":

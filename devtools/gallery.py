@@ -26,10 +26,9 @@ class Shot:
 
 
 SHOTS = {
-    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (900, 675), 4),
+    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "spine": Shot("bones of a chest on a slice of the same CT, with pedicle screws", (1400, 1050), 12),
     "nuclei": Shot("nuclei in a confocal stack, one of them dividing", (1400, 1050)),
-    "aorta": Shot("the two lumina of a dissected aorta", (900, 1200)),
 }
 
 

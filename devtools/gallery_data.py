@@ -73,13 +73,3 @@ def nuclei(folder: Path):
 
 def nuclei_labels() -> Path:
     return _asked_for("fluorescence/nuclei_labels_256x256x60_uint32.tif")
-
-
-def aorta(folder: Path):
-    """A CT angiography of a dissected aorta."""
-    path = _asked_for("cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz")
-    return path, {"modality": "CT"}, path.name
-
-
-def aorta_labels() -> Path:
-    return _asked_for("cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")

@@ -14,7 +14,7 @@ from pathlib import Path
 import bpy
 import gallery_data
 from demo_scene import enable, finish, render_settings, run
-from gallery_sets import DATA_OF, SETS
+from gallery_sets import SETS
 from gallery_studio import Stage
 
 
@@ -24,7 +24,7 @@ def main(job: dict) -> int:
     enable(job["zip"], job["install"])
     scene = bpy.context.scene
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))  # first: paths are kept relative to it
-    path, options, source = getattr(gallery_data, DATA_OF[name])(folder)
+    path, options, source = getattr(gallery_data, name)(folder)
     bpy.ops.rle_splat.import_volume(filepath=str(path), at_cursor=True, **options)
     volume_object = bpy.context.view_layer.objects.active
     render_settings(scene)

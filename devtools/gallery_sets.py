@@ -10,14 +10,13 @@ import math
 
 import bpy
 from demo_scene import bevelled, material, named, rod
-from gallery_data import aorta_labels, nuclei_labels
+from gallery_data import nuclei_labels
 from gallery_skull import skull
 from gallery_studio import COLD, RENDER, Stage, emission, plain_world, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 CELLS = ((0.86, 0.28, 0.22), (0.95, 0.62, 0.2), (0.35, 0.7, 0.3), (0.2, 0.6, 0.75), (0.3, 0.4, 0.85),
          (0.65, 0.35, 0.8), (0.9, 0.45, 0.6), (0.85, 0.8, 0.35))  # fmt: skip
-LUMINA = {1: ("True Lumen", (0.72, 0.07, 0.05)), 2: ("False Lumen", (0.16, 0.3, 0.72))}
 MM = 0.001
 # Of two vertebrae: the height of their pedicles, and where a screw enters on the left and on the right, in mm from the
 # middle of the scan.
@@ -25,6 +24,7 @@ PEDICLES = ((14.8, -29.8, -2.3), (-16.8, -29.8, 0.2))
 ENTRY = 61.8
 BONE_VOXEL = (218, 345, 63)  # in the left pedicle
 AORTA_VOXEL = (264, 270, 90)
+CUT_OFF = (1, 9, 10, 15, 17, 18, 19, 20)  # nuclei that the edge of the stack cuts
 PLATE = -34.6  # the height of the slice
 
 
@@ -78,7 +78,7 @@ def _lay_slice(stage: Stage) -> None:
     made = bpy.context.view_layer.objects.active
     made.matrix_world = Matrix.Translation((0.0, -6.0 * MM, stage.middle.z + PLATE * MM
                                             - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
-    made.scale.y *= 0.79  # the table is beyond it
+    made.scale.y *= 0.76  # the table is beyond it
     stage.volume.rle_splat.slice_center, stage.volume.rle_splat.slice_width = 60.0, 700.0
 
 
@@ -99,7 +99,7 @@ def spine(stage: Stage):
         _letters(body, at + MM * Vector((x, y, ground)), MM * size, white)
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=at + MM * Vector((65.0, 118.0, ground)))
     named("Scale Bar", white).scale = (50.0 * MM, 1.2 * MM, 0.6 * MM)
-    camera = stage.camera((0.6, 1.6, 1.05), lens=78.0, aim=(-0.05, 0.06, -0.03))
+    camera = stage.camera((0.6, 1.6, 1.05), lens=70.0, aim=(-0.02, 0.04, -0.03))
     camera.data.shift_x, camera.data.shift_y = -0.03, -0.02
     stage.without_background(12)
     bpy.context.scene.cycles.use_denoising = True
@@ -116,38 +116,19 @@ def spine(stage: Stage):
 
 
 def nuclei(stage: Stage):
-    """Nuclei, each in a color of its own; one of them divides."""
+    """Whole nuclei, each in a color of its own; one of them divides."""
     stage.read_labels(nuclei_labels())
     for row in stage.volume.rle_splat.labels:
-        row.show = row.label != 0
+        row.show = row.label not in (0, *CUT_OFF)
         row.use_color, row.color = True, CELLS[row.label % len(CELLS)]
-    _alone(stage, (0.4, -1.45, 1.75), 62.0, (-1.2, -1.0, 1.6), (0.0, 0.03, 0.0))
-    yield RENDER
-
-
-def aorta(stage: Stage):
-    """The two lumina of a dissected aorta."""
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    stage.read_labels(aorta_labels())
-    for row in stage.volume.rle_splat.labels:
-        row.show = row.label in LUMINA
-        if row.show:
-            row.label_name, row.shown_color = LUMINA[row.label]
-    _alone(stage, (2.5, 1.0, 0.35), 95.0, (0.5, 2.0, 1.7))
-    yield RENDER
-
-
-def _alone(stage: Stage, toward, lens: float, key, aim=(0.0, 0.0, 0.0)) -> None:
-    """Nothing but the volume, under a sun and a cold lamp from behind."""
-    stage.camera(toward, lens=lens, aim=aim)
+    stage.camera((0.4, -1.45, 1.75), lens=72.0, aim=(-0.06, 0.0, 0.0))
     stage.without_background()
-    stage.key(3.6, key)
-    stage.area("Rim", 50.0, (-key[0], -key[1], 0.8), COLD)
+    stage.key(3.6, (-1.2, -1.0, 1.6))
+    stage.area("Rim", 50.0, (1.2, 1.0, 0.8), COLD)
     plain_world((0.05, 0.06, 0.08), 0.6)
     stage.settings.ambient_occlusion = 0.8
     view_transform("Standard")
+    yield RENDER
 
 
-SETS = {"skull": skull, "spine": spine, "nuclei": nuclei, "aorta": aorta}
-DATA_OF = {"skull": "skull", "spine": "spine", "nuclei": "nuclei", "aorta": "aorta"}
+SETS = {"skull": skull, "spine": spine, "nuclei": nuclei}

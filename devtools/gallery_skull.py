@@ -14,8 +14,8 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
-PATCH = Vector((-64.0, -150.0, 88.0))  # before the forehead: where the plate starts on its way to the bone
-CELL, COLUMNS, ROWS = 5.2, 11, 9  # of the plate: mm from hole to hole; holes
+PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
+CELL, COLUMNS, ROWS = 5.2, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
@@ -54,11 +54,21 @@ def _applied(made) -> bpy.types.Mesh:
     return bpy.data.meshes.new_from_object(made.evaluated_get(bpy.context.evaluated_depsgraph_get()))
 
 
+def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
+    """The mean place and normal of the surface that an eye at the patient's front sees in a square of 3 cm."""
+    inward = bone.matrix_world.inverted()
+    hits = [bone.ray_cast(inward @ (eye + 5.0 * MM * Vector((x, 0.0, z))), (0.0, 1.0, 0.0))
+            for x in range(-3, 4) for z in range(-3, 4)]  # fmt: skip
+    place, normal = (sum((hit[part] for hit in hits), Vector()) / len(hits) for part in (1, 2))
+    return bone.matrix_world @ place, normal.normalized()
+
+
 def _plate(stage: Stage, bone, coat) -> None:
     """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge."""
     at = stage.middle
-    plate = _net(at + MM * PATCH)
-    plate.rotation_euler = (math.radians(-24.0), 0.0, math.radians(-22.0))
+    place, normal = _surface_before(bone, at + MM * PATCH)
+    plate = _net(place + 15.0 * MM * normal)
+    plate.rotation_euler = normal.to_track_quat("-Y", "Z").to_euler()
     wrap = plate.modifiers.new("On the Bone", "SHRINKWRAP")
     wrap.target, wrap.wrap_method, wrap.project_limit = bone, "PROJECT", 0.2
     wrap.use_project_y, wrap.use_positive_direction, wrap.use_negative_direction = True, True, False
@@ -141,8 +151,8 @@ def skull(stage: Stage):
     bpy.ops.mesh.primitive_cube_add(size=1.0, location=(at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
     bar = named("Scale Bar", white)
     bar.scale, bar.rotation_euler.z = (50.0 * MM, 1.2 * MM, 1.2 * MM), math.radians(turn)
-    toward = (1.45, -1.6, 0.62)
-    stage.camera(toward, lens=74.0, aim=(-0.08, -0.11, -0.05))
+    toward = (1.18, -1.88, 0.66)
+    stage.camera(toward, lens=74.0, aim=(-0.06, -0.11, -0.04))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
     stage.key(2.9, (1.0, -1.6, 1.5))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)

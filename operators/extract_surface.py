@@ -1,5 +1,7 @@
 """Extract Surface: the boundary of what is opaque, as a mesh with the volume's colors."""
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, FloatProperty
@@ -72,7 +74,10 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
                      for clip in read_clips(depsgraph, owner))  # fmt: skip
         self._owner = Held(owner)
         if self.of == VALUE:
-            function, labels, threshold = _step_at(function, self.value), None, 0.5
+            function, threshold = _step_at(function, self.value), 0.5
+            if labels is not None:
+                steps = {key: one and _step_at(one, self.value) for key, one in labels.functions.items()}
+                labels = replace(labels, functions=steps)
         else:
             threshold = self.opacity * largest_opacity(function, labels)
             if threshold == 0.0:

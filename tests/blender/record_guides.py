@@ -2,18 +2,23 @@
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  The scan is the skull of the gallery, its DICOM series in
-tests/blender/data/scan.
+writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM series of the
+gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; ``cthead_256x256x113_uint16be.raw.gz``.
+how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
 """
 
 import os
+import shutil
 import subprocess
+import tempfile
 from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
 from mathutils import Euler
 
+from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import middle, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
@@ -28,7 +33,8 @@ from tests.blender.window_driver import (
 )
 
 DATA = Path(__file__).parent / "data"
-HEAD = "560x560+190+170"
+HEAD, QUALITY = "560x560+190+170", "70"
+RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 PANELS = ("transfer", "slices", "shading")  # that are open
 
 
@@ -37,7 +43,7 @@ def keep(name: str, part: str = ""):
     yield from photograph(name)
     path = Path(os.environ[SHOTS]) / f"{name}.png"
     crop = ["-crop", part, "+repage"] if part else []
-    subprocess.run(["convert", str(path), *crop, "-quality", "84", str(path.with_suffix(".jpg"))], check=True)
+    subprocess.run(["convert", str(path), *crop, "-quality", QUALITY, str(path.with_suffix(".jpg"))], check=True)
 
 
 def beside(name: str, *parts: str) -> None:
@@ -45,7 +51,7 @@ def beside(name: str, *parts: str) -> None:
     folder = Path(os.environ[SHOTS])
     words = [str(folder / f"{part}.jpg") for part in parts]
     subprocess.run(["convert", *words, "-bordercolor", "black", "-border", "2", "+append", "-resize", "1100x>",
-                    "-quality", "84", str(folder / f"{name}.jpg")], check=True)  # fmt: skip
+                    "-quality", QUALITY, str(folder / f"{name}.jpg")], check=True)  # fmt: skip
     for part in parts:
         (folder / f"{part}.jpg").unlink()
 
@@ -143,11 +149,119 @@ def light():
     passed("light")
 
 
+def surface():
+    volume = yield from skull()
+    with in_the_view():
+        assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
+    made = bpy.context.view_layer.objects.active
+    yield from settled()
+    yield from keep("volume", HEAD)
+    made.modifiers.new("Decimate", "DECIMATE").ratio = 0.03
+    volume.hide_set(True)
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_wireframes, overlay.wireframe_threshold = True, 1.0
+    for _ in range(8):
+        yield
+    yield from keep("mesh", HEAD)
+    beside("how-to-surface", "volume", "mesh")
+    passed("surface")
+
+
+def pinned():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
+    volume = yield from skull()
+    scene, region = bpy.context.scene, area_of("VIEW_3D").spaces.active.region_3d
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+    scene.render.resolution_x, scene.render.resolution_y = 800, 600
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(place="BACK") == {"FINISHED"}
+    region.view_perspective = "CAMERA"
+    bpy.context.preferences.addons[MODULE].preferences.show_live = False  # the picture alone
+    yield
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+    for _ in range(8):
+        yield
+    yield from keep("how-to-backdrop")
+    bpy.context.preferences.addons[MODULE].preferences.show_live = True
+    passed("backdrop")
+
+
+def raw_file():
+    yield from begin()
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(DATA / RAW))
+    for _ in range(8):
+        yield
+    yield from keep("how-to-raw")
+    passed("raw file")
+
+
+def masks() -> Path:
+    """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
+    import nibabel  # the extension brings it
+
+    folder = Path(tempfile.mkdtemp(prefix="rle_splat_masks_"))
+    for path in (DATA / AORTA).glob("mask_*.nii.gz"):
+        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
+    both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
+    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
+        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
+        nibabel.save(nibabel.Nifti1Image(one, both.affine), folder / f"{name}.nii.gz")
+    return folder
+
+
+def organs():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels")
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz")) == {"FINISHED"}  # fmt: skip
+    volume = bpy.context.view_layer.objects.active
+    volume.rle_splat.label_file = str(masks())
+    with in_the_view():
+        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
+    look_from(78.0, 40.0, 0.6)
+    yield from settled()
+    yield from keep("how-to-organs")
+    passed("organs")
+
+
+def in_time():
+    """A ring that opens: numbers made here, as no scan of the data has times."""
+    folder = Path(tempfile.mkdtemp(prefix="rle_splat_time_"))
+    z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, 64),), indexing="ij")
+    for number in range(1, 13):
+        ring = np.exp(-((np.hypot(np.hypot(x, y) - 0.06 * number, z + 0.02 * number) / 0.14) ** 2))
+        (folder / f"ring_64x64x64_uint8_{number:04}.raw").write_bytes(np.rint(250.0 * ring).astype(np.uint8).tobytes())
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(folder / "ring_64x64x64_uint8_0001.raw"), shape=(64, 64, 64), dtype="uint8", use_sequence=True
+        ) == {"FINISHED"}  # fmt: skip
+    look_from(60.0, -30.0, 0.7)
+    for number in (2, 6, 10):
+        bpy.context.scene.frame_set(number)
+        yield from settled()
+        yield from keep(f"time-{number}", HEAD)
+    beside("how-to-time", "time-2", "time-6", "time-10")
+    passed("time")
+
+
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
-    for part in (set_up_slices, window_and_curve, light):
+    for part in PARTS:
         yield from part()
 
 
+PARTS = (set_up_slices, window_and_curve, light, surface, raw_file, pinned, organs, in_time)
 drive(scenario)

@@ -8,6 +8,7 @@ tests/blender/data/scan, if there is such a folder, else the practice CT.
 
 import os
 import subprocess
+import sys
 import tempfile
 from importlib import import_module
 from math import radians
@@ -37,25 +38,30 @@ from tests.blender.window_driver import (
 SCAN = Path(__file__).parent / "data" / "scan"
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, WIDTH, COLORS = 12, 840, 96  # of a frame
+FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 THUMBNAILS = 120
 HOLD = 8  # frames for which a step stands still
+TOWARD = (1.45, -1.6, 0.62)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.6  # than Frame, which shows the whole box
-HEAD, OPEN, VIEW = "810x510+150+230", "690x540+300+200", "1230x660+50+80"  # parts of a frame
+HEAD, OPEN, VIEW, RESULT = "790x510+150+230", "690x540+300+200", "1230x660+50+80", "840x525+220+163"  # parts of a frame
 STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
     "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
     "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((7, VIEW), (13, VIEW)), 348),
     "gallery-strip": (((1, HEAD), (4, HEAD), (23, "740x510+200+230"), (25, "820x610+230+120")), 330),
 }  # fmt: skip
-shown = []  # how long each photograph is shown, in frames
+shown = []  # of each photograph: how long it is shown, in frames, and its caption
 
 
-def frame(times: int = 1):
-    """Keep what the window shows at once: a draft, as a user sees it while something moves."""
+def frame(times: int = 1, caption: str = ""):
+    """Keep what the window shows at once: a draft, as a user sees it while something moves.
+
+    Without a ``caption`` the one before stays.
+    """
     yield from photograph(f"frame-{len(shown):03}")
-    shown.append(times)
+    shown.append((times, caption or shown[-1][1]))
 
 
-def drag(button: str, begin, end, steps: int):
+def drag(button: str, begin, end, steps: int, caption: str = ""):
     """Drag from one pixel of the window to another, a frame for each step."""
     begin, end = np.array(begin, float), np.array(end, float)
     for value, at in (("NOTHING", begin - 1), ("NOTHING", begin)):
@@ -66,7 +72,7 @@ def drag(button: str, begin, end, steps: int):
     for step in range(1, steps + 1):
         simulate("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / steps)
         yield
-        yield from frame()
+        yield from frame(1, caption)
     simulate(button, "RELEASE", end)
     yield
     yield from settled()
@@ -85,28 +91,26 @@ def corners_of(one) -> tuple[Vector, Vector]:
     return Vector(corners.min(axis=0)), Vector(corners.max(axis=0))
 
 
-def scene_around(low: Vector, high: Vector) -> None:
-    """A floor, a lamp and a world for the render."""
-    scene, center, size = bpy.context.scene, (low + high) / 2, (high - low).length
+def studio(volume) -> None:
+    """A floor, lamps and a camera for the render, and the viewport through it."""
+    sys.path.append(str(Path(__file__).parents[2] / "devtools"))
+    from gallery_studio import COLD, Stage, softbox_world
+
+    stage, settings = Stage.of(volume, FOLDER), bpy.context.scene.rle_splat
+    stage.camera(TOWARD, lens=74.0, aim=(-0.06, -0.09, -0.03))
+    stage.sweep(TOWARD, stage.foot, (0.05, 0.055, 0.065))
+    stage.key(2.9, (1.0, -1.6, 1.5))
+    stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
+    softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)), (), 0.6)
+    bpy.context.view_layer.objects.active = volume
+    volume.rle_splat.lighting, volume.rle_splat.opacity_unit_distance = "SCENE", 0.05
+    settings.use_shadows, settings.ambient_occlusion, settings.quality = True, 0.7, "fine"
+    view = area_of("VIEW_3D").spaces.active
+    view.shading.type, view.overlay.show_extras, view.show_gizmo = "MATERIAL", False, False
+    view.shading.use_scene_lights = view.shading.use_scene_world = True
+    view.region_3d.view_perspective = "CAMERA"
     with in_the_view():
-        bpy.ops.mesh.primitive_plane_add(size=20.0 * size, location=(center.x, center.y, low.z - 0.001))
-    floor = bpy.data.materials.new("Floor")
-    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.07, 0.08, 0.1, 1.0)
-    bpy.context.object.data.materials.append(floor)
-    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy, sun.data.angle = 3.5, radians(3.0)
-    sun.rotation_euler = Euler((radians(40.0), radians(40.0), 0.0))
-    scene.collection.objects.link(sun)
-    scene.world = bpy.data.worlds.new("World")
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.2, 0.22, 0.26, 1.0)
-
-
-def camera_to_view() -> None:
-    region, scene = area_of("VIEW_3D").spaces.active.region_3d, bpy.context.scene
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.clip_start = 0.01
-    scene.collection.objects.link(camera)
-    scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
+        bpy.ops.view3d.view_center_camera()
 
 
 def cut(volume):
@@ -115,7 +119,7 @@ def cut(volume):
         assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     yield from settled()
-    yield from frame(3)
+    yield from frame(3, "Add a box and drag a face")
     before = box.matrix_world.copy()
     face = box.matrix_world @ Vector((1.0, 0.0, 0.0))
     middle_of = sum(corners_of(volume), Vector()) / 2
@@ -148,7 +152,7 @@ def scenario():
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = 840, 640
-    yield from frame(HOLD)
+    yield from frame(HOLD // 2, "Drop a DICOM folder into Blender")
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(scan)) == {"FINISHED"}
     volume, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active.region_3d
@@ -158,55 +162,49 @@ def scenario():
     yield from frame(HOLD)
     for _ in range(THUMBNAILS):  # steps in which the pictures of presets are made
         yield
-    for preset in ("x-ray", "ct-bone"):
+    for preset, caption in (("x-ray", "Click a preset"), ("ct-bone", "")):
         with in_the_view():
             assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
         yield from settled()
-        yield from frame(HOLD)
+        yield from frame(HOLD, caption)
     with in_the_view():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
-    yield from frame(HOLD)
-    yield from drag("MIDDLEMOUSE", middle(100.0), middle(-70.0), 8)
+    yield from frame(HOLD, "Remove the table")
+    yield from drag("MIDDLEMOUSE", middle(100.0), middle(-70.0), 8, "Turn the view: it is live")
     yield from frame(3)
     yield from cut(volume)
     yield from frame(HOLD)
-    scene_around(*corners_of(volume))
-    bpy.context.view_layer.objects.active = volume
-    scene.rle_splat.lighting, scene.rle_splat.use_shadows = "SCENE", True
-    camera_to_view()
+    studio(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     yield from settled()
-    yield from frame(HOLD)
+    yield from frame(HOLD, "Add lamps, a floor and a camera")
     yield from rendered()
-    yield from frame(2 * HOLD)
+    yield from frame(2 * HOLD, "F12")
     save()
     passed("recording")
 
 
 def save() -> None:
-    """Put the photographs together as a GIF, and some as pictures of the how-to guides."""
+    """Put the photographs together as a GIF that begins with the last one, and some as pictures of the guides."""
     folder = Path(os.environ[SHOTS])
-    frames = [word for number, times in enumerate(shown)
-              for word in ("-delay", str(CENTISECONDS * times), str(folder / f"frame-{number:03}.png"))]  # fmt: skip
-    words = ["-resize", f"{WIDTH}x", "+dither", "-colors", str(COLORS), "-layers", "Optimize"]
+    pictures = []
+    for number, (times, caption) in enumerate(shown):
+        path = folder / f"captioned-{number:03}.png"
+        words = ["-resize", f"{WIDTH}x", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "22", "-fill", "white",
+                 "-undercolor", "#000c", "-annotate", "+44+26", f" {caption} "]  # fmt: skip
+        crop = ["-crop", RESULT, "+repage"] if number == len(shown) - 1 else []
+        subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *crop, *words, str(path)], check=True)
+        pictures.append((times, str(path)))
+    frames = [word for times, path in (pictures[-1], *pictures)
+              for word in ("-delay", str(CENTISECONDS * times), path)]  # fmt: skip
+    words = ["+dither", "-colors", str(COLORS), "-layers", "Optimize"]
     subprocess.run(["convert", "-loop", "0", *frames, *words, str(folder / "recording.gif")], check=True)
     for name, (parts, height) in STILLS.items():
-        words = [
-            word
-            for number, part in parts
-            for word in (
-                "(",
-                str(folder / f"frame-{number:03}.png"),
-                "-crop",
-                part,
-                "+repage",
-                "-resize",
-                f"x{height}",
-                ")",
-            )
-        ]
+        words = [word for number, part in parts
+                 for word in ("(", str(folder / f"frame-{number:03}.png"), "-crop", part, "+repage",
+                              "-resize", f"x{height}", ")")]  # fmt: skip
         subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 

@@ -59,7 +59,7 @@ SITUATIONS = {
     # Linked data: test_linked.py
     "B38": ("window and opacity are set on a library override", "they survive a reload"),
     "B39": ("the file of an overridden volume has a relative path", "it is read from beside the file that says so"),
-    "B40": ("an operator would edit a linked volume", "it is refused in a sentence"),
+    "B40": ("an operator would edit a linked volume", "it gives a clear error"),
     "B41": ("a volume is appended from a .blend in another folder", "its file is found"),
     # Pictures and what they were made from: test_situations_stale.py
     "B42": ("a point of the opacity curve is moved from Python", "the next Make Picture shows it"),
@@ -81,9 +81,9 @@ SITUATIONS = {
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),
     # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_transfer.py, test_vdb.py
     "B58": ("a name of a file speaks of big and little, but not of bytes", "the bytes decide"),
-    "B59": ("a clip object is added while its collection is excluded", "it is refused in a sentence, or added; nothing "
-            "is left behind by halves"),
-    "B60": ("a node of the transfer function was deleted", "every operator refuses in a sentence"),
+    "B59": ("a clip object is added while its collection is excluded", "it gives a clear error, or the object is "
+            "added; nothing is left behind by halves"),
+    "B60": ("a node of the transfer function was deleted", "every operator gives a clear error"),
     "B61": ("a VDB holds two grids of one name", "each can be read"),
     # Undo, files: test_situations_files.py, test_situations_edits.py
     "B62": ("ten pictures in a row", "they are no undo steps, and F9 does not make them again"),

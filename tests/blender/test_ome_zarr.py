@@ -1,4 +1,4 @@
-"""OME-Zarr in Blender: refused in a sentence without the package zarr; with it, the level that was read is kept."""
+"""OME-Zarr in Blender: a clear error without the package zarr; with it, the level that was read is kept."""
 
 import sys
 

@@ -148,14 +148,15 @@ def test_clip_objects_cut_the_surface_and_it_stays_closed(ball):
     assert content(surface) == pytest.approx(kept, rel=0.05)
 
 
-def test_hidden_labels_are_left_out(ball, tmp_path):
+@pytest.mark.parametrize("given", [{}, {"of": "VALUE", "value": 300.0}], ids=["opacity", "value"])
+def test_hidden_labels_are_left_out(ball, tmp_path, given):
     labels = np.where(places()[0] <= 16.0, 1, 2).astype(np.uint8)
     path = tmp_path / "parts.raw"
     path.write_bytes(np.ascontiguousarray(labels).tobytes())
     ball.rle_splat.label_file = str(path)
     bpy.ops.rle_splat.read_labels()
     next(row for row in ball.rle_splat.labels if row.label == 2).show = False
-    surface = extract()
+    surface = extract(**given)
     check_closed(surface)
     at = points(surface)[:, 0]
     assert 16.0 <= at.max() <= 17.0 and at.min() == pytest.approx(MIDDLE[0] - RADIUS, abs=0.15)

@@ -1,4 +1,4 @@
-"""The option --clip: planes and boxes cut the volume where they lie; what is none is refused in a sentence."""
+"""The option --clip: planes and boxes cut the volume where they lie; what is none gives a clear error."""
 
 import json
 

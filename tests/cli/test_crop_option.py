@@ -1,4 +1,4 @@
-"""The option --crop: a part of the picture, written as it is in the whole; what is no crop is refused in a sentence."""
+"""The option --crop: a part of the picture, written as it is in the whole; what is no crop gives a clear error."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Medical files from the command line: converted to the bit, described, encoded, and refused in a sentence."""
+"""Medical files from the command line: converted to the bit, described, encoded, and rejected with a clear error."""
 
 import gzip
 import json

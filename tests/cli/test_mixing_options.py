@@ -1,4 +1,4 @@
-"""The options --labels and --channel: what they show, and what is refused in a sentence before anything is read."""
+"""The options --labels and --channel: what they show, and what gives a clear error before anything is read."""
 
 import json
 

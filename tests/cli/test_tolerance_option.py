@@ -1,5 +1,5 @@
 """The option --tolerance: the picture keeps it, the line on stdout and the report say what was predicted and what was
-measured, and what cannot be promised is refused in a sentence."""
+measured, and what cannot be promised gives a clear error."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Transfer functions of other programs on the command line: they reach the picture, or are refused in a sentence."""
+"""Transfer functions of other programs on the command line: they reach the picture, or give a clear error."""
 
 import json
 

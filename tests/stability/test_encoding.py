@@ -127,9 +127,7 @@ def test_S2_a_volume_without_voxels_is_refused(record):
         with pytest.raises(RleSplatError, match="at least one voxel") as problem:
             Volume(np.zeros(shape, np.uint8), np.eye(4))
         sentences += str(problem.value).endswith(".") and "\n" not in str(problem.value)
-    record(
-        "S2", "volumes without voxels that are not refused in a sentence", 4 - sentences, 0, "either", TABLES_ARE_WHOLE
-    )
+    record("S2", "volumes without voxels that give no clear error", 4 - sentences, 0, "either", TABLES_ARE_WHOLE)
 
 
 # --- the worst runs -------------------------------------------------------------------------------------------
@@ -187,7 +185,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
     tables = sum(one.runs.nbytes for one in stored.axes.values())
     assert wanted.records == sum(one.voxel_data.nbytes for one in stored.axes.values())
     assert tables <= wanted.runs and wanted.needed <= 1.8 * peak
-    record("S3", "bytes needed over bytes told before", peak / wanted.needed, 1 / 0.9, "either", "bytes")
+    record("S3", "bytes needed over bytes estimated", peak / wanted.needed, 1 / 0.9, "either", "bytes")
 
 
 @pytest.mark.parametrize("make", (checkerboard, solid))
@@ -199,9 +197,7 @@ def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkey
     with pytest.raises(RleSplatError, match="are free") as problem:
         render(scene, QUALITY)
     told = str(problem.value).endswith(".")
-    record(
-        "S3", "volumes too large for memory that are not refused in a sentence", 1 - told, 0, "either", TABLES_ARE_WHOLE
-    )
+    record("S3", "volumes too large for memory that give no clear error", 1 - told, 0, "either", TABLES_ARE_WHOLE)
 
 
 # --- long dimensions, and more than 32 bits count ---------------------------------------------------------------
@@ -431,7 +427,7 @@ def test_S7_damage_is_found_before_any_kernel_runs(record, what, table, content)
     validate(encoded())
     with pytest.raises(RleSplatError, match="damaged") as problem:
         validate(dataclasses.replace(encoded(), **{table: content}))
-    record("S7", "damages of a named kind not told in a sentence", not is_sentence(str(problem.value)), 0, "either",
+    record("S7", "damages of a named kind without a clear error", not is_sentence(str(problem.value)), 0, "either",
            TABLES_ARE_WHOLE)  # fmt: skip
 
 
@@ -462,5 +458,5 @@ def test_S7_scales_that_overflow_are_refused(record, tmp_path, record_bytes, sca
     save(tmp_path / "v.rle", stored)
     with pytest.raises(RleSplatError) as problem:
         assert load(tmp_path / "v.rle").axes
-    record("S7", "files with scales beyond float32 not refused in a sentence", not is_sentence(str(problem.value)), 0,
+    record("S7", "files with scales beyond float32 without a clear error", not is_sentence(str(problem.value)), 0,
            "either", TABLES_ARE_WHOLE)  # fmt: skip

@@ -378,7 +378,7 @@ def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size,
         assert whole.rgba.shape == (size[1], size[0], 4)
         assert true[..., 3].max() > 0.1
         error = np.abs(whole.rgba.reshape(-1, 4) - true).max() / LEVEL
-        record("C17", "levels off the truth in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0, width)
+        record("C17", "levels from the reference in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0, width)
         for column, row in ((0, 0), (size[0] - 1, size[1] - 1), (size[0] // 2, size[1] // 2)):
             crop = render(replace(scene, crop=(column, row, column + 1, row + 1)), quality)
             differs = (bits(crop.rgba[0, 0]) != bits(whole.rgba[row, column])).sum()
@@ -402,7 +402,7 @@ def test_C17_parts_of_a_frame_of_16384_pixels(record, width, plan):
     columns, rows = np.array((8000, 8063, 8031)), np.array((8100, 8100, 8140))
     true = truth(scene, TRUE[plan.classification], pixels=(columns + 0.5, rows + 0.5))[0]
     error = np.abs(one.rgba[rows - 8100, columns - 8000] - true).max() / LEVEL
-    record("C17", "levels off the truth in parts of a frame of 16,384 pixels", error, 1.0, width)
+    record("C17", "levels from the reference in parts of a frame of 16,384 pixels", error, 1.0, width)
 
 
 @pytest.mark.parametrize("direction", ((1.0, 0.0, 0.0), (0.6, -0.3, 0.7), (-1.0, 1.0, 1.0)))

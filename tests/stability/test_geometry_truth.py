@@ -58,7 +58,7 @@ def true_picture(scene, name, plan=FINE):
 
 
 def errors(scene, name, plan=FINE):
-    """(root mean square, largest) levels off the truth."""
+    """(root mean square, largest) levels from the reference."""
     rgba = render(scene, plan).rgba
     assert np.isfinite(rgba).all()
     off = (rgba[1::3, 1::3] - true_picture(scene, name, plan)) / LEVEL
@@ -95,8 +95,8 @@ def test_C8_voxels_a_thousand_times_as_long_as_wide(record, width, plan, stretch
     record("C8", "sheets of 16 slices, Gauss's rule", max(plane["sheets"] for plane in planes), 34, width)
     record("C8", "sheet pixels per picture pixel", max(p["width"] * p["height"] for p in planes) / 3600, 16, width)
     rms, largest = errors(scene, name, plan)
-    record("C8", "rms levels off the truth at 1:1000", rms, 0.5, width)
-    record("C8", "levels off the truth at 1:1000", largest, 8.0, width)
+    record("C8", "rms levels from the reference at 1:1000", rms, 0.5, width)
+    record("C8", "levels from the reference at 1:1000", largest, 8.0, width)
 
 
 LEAN = np.array(((1.0, 1.5, 0.0), (0.0, 1.0, -0.8), (0.0, 0.0, 1.0)))
@@ -114,8 +114,8 @@ def test_C9_sheared_and_mirrored_matrices(record, width, plan, name, kind):
     )
     scene = STAGE.before(volume_for(plan, FIELD, linear), camera, (60, 60))
     rms, largest = errors(scene, ("C9", name, kind), plan)
-    record("C9", "rms levels off the truth, sheared and mirrored", rms, 0.1, width)
-    record("C9", "levels off the truth, sheared and mirrored", largest, 1.0, width)
+    record("C9", "rms levels from the reference, sheared and mirrored", rms, 0.1, width)
+    record("C9", "levels from the reference, sheared and mirrored", largest, 1.0, width)
 
 
 @pytest.mark.parametrize("name", MATRICES)
@@ -281,8 +281,8 @@ def test_C13_clip_planes_inside_the_volume(record, width, plan, kind, clip):
         clip_end=clip[1],
     )  # fmt: skip
     rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 66)), ("C13", kind, clip), plan)
-    record("C13", "rms levels off the truth with clip planes inside", rms, 0.2, width)
-    record("C13", "levels off the truth with clip planes inside", largest, 2.0, width)
+    record("C13", "rms levels from the reference with clip planes inside", rms, 0.2, width)
+    record("C13", "levels from the reference with clip planes inside", largest, 2.0, width)
 
 
 @pytest.mark.parametrize("side", ("start", "end"))
@@ -326,8 +326,8 @@ def test_C13_the_depth_of_a_medium_that_a_clip_plane_cuts(record, width, rule, c
 @pytest.mark.parametrize("eye", ("outside", "anywhere", "on a voxel", "on the face"))
 def test_C15_fields_of_view_of_170_degrees(record, width, plan, eye):
     rms, largest = errors(from_eye(plan, EYES[eye], 170.0), ("C15", eye), plan)
-    record("C15", "rms levels off the truth, 170 degrees wide", rms, 0.1, width)
-    record("C15", "levels off the truth, 170 degrees wide", largest, 1.0, width)
+    record("C15", "rms levels from the reference, 170 degrees wide", rms, 0.1, width)
+    record("C15", "levels from the reference, 170 degrees wide", largest, 1.0, width)
 
 
 @pytest.mark.parametrize("shift", ((5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0), (1.5, -2.5)), ids=str)
@@ -345,5 +345,5 @@ def test_C15_lens_shift_and_pixel_aspect(record, width, plan, shift, kind):
         shift_y=shift[1], clip_start=0.1, clip_end=1e4, pixel_aspect=(1.0, 2.0),
     )  # fmt: skip
     rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 33)), ("C15", shift, kind), plan)
-    record("C15", "rms levels off the truth, lens shifted by 5, pixels 1:2", rms, 0.6, width)
-    record("C15", "levels off the truth, lens shifted by 5, pixels 1:2", largest, 6.0, width)
+    record("C15", "rms levels from the reference, lens shifted by 5, pixels 1:2", rms, 0.6, width)
+    record("C15", "levels from the reference, lens shifted by 5, pixels 1:2", largest, 6.0, width)

@@ -130,7 +130,7 @@ def search_gzip(folder, content, repeat, data):
 def test_R1_raw_files(record, tmp_path):
     search_raw(tmp_path)
     search_gzip(tmp_path)
-    says(record, "R1", "raw and packed files that are neither read nor refused in a sentence")
+    says(record, "R1", "raw and packed files that are neither read nor rejected with a clear error")
 
 
 def first_picture(values, slope, intercept, dtype):
@@ -152,7 +152,7 @@ def first_picture(values, slope, intercept, dtype):
 @example([0.0] * 6 + [2.096e16, 2.146e19], 2.094e288, 0.0, "float32")
 @examples(100)
 def search_values(values, slope, intercept, dtype):
-    """A volume of any values at all: its first picture is finite, or refused in a sentence."""
+    """A volume of any values at all: its first picture is finite, or it gives a clear error."""
 
     picture, _ = outcome(lambda: first_picture(values, slope, intercept, dtype), 64, 1e6)
     assert picture is None or np.isfinite(picture.rgba).all()
@@ -162,7 +162,7 @@ def test_R1_volumes_of_any_values(record):
     for dtype in ("float32", "float64"):  # kernels are compiled before anything is timed
         first_picture(range(8), 1.0, 0.0, dtype)
     search_values()
-    says(record, "R1", "volumes of any 64-bit values without a finite first picture or a sentence")
+    says(record, "R1", "volumes of any 64-bit values without a finite first picture or a clear error")
 
 
 @pytest.mark.parametrize("slope", (1e-300, 1e-150, 1e150, 1e280, 2e288))
@@ -319,7 +319,7 @@ def test_R2_json_files(record, tmp_path, search):
     for read in (TransferFunction.from_json, Camera.from_json, Light.list_from_json):
         for content in NOT_JSON:
             assert from_file(tmp_path, content, read)[1] is not None
-    says(record, "R2", "files of settings that are neither read nor refused in a sentence")
+    says(record, "R2", "files of settings that are neither read nor rejected with a clear error")
 
 
 # --- .rle files -------------------------------------------------------------------------------------------------
@@ -418,7 +418,7 @@ def test_R3_rle_files(record, tmp_path, name):
             assert picture is None or np.isfinite(picture.rgba).all()
 
     search()
-    says(record, "R3", "damaged files that are neither drawn finite nor refused in a sentence")
+    says(record, "R3", "damaged files that are neither drawn finite nor rejected with a clear error")
 
 
 # --- OpenVDB files ----------------------------------------------------------------------------------------------
@@ -481,4 +481,4 @@ def test_R4_openvdb_headers(record, tmp_path):
         with pytest.raises(RleSplatError, match="damaged"):
             check_header(path)
     search_vdb(tmp_path)
-    says(record, "R4", "headers that are neither followed nor refused in a sentence")
+    says(record, "R4", "headers that are neither followed nor rejected with a clear error")

@@ -102,6 +102,13 @@ def test_pages_are_linked_from_an_index():
             assert page.name == "index.md" or f"({page.name})" in index, page
 
 
+def test_every_guide_has_a_picture():
+    bare = {
+        page.stem for page in (ROOT / "docs" / "how-to").glob("*.md") if "](../images/" not in page.read_text("utf-8")
+    }
+    assert bare == {"index", "translate"}  # Debian's Blender has no languages
+
+
 def test_nothing_refers_to_a_path_outside_the_repository():
     """Tests and benchmarks may look for the data folder beside the clone; nothing else may."""
     outside = re.compile(r"\.\./shared|(?<![\w.~/-])/(?:home|work|root|Users)/|design notes")
