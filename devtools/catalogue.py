@@ -61,7 +61,7 @@ def _cell(row, width: str) -> str:
         return _number(figures[width])
     if "either" in figures:
         return f"{_number(figures['either'])} ({row['why']})"
-    about_sums = row["id"][0] in "AKP"  # what adds up, and what compares whole pictures
+    about_sums = row["id"][0] in "AP"  # what adds up, and what compares whole pictures
     return row["why"] or ("" if about_sums or width == "float32" else "-")
 
 
