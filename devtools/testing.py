@@ -49,11 +49,12 @@ CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
 
-# The order of the parts, each begun when it can.  The longest come first.  Parts that need the same kernels do not
-# begin together, because each would compile all of them: truths begin beside readers, which need none, and benchmarks
-# and the other Blender of the same Python come last.  (Benchmarks beside truths compiled the same kernels for 90 s.)
-FIRST = (REAL_BLENDER, "core-truths", f"bpy-{NEWEST}", "hard-cases", "core-unit", "bpy-5.0", "core-read")
-LAST = ("core-cli", "core-benchmarks", "bpy-4.5")
+# The longest parts, which begin first; the others take a minute or less.  None of them waits for another's kernels:
+# those that several use are made before (``_compile_first``).
+LONGEST = (
+    REAL_BLENDER, "core-unit", "core-truths", f"bpy-{NEWEST}", "hard-cases", "core-effects", "bpy-5.0", "core-read",
+    "bpy-4.5", "core-cli", "extras",
+)  # fmt: skip
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
 
@@ -255,8 +256,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         found["clusters"] = Part(
             lambda ready, aside: [_in_other(CLUSTER_STAGE, ready.pythons["cluster"], words, aside)], needs="cluster"
         )
-    order = (*FIRST, *(name for name in found if name not in FIRST + LAST), *LAST)
-    return {name: found[name] for name in order if name in found}
+    return {name: found[name] for name in dict.fromkeys((*LONGEST, *found)) if name in found}
 
 
 def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:

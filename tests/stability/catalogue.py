@@ -101,12 +101,15 @@ class Catalogue:
     def __init__(self):
         self.rows: dict[tuple[str, str], dict] = {}
 
-    def record(self, case: str, claim: str, measured, bound, width: str, why: str = "", looser: str = "") -> None:
+    def record(
+        self, case: str, claim: str, measured, bound, width: str = "float32", why: str = "", looser: str = ""
+    ) -> None:
         """Assert ``measured`` <= ``bound`` and keep both.
 
         ``claim``: what is bounded, with its unit ("relative error of phi, tau in [0, 100]").
         ``width``: "float32" or "float64", the arithmetic that ``measured`` comes from; "either" where none applies.
-        ``why``: what the table says for a width that ``claim`` is never measured in; for "either" it is a must.
+        ``why``: what the table says for a width that ``claim`` is never measured in; for "either" it is a must, and for
+        a claim measured in float32 alone it may be left out where the width of the sums is not its matter.
         ``looser``: the measured reason, where ``bound`` is looser than the catalogue's.
         Recorded again under the same claim, the largest figure counts.
         """

@@ -12,7 +12,7 @@ CATALOGUE = Catalogue()
 
 @pytest.fixture
 def record(request):
-    """``record(case, claim, measured, bound, width, why="", looser="")``: see ``Catalogue.record``.
+    """``record(case, claim, measured, bound, width="float32", why="", looser="")``: see ``Catalogue.record``.
 
     The case's id must be in the test's name, and a test that asks for this must record something.
     """

@@ -161,7 +161,12 @@ def test_A3_early_termination_costs_its_bound_and_no_more(record, width, termina
 # --- A4, A5: orders and bands ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("footprint, taps", (("tent", 8), ("bspline2", 27), ("bspline3", 27), ("gaussian", 125)))
+@pytest.mark.parametrize(
+    ("width", "footprint", "taps"),
+    ((DOUBLE, "tent", 8), (SINGLE, "tent", 8), (SINGLE, "bspline2", 27), (SINGLE, "bspline3", 27),
+     (SINGLE, "gaussian", 125)),
+    indirect=("width",),
+)  # fmt: skip
 def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, way, footprint, taps):
     """The same voxels met in the opposite order, along scanlines and across them."""
     voxels = np.random.default_rng(4).integers(1, 256, (3, 24, 24)).astype(np.uint8)
@@ -185,7 +190,7 @@ def test_A4_order_inside_a_sheet_is_worth_its_roundings(record, width, way, foot
 @pytest.mark.parametrize("rows", (2, 6, 10, 30))
 @pytest.mark.parametrize("threads", (1, 2))
 @BY_CLASSIFICATION
-def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, threads, classification):
+def test_A5_bands_and_threads_change_no_bit(record, monkeypatch, rows, threads, classification):
     """The rows of the intermediate image, taken so many at a time (more threads: test_same_picture)."""
     scene = STAGE.on_turntable(FIELDS["smooth"](20)[:, :17], 35.0, 25.0, True, size=(70, 61))
     whole = STAGE.render(scene, threads=1, classification=classification)
@@ -201,7 +206,7 @@ def test_A5_bands_and_threads_change_no_bit(record, width, monkeypatch, rows, th
         split = STAGE.render(scene, threads=threads, classification=classification)
     assert max(last - first for first, last in calls) == rows and len(calls) > 2
     changed = (split.rgba != whole.rgba).sum() + (split.depth != whole.depth).sum()
-    record("A5", "numbers whose bits change with threads and bands", changed, 0, width)
+    record("A5", "numbers whose bits change with threads and bands", changed, 0, SINGLE, why="bands share no sum")
 
 
 # --- A6 to A9: what any picture keeps to ----------------------------------------------------------------------
@@ -307,7 +312,9 @@ def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filt
 # --- A10, A11: kernels ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize(
+    ("width", "footprint"), ((DOUBLE, "tent"), *((SINGLE, name) for name in FOOTPRINTS)), indirect=("width",)
+)
 @pytest.mark.parametrize("rule", ("slice", "simpson", "gauss2"))
 def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, width, footprint, way, rule):
     """Optical depth of every sheet pixel over the middle of a block, at 0.39 and 2.93 pixels a voxel."""

@@ -42,6 +42,12 @@ def test_an_empty_cell_or_a_missing_case_is_refused(tmp_path):
     catalogue.record("C2", "jump", 0.5, 1.0, "float64")
     with pytest.raises(Failure, match="C2, jump: measured in float64 only"):
         page(catalogue, tmp_path / "f.json")
+    catalogue = full()
+    catalogue.record("C2", "error", 0.5, 1.0)
+    assert "| error | 1 | 0.5 | - |" in page(catalogue, tmp_path / "f.json")
+    catalogue.record("A1", "sum", 0.5, 1.0)
+    with pytest.raises(Failure, match="A1, sum: measured in float32 only"):
+        page(catalogue, tmp_path / "f.json")
     (tmp_path / "f.json").write_text(json.dumps({"cases": CASES, "rows": []}))
     with pytest.raises(Failure, match="for V1, V2"):
         table(tmp_path / "f.json")

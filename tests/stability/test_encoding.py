@@ -111,14 +111,14 @@ def test_S1_random_masks_in_canonical_form(record, seed, axis, way):
     "shape",
     ((1, 7, 6), (7, 1, 6), (7, 6, 1), (1, 1, 9), (1, 9, 1), (9, 1, 1), (1, 1, 1), (2, 2, 2), (5, 7, 11), (13, 3, 17)),
 )
-def test_S2_flat_thin_and_prime_sizes_equal_the_oracle(record, width, shape):
+def test_S2_flat_thin_and_prime_sizes_equal_the_oracle(record, shape):
     voxels = np.random.default_rng(8).integers(100, 256, shape).astype(np.uint8)
     camera, matrix = turntable(Volume(voxels, np.eye(4)), 35, 25, width=32, height=32)
     scene = Scene(Volume(voxels, np.eye(4)), FAINT, camera, 32, 32, matrix, headlight=False)
     true = truth(scene, "T1", tolerance=1e-6)[0].reshape(32, 32, 4)
     found = difference(render(scene, replace(FINE, sheet_density=8.0)).rgba, true)
     assert true[..., 3].max() > 0.05
-    record("S2", "largest difference from the oracle, levels", found.largest, 0.3, width)
+    record("S2", "largest difference from the oracle, levels", found.largest, 0.3)
 
 
 def test_S2_a_volume_without_voxels_is_refused(record):
@@ -155,7 +155,7 @@ def test_S3_a_checkerboard_has_one_run_per_voxel_and_the_empty_first(record, axi
 
 @pytest.mark.parametrize("axis, view", ((0, (79, 12)), (1, (11, 14)), (2, (20, 77))))
 @pytest.mark.parametrize("make", (checkerboard, solid))
-def test_S3_the_worst_runs_are_drawn_right(record, width, make, axis, view):
+def test_S3_the_worst_runs_are_drawn_right(record, make, axis, view):
     """Against the truth, from within the block's outline, with four sheet pixels to a picture's."""
     volume = make(14)
     camera, matrix = turntable(volume, *view, fit=0.5, width=32, height=32)
@@ -167,8 +167,8 @@ def test_S3_the_worst_runs_are_drawn_right(record, width, make, axis, view):
     assert rendering.report["plan"]["base_planes"][0]["principal_axis"].endswith("xyz"[axis])
     found, moved = (difference(rendering.rgba, picture) for picture in (true, np.roll(true, 1, axis=1)))
     assert moved.rmse > 20.0 * found.rmse
-    record("S3", "RMSE of the worst runs from the oracle, levels", found.rmse, 0.05, width)
-    record("S3", "largest difference of the worst runs from the oracle, levels", found.largest, 0.3, width)
+    record("S3", "RMSE of the worst runs from the oracle, levels", found.rmse, 0.05)
+    record("S3", "largest difference of the worst runs from the oracle, levels", found.largest, 0.3)
 
 
 @pytest.mark.parametrize("make", (checkerboard, solid))

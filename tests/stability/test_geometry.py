@@ -87,13 +87,13 @@ def along(direction, up=(0.13, 0.27, 0.81), size=48, reach=34.0):
 
 
 @pytest.mark.parametrize("name", TIES)
-def test_C1_ties_between_axes_are_decided_and_do_not_matter(record, width, name):
+def test_C1_ties_between_axes_are_decided_and_do_not_matter(record, name):
     ahead = np.array(TIES[name])
     tied = [axis for axis in range(3) if abs(ahead[axis]) == abs(ahead).max()]
     scene = STAGE.before(STAGE.volume(np.pad(BLOBS, 1)), along(ahead), (48, 48))
     view = index_view(scene.camera, scene.index_to_world, 48, 48)
     chosen = candidate_pyramids(view)
-    record("C1", "runs that choose another axis", sum(candidate_pyramids(view) != chosen for _ in range(20)), 0, width)
+    record("C1", "runs that choose another axis", sum(candidate_pyramids(view) != chosen for _ in range(20)), 0)
     exact = np.sign(ahead[tied[0]]), tied[0]
     axis, sign = dominant_axis(ahead)
     assert (sign, axis) == exact  # of axes that tie exactly, the first
@@ -111,16 +111,15 @@ def test_C1_ties_between_axes_are_decided_and_do_not_matter(record, width, name)
             "difference of the axes at a tie, in units of twice the depth rule's error",
             apart / (2.0 * error),
             1.0,
-            width,
         )
     alphas = [by_axis(scene, axis, ROUND)[..., 3] for axis in tied]
     apart = max(np.abs(a - alphas[0]).max() for a in alphas[1:]) / LEVEL
-    record("C1", "levels that alpha depends on the axis by, integrated in depth", apart, 0.1, width)
+    record("C1", "levels that alpha depends on the axis by, integrated in depth", apart, 0.1)
 
 
 @pytest.mark.parametrize("azimuth", (20.0, 37.0, 45.0))
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-def test_C2_a_small_turn_makes_a_small_difference(record, width, plan, azimuth, perspective):
+def test_C2_a_small_turn_makes_a_small_difference(record, plan, azimuth, perspective):
     """|I(a + d) - I(a)| <= K d + e.  K: a pixel at the picture's edge moves by 24 pixels a radian, and no picture
     changes by more than 0.25 from one pixel to the next here.  e: half a level; where the principal axis may switch,
     one level."""
@@ -137,18 +136,17 @@ def test_C2_a_small_turn_makes_a_small_difference(record, width, plan, azimuth, 
                 "levels beyond K d after a turn by 1e-1 to 1e-12 at the switch",
                 (change - 12.0 * step) / LEVEL,
                 1.0,
-                width,
             )
             continue
         beyond = (change - 12.0 * step) / LEVEL
         if plan.classification == "pre":
-            record("C2", "levels beyond K d after a turn by 1e-1 to 1e-12", beyond, 1e-3, width)
+            record("C2", "levels beyond K d after a turn by 1e-1 to 1e-12", beyond, 1e-3)
         else:
-            record("C2", "levels beyond K d after a turn, post-classified", beyond, 0.1, width, looser=NEAREST)
+            record("C2", "levels beyond K d after a turn, post-classified", beyond, 0.1, looser=NEAREST)
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
+def test_C3_a_full_turn_in_steps_of_a_degree(record, plan, perspective):
     first, cache = STAGE.on_turntable(np.pad(BLOBS, 1), 0.0, 12.0, perspective, size=(32, 32)), StageCache()
     views = (turntable(first.volume, float(a), 12.0, 1.25, perspective, 40.0, 32, 32) for a in range(360))
     frames = [picture(replace(first, camera=camera, volume_matrix=matrix), plan, cache) for camera, matrix in views]
@@ -160,19 +158,18 @@ def test_C3_a_full_turn_in_steps_of_a_degree(record, width, plan, perspective):
         "levels by which a step over a switch exceeds those beside it",
         ((steps - beside)[switches]).max() / LEVEL,
         1.0,
-        width,
     )
     total = np.array([frame[..., 3].mean() for frame in frames])
     bend = np.abs(np.roll(total, 1) - 2.0 * total + np.roll(total, -1))
     assert total.min() > 0.02
-    record("C3", "second difference of a turn's mean alpha, relative", (bend / total).max(), 3e-3, width)
+    record("C3", "second difference of a turn's mean alpha, relative", (bend / total).max(), 3e-3)
 
 
 # --- C4 to C7: places and sizes -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("pixels", ((1, 0), (-3, 2), (7, -11)))
-def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixels, way):
+def test_C4_whole_pixels_and_voxels_shift_the_picture(record, plan, pixels, way):
     size, (right, down) = 48, pixels
     scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, size=(size, size), fit=1.6)
     base = picture(scene, plan)
@@ -180,7 +177,7 @@ def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixel
     shifted = np.roll(picture(replace(scene, camera=camera), plan), (-down, -right), axis=(0, 1))
     inside = np.s_[12:-12, 12:-12]
     assert base[inside].max() > 0.3
-    record("C4", "change of a picture shifted by whole pixels", np.abs(shifted - base)[inside].max(), 1e-6, width)
+    record("C4", "change of a picture shifted by whole pixels", np.abs(shifted - base)[inside].max(), 1e-6)
     alone = np.pad(BLOBS, 1)
     padded = np.pad(alone, ((2, 3), (0, 0), (1, 4)))  # along the principal axis, y, the base plane would move
     scene = STAGE.on_turntable(alone, 35.0, 25.0, size=(size, size))
@@ -190,34 +187,33 @@ def test_C4_whole_pixels_and_voxels_shift_the_picture(record, width, plan, pixel
         knobs = dict(sheet_density=density)
         change = np.abs(picture(other, plan, **knobs) - picture(scene, plan, **knobs)).max()
         if density == 0.0:
-            record("C4", "change when voxels are renumbered, one sheet pixel per voxel", change, 1e-6, width)
+            record("C4", "change when voxels are renumbered, one sheet pixel per voxel", change, 1e-6)
         else:
             record(
                 "C4",
                 "change when voxels are renumbered, any density",
                 change,
                 LEVEL,
-                width,
                 looser="sheet pixels are counted from voxel 0, so they sample the voxels elsewhere",
             )
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_C5_volume_and_camera_move_together(record, width, plan, seed):
+def test_C5_volume_and_camera_move_together(record, plan, seed):
     random = np.random.default_rng(seed)
     rigid = placed(turned(random.standard_normal(3), random.uniform(0.0, 6.0)), random.uniform(-300.0, 300.0, 3))
     for perspective in (False, True):
         scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, perspective, size=(48, 48))
         moved = replace(scene, volume_matrix=rigid @ scene.volume_matrix, camera=moved_camera(scene.camera, rigid))
         change = np.abs(picture(moved, plan) - picture(scene, plan)).max()
-        record("C5", "change when volume and camera move together", change, 1e-5, width)
+        record("C5", "change when volume and camera move together", change, 1e-5)
 
 
 PERMUTED = [(order, flips) for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0)) for flips in ((), (0,), (1, 2), (0, 1, 2))]
 
 
 @pytest.mark.parametrize("order, flips", PERMUTED[1:], ids=str)
-def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, plan, order, flips):
+def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, plan, order, flips):
     """The same medium in the same place, stored in another order: volume axes (x, y, z) become ``order``, some of
     them backwards."""
     field = np.pad(INNER[:15, :, :13], 1)
@@ -233,7 +229,7 @@ def test_C6_axes_permuted_and_mirrored_in_data_and_matrix(record, width, plan, o
         for density in DENSITIES:
             knobs = dict(sheet_density=density, depth_rule="gauss2")
             change = np.abs(picture(other, plan, **knobs) - picture(scene, plan, **knobs)).max()
-            mirrored("change when the data's axes are permuted and mirrored", density, change, width, record)
+            mirrored("change when the data's axes are permuted and mirrored", density, change, record)
 
 
 # One sheet pixel per voxel; the standard density; and one at which the sheets are sampled to a tenth of a level.
@@ -241,17 +237,17 @@ DENSITIES = (0.0, 1.0, 8.0)
 SAMPLED = "sheet pixels are counted from voxel 0, so a mirrored volume is sampled elsewhere; less at a higher density"
 
 
-def mirrored(claim, density, change, width, record):
+def mirrored(claim, density, change, record):
     """C6's figure at each of DENSITIES."""
     if density == 0.0:
-        record("C6", f"{claim}, one sheet pixel per voxel", change, 1e-6, width)
+        record("C6", f"{claim}, one sheet pixel per voxel", change, 1e-6)
     elif density == 1.0:
-        record("C6", f"{claim}, at the standard density", change, 2.5 * LEVEL, width, looser=SAMPLED)
+        record("C6", f"{claim}, at the standard density", change, 2.5 * LEVEL, looser=SAMPLED)
     else:
-        record("C6", f"{claim}, at the highest density", change, 0.3 * LEVEL, width, looser=SAMPLED)
+        record("C6", f"{claim}, at the highest density", change, 0.3 * LEVEL, looser=SAMPLED)
 
 
-def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, width, plan, way):
+def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, plan, way):
     field = BLOBS + BLOBS[:, :, ::-1]
     field = 0.4 * (field + field[::-1])
     for perspective in (False, True):
@@ -260,12 +256,12 @@ def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, width, plan, way
             rgba = picture(scene, plan, sheet_density=density)
             assert rgba.max() > 0.3
             uneven = max(np.abs(rgba - rgba[:, ::-1]).max(), np.abs(rgba - rgba[::-1]).max())
-            mirrored("asymmetry of a symmetric scene", density, uneven, width, record)
+            mirrored("asymmetry of a symmetric scene", density, uneven, record)
 
 
 @pytest.mark.parametrize("power", (-12, -9, -6, -3, 3, 6, 9, 12))
 @pytest.mark.parametrize("by", ("matrix", "scene scale", "affine"))
-def test_C7_only_ratios_of_lengths_enter(record, width, plan, power, by):
+def test_C7_only_ratios_of_lengths_enter(record, plan, power, by):
     scale = 10.0**power
     for perspective in (False, True):
         scene = STAGE.on_turntable(BLOBS, 35.0, 25.0, perspective, size=(48, 48))
@@ -283,17 +279,17 @@ def test_C7_only_ratios_of_lengths_enter(record, width, plan, power, by):
             other = replace(scene, volume=volume, volume_matrix=inside, transfer_function=tf, camera=camera)
         there, here = render(other, plan), render(scene, plan)
         change = np.abs(there.rgba.astype(np.float64) - here.rgba).max()
-        record("C7", "change when all lengths are scaled by 1e-12 to 1e12", change, 1e-6, width)
+        record("C7", "change when all lengths are scaled by 1e-12 to 1e12", change, 1e-6)
         seen = here.depth < NO_DEPTH
         if power < 9:  # NO_DEPTH, as Blender has it, is a length
             found = np.abs(there.depth.astype(np.float64)[seen] / scale - here.depth[seen])
-            record("C7", "change of depth / scale, in voxels", found.max(), 1e-3, width)
+            record("C7", "change of depth / scale, in voxels", found.max(), 1e-3)
 
 
 # --- C14, C16, C17, C18 ---------------------------------------------------------------------------------------
 
 
-def test_C14_a_focal_length_towards_infinity_is_parallel(record, width, plan):
+def test_C14_a_focal_length_towards_infinity_is_parallel(record, plan):
     """At fixed framing the difference to parallel rays falls as 1 / D, and stays down as far as D = 1e15.
 
     The camera stands on an axis of the world, the volume is turned about the origin: a camera aside, 1e15 away,
@@ -315,12 +311,12 @@ def test_C14_a_focal_length_towards_infinity_is_parallel(record, width, plan):
         change = np.abs(seen(10.0**power, "PERSP") - parallel).max()
         if power <= 5:
             change *= 10.0**power
-            record("C14", "D * difference to parallel rays, D from 1e2 to 1e5 voxels", change, 40.0, width)
+            record("C14", "D * difference to parallel rays, D from 1e2 to 1e5 voxels", change, 40.0)
         elif power >= 8:
             if plan.classification == "pre":
-                record("C14", "difference to parallel rays, D from 1e8 to 1e15 voxels", change, 5e-6, width)
+                record("C14", "difference to parallel rays, D from 1e8 to 1e15 voxels", change, 5e-6)
             else:
-                record("C14", "the same, post-classified", change, 1e-4, width, looser=NEAREST)
+                record("C14", "the same, post-classified", change, 1e-4, looser=NEAREST)
 
 
 def test_C16_no_ray_grazes_its_base_plane(record):
@@ -369,7 +365,7 @@ def thin_picture(size, perspective, truth_name):
 
 
 @pytest.mark.parametrize("size", ((1, 1), (1, 37), (37, 1), (2, 2), (1, 300)), ids=str)
-def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size, way):
+def test_C17_pictures_of_a_single_pixel_row_or_column(record, plan, size, way):
     """Against the truth; and every crop of one pixel is that pixel of the whole."""
     for perspective in (False, True):
         scene, true = thin_picture(size, perspective, TRUE[plan.classification])
@@ -378,15 +374,15 @@ def test_C17_pictures_of_a_single_pixel_row_or_column(record, width, plan, size,
         assert whole.rgba.shape == (size[1], size[0], 4)
         assert true[..., 3].max() > 0.1
         error = np.abs(whole.rgba.reshape(-1, 4) - true).max() / LEVEL
-        record("C17", "levels from the reference in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0, width)
+        record("C17", "levels from the reference in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0)
         for column, row in ((0, 0), (size[0] - 1, size[1] - 1), (size[0] // 2, size[1] // 2)):
             crop = render(replace(scene, crop=(column, row, column + 1, row + 1)), quality)
             differs = (bits(crop.rgba[0, 0]) != bits(whole.rgba[row, column])).sum()
-            record("C17", "numbers of a crop whose bits differ from the whole frame's", differs, 0, width)
+            record("C17", "numbers of a crop whose bits differ from the whole frame's", differs, 0)
 
 
 @pytest.mark.skipif(not compiled(), reason="too slow without kernels")
-def test_C17_parts_of_a_frame_of_16384_pixels(record, width, plan):
+def test_C17_parts_of_a_frame_of_16384_pixels(record, plan):
     """Crops of a frame that is far too large to hold: the same bits where they overlap, and as the truth has it."""
     side = 16384
     scene = STAGE.on_turntable(FIELDS["smooth"](18)[:, :16, :13], 37.0, 24.0, True, size=(side, side), fit=0.9)
@@ -397,16 +393,16 @@ def test_C17_parts_of_a_frame_of_16384_pixels(record, width, plan):
     assert one.rgba.shape == (64, 64, 4) and one.rgba[..., 3].min() > 0.3
     differs = (bits(one.rgba[32:, 32:]) != bits(two.rgba[:32, :32])).sum()
     differs += (bits(one.depth[32:, 32:]) != bits(two.depth[:32, :32])).sum()
-    record("C17", "numbers of a crop whose bits differ from the whole frame's", differs, 0, width)
+    record("C17", "numbers of a crop whose bits differ from the whole frame's", differs, 0)
     assert one.report["memory_estimate_bytes"]["picture"] < 4e6
     columns, rows = np.array((8000, 8063, 8031)), np.array((8100, 8100, 8140))
     true = truth(scene, TRUE[plan.classification], pixels=(columns + 0.5, rows + 0.5))[0]
     error = np.abs(one.rgba[rows - 8100, columns - 8000] - true).max() / LEVEL
-    record("C17", "levels from the reference in parts of a frame of 16,384 pixels", error, 1.0, width)
+    record("C17", "levels from the reference in parts of a frame of 16,384 pixels", error, 1.0)
 
 
 @pytest.mark.parametrize("direction", ((1.0, 0.0, 0.0), (0.6, -0.3, 0.7), (-1.0, 1.0, 1.0)))
-def test_C18_far_from_the_world_origin(record, width, plan, direction):
+def test_C18_far_from_the_world_origin(record, plan, direction):
     """World coordinates of 1e7, where float32 counts in whole units."""
     far = placed(np.eye(3), 1e7 * np.array(direction))
     for perspective in (False, True):
@@ -418,4 +414,4 @@ def test_C18_far_from_the_world_origin(record, width, plan, direction):
         record("C18", "pixels that a voxel 1e7 away moves by", np.abs(pixels[1] - pixels[0]).max(), 1e-6, "float64",
                why="positions are computed in float64")  # fmt: skip
         change = np.abs(picture(other, plan) - picture(scene, plan)).max()
-        record("C18", "change of a picture 1e7 away", change, 1e-6, width)
+        record("C18", "change of a picture 1e7 away", change, 1e-6)

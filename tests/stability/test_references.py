@@ -60,7 +60,7 @@ def moved(splat, along: float) -> Splat:
 
 
 @pytest.mark.parametrize("kernel", ("nearest", "gaussian"))
-def test_K1_rays_on_the_step_where_a_footprint_ends(record, width, kernel):
+def test_K1_rays_on_the_step_where_a_footprint_ends(record, kernel):
     """Where a box ends, halfway between two voxels, or a Gaussian is cut, kernels and reference implementation took
     different sides, as one divided and the other multiplied by an inverse: now both compute the position of a ray by
     the same rounded steps."""
@@ -75,13 +75,13 @@ def test_K1_rays_on_the_step_where_a_footprint_ends(record, width, kernel):
         told = splat.differences()
         unlike = told.ends + told.edges + told.odd
         claim = f"rays on different sides of a step in kernels and reference implementation, {kernel}"
-        record("K1", claim, unlike, 0, width)
+        record("K1", claim, unlike, 0)
         if kernel != "nearest":
             continue
         depth = np.pad(-np.log1p(-opacities).sum(axis=0), 1)  # nothing around
         row, column = (np.clip(np.floor(p + 0.5).astype(int) + 1, 0, n + 1) for p, n in ((y, 8), (x, 9)))
         off = abs(splat.image.pixels[..., 3] - np.exp(-depth[np.ix_(row, column)])).max()
-        record("K1", "error of the transmittance of the voxel that a ray is in", off, 5e-7, width)
+        record("K1", "error of the transmittance of the voxel that a ray is in", off, 5e-7)
     assert on_steps > 50
 
 
@@ -217,7 +217,7 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
 
 
 @pytest.mark.parametrize("kernel", ("bspline2", "bspline3", "gaussian"))
-def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(record, width, kernel):
+def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(record, kernel):
     """float32 knows what is left of an opacity of one to 2^-24 of it, and the power of a short length makes that large.
     Either is what a medium shows that is 2^-22 of itself denser or thinner."""
     seen, power = 0, 1.0 / 16.0
@@ -230,14 +230,14 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
         told, (x, y) = splat.differences(), positions(splat)
         seen += told.edges
         claim = "rays through opacities of one that differ by more than the reference implementation's so much denser"
-        record("K6", claim, told.odd, 0, width)
+        record("K6", claim, told.odd, 0)
         if kernel == "bspline2":  # of the first and the last sheet half, and four of nearly one
             inside = np.ix_((y > 1.51) & (y < 4.49), (x > 1.51) & (x < 5.49))
             most, least = (0.5**2 * left**4 for left in (2.0**-24, 2.0**-22 + 2.0**-24))
             for image in (splat.image.pixels, splat.by_reference()):
                 transmittance = image[inside][..., 3]
                 off = np.maximum(most**power - transmittance, transmittance - least**power).max()
-                record("K6", "transmittance beyond that of opacities from 1 - 2^-24 to 1 - 2^-22", off, 1e-6, width)
+                record("K6", "transmittance beyond that of opacities from 1 - 2^-24 to 1 - 2^-22", off, 1e-6)
     assert seen > 0
 
 

@@ -99,7 +99,7 @@ def test_V7_V9_infinities_and_data_beyond_the_ends(record, slope, way):
 
 @every_finer
 @pytest.mark.parametrize("dtype", ("float32", "float64"))
-def test_V6_cells_with_a_corner_that_is_no_number_are_transparent(record, width, dtype, classification, way):
+def test_V6_cells_with_a_corner_that_is_no_number_are_transparent(record, dtype, classification, way):
     values = noise(dtype)
     holes = np.random.default_rng(5).random(values.shape) < 0.04
     values[holes] = np.nan
@@ -112,7 +112,7 @@ def test_V6_cells_with_a_corner_that_is_no_number_are_transparent(record, width,
         whole = turned(Volume(np.where(holes, 50.0, values).astype(dtype), np.eye(4)), faint, 32)
         with_holes, without = (against_oracle(one, classification).rmse for one in (scene, whole))
         claim = "RMSE from the oracle with NaN among the corners, over that without"
-        record("V6", claim, with_holes / without, 1.5, width)
+        record("V6", claim, with_holes / without, 1.5)
     lit = drawn(turned(Volume(values, np.eye(4)), replace(faint, shade=Shade()), 32), classification)
     record("V6", "pixels that are not finite, shaded", (~np.isfinite(lit)).sum(), 0, "either", "whole numbers")
 
@@ -185,26 +185,26 @@ def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, w
     )
 
 
-def test_V8_a_constant_volume_is_symmetric(record, width, way):
+def test_V8_a_constant_volume_is_symmetric(record, way):
     cube = np.full((6, 6, 6), 50.0, np.float32)
     scene = from_above(cube, transfer(((0, 0.3),), ((0, 0.2, 0.5, 1.0),), shade=Shade()))
     picture = columns(replace(scene, headlight=True))
     worst = max(np.abs(picture - np.flip(picture, axis)).max() for axis in (0, 1))
     worst = max(worst, np.abs(picture - picture.transpose(1, 0, 2)).max())
-    record("V8", "asymmetry of its picture, levels", 255.0 * worst, 0.0, width)
+    record("V8", "asymmetry of its picture, levels", 255.0 * worst, 0.0)
 
 
 @every_finer
-def test_V8_a_constant_volume_is_symmetric_however_classified(record, width, classification, way):
+def test_V8_a_constant_volume_is_symmetric_however_classified(record, classification, way):
     cube = np.full((6, 6, 6), 50.0, np.float32)
     plain = from_above(cube, transfer(((0, 0.3),), ((0, 0.2, 0.5, 1.0),)))
     shaded = replace(plain, transfer_function=replace(plain.transfer_function, shade=Shade()), headlight=True)
     pictures = [drawn(scene, classification) for scene in (plain, shaded)]
     assert pictures[0][..., 3].max() > 0.5
     if classification == "pre":  # with post the faces of its box are lit
-        record("V8", f"{BITS} of the shaded picture from the unshaded", unlike(*pictures), 0, width)
+        record("V8", f"{BITS} of the shaded picture from the unshaded", unlike(*pictures), 0)
     worst = max(np.abs(each - np.flip(each, axis)).max() for each in pictures for axis in (0, 1))
-    record("V8", f"asymmetry of its picture, {classification}, levels", 255.0 * worst, 0.01, width)
+    record("V8", f"asymmetry of its picture, {classification}, levels", 255.0 * worst, 0.01)
 
 
 @pytest.mark.parametrize("dtype, mean, worst", (("float32", 0.35, 0.8), ("uint8", 0.4, 1.0)))
@@ -299,7 +299,7 @@ def test_V10_tables_of_stored_values_are_exact(record, dtype, way):
 
 
 @pytest.mark.parametrize("dtype", ("int16", "float32"))
-def test_V11_a_range_of_one_value_is_a_step(record, width, dtype, way):
+def test_V11_a_range_of_one_value_is_a_step(record, dtype, way):
     ramp = transfer(((0, 0.0), (100, 0.8)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0)))
     step = transfer(((40, 0.0), (40, 0.8)), ((40, 1.0, 0.2, 0.1), (40, 0.1, 0.3, 1.0)))
     volume = Volume(noise(dtype), np.eye(4))
@@ -307,7 +307,7 @@ def test_V11_a_range_of_one_value_is_a_step(record, width, dtype, way):
     with np.errstate(divide="raise", invalid="raise"):
         for narrow in (ramp.remapped(40, 40), ramp.windowed(40, 0.0)):
             pictures = [columns(from_above(volume.voxels, tf)) for tf in (narrow, step)]
-            record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0, width)
+            record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0)
     assert 0.5 < pictures[0][..., 3].max()
 
 
@@ -342,7 +342,7 @@ def test_V10_a_table_converges_with_its_size(record, dtype):
 
 
 @every_finer
-def test_V10_V11_steps_and_ranges_of_one_value_however_classified(record, width, classification, way):
+def test_V10_V11_steps_and_ranges_of_one_value_however_classified(record, classification, way):
     """A step between voxels is a surface inside cells, there where the interpolated value is."""
     z = np.linspace(0.0, 9.0, 10)
     ramp = np.broadcast_to(10.0 * z[:, None, None], (10, 6, 6)).astype(np.float32)
@@ -350,12 +350,12 @@ def test_V10_V11_steps_and_ranges_of_one_value_however_classified(record, width,
     narrow = transfer(((0, 0.0), (100, 0.3)), ((0, 1.0, 0.2, 0.1), (100, 0.1, 0.3, 1.0))).remapped(44, 44)
     knobs = dict(depth_rule="midpoint-16" if classification == "post" else "midpoint-4", termination=0.0)
     pictures = [drawn(from_above(ramp, tf), classification, **knobs) for tf in (step, narrow)]
-    record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0, width)
+    record("V11", f"{BITS} of the picture, against a step", unlike(*pictures), 0)
     depth = -np.log1p(-pictures[0][3, 3, 3].astype(np.float64)) / -math.log1p(-0.3)
     if classification == "post":
-        record("V10", "misplacement of a step inside a cell, voxels", abs(depth - 4.6), 1 / 16, width)
+        record("V10", "misplacement of a step inside a cell, voxels", abs(depth - 4.6), 1 / 16)
     else:
-        record("V10", "misplacement of a step on a grid twice as fine, voxels", abs(depth - 4.6), 1 / 4, width)
+        record("V10", "misplacement of a step on a grid twice as fine, voxels", abs(depth - 4.6), 1 / 4)
 
 
 # --- stored types ---------------------------------------------------------------------------------------------
