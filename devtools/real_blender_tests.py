@@ -3,6 +3,7 @@ tests/blender on demand.  And photographs of its window, of any scenario."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import tempfile
@@ -99,8 +100,11 @@ def make_kernels_inside(blender: Blender) -> Path:
     return path
 
 
-def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool) -> Path:
-    """A folder that the Blender can see, with the tests and the zip for its Python, which is built if not given."""
+def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool, installed: Path | None) -> Path:
+    """A folder that the Blender can see, with the tests and the zip for its Python, which is built if not given.
+
+    ``installed``: its user's folder to begin with, if it is there.
+    """
     zip_path = zips.get(blender.python) or _zip_for(blender)
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_test_", dir=blender.root or BUILD))
     # With the files, phantoms and scripts that tests show.
@@ -111,8 +115,10 @@ def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool) -> Pa
     shutil.copy(ROOT / "pyproject.toml", folder)
     shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
     shutil.copy(zip_path, folder / "extension.zip")
+    if installed and installed.is_dir():
+        shutil.copytree(installed, folder / "user", copy_function=os.link)
     for name in ("user", "shots", "tmp"):
-        (folder / name).mkdir()
+        (folder / name).mkdir(exist_ok=True)
     return folder
 
 
@@ -144,11 +150,13 @@ def label_of(script: str) -> str:
 
 
 def window_stage(
-    zips: dict[str, Path], script: Path, label: str, size: tuple[int, int], backend: str | None = None
-) -> Stage:
+    zips: dict[str, Path], script: Path, label: str, size: tuple[int, int], backend: str | None = None,
+    installed: Path | None = None,
+) -> Stage:  # fmt: skip
     """A script that needs a window, on a virtual screen of this size; ``zips``: those that are built, by Python.
 
-    ``backend``: what Blender draws with, "opengl" or "vulkan"; None for its own choice.
+    ``backend``: what Blender draws with, "opengl" or "vulkan"; None for its own choice.  ``installed``: a user's folder
+    with the extension; without one it is installed.
     """
     try:
         blender = find_blender()
@@ -157,7 +165,7 @@ def window_stage(
             place = [*simulates, "--window-geometry", "0", "0", *map(str, size)]
             place += ["--gpu-backend", backend] if backend else []
             label += f", {backend}" if backend else ""
-            return _run(blender, zips, script, f", {label}", place, DISPLAY=display)
+            return _run(blender, zips, script, f", {label}", place, installed, DISPLAY=display)
     except Failure as problem:
         return untested(f"real blender, {label}", str(problem))
 
@@ -166,17 +174,22 @@ def real_blender_stages(zips: dict[str, Path], script: str = SHORT, backend: str
     """A script of tests/blender in the background, then those of windows, two at a time, with the zip for its Python.
 
     They show what Blender's module cannot: F12 off the main thread, work from a timer, keys, mouse, panels, viewports.
+    Windows find the extension installed, as the short script has left it: unpacking 93 MB and compiling their Python
+    takes longer than many a scenario.
     """
-    try:
-        background = _run(ensure_blender(), zips, TESTS / script, "", ["--background"])
-    except Failure as problem:
-        return [untested("real blender and its windows", str(problem))]
+    BUILD.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="installed_", dir=BUILD) as name:
+        installed = Path(name) / "user" if script == SHORT else None
+        try:
+            background = _run(ensure_blender(), zips, TESTS / script, "", ["--background"], installed)
+        except Failure as problem:
+            return [untested("real blender and its windows", str(problem))]
 
-    def run(name: str) -> Stage:
-        return window_stage(zips, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend)
+        def run(name: str) -> Stage:
+            return window_stage(zips, TESTS / name, label_of(name), WINDOW_SCRIPTS[name], backend, installed)
 
-    with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
-        stages = [background, *workers.map(run, WINDOW_SCRIPTS)]
+        with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
+            stages = [background, *workers.map(run, WINDOW_SCRIPTS)]
     return [*stages, _compare_photographs(backend)] if script == SHORT else stages
 
 
@@ -189,11 +202,17 @@ def _compare_photographs(backend: str | None) -> Stage:
     return counted(name, command, clean_environ(), REPORTS / f"{name}.txt")
 
 
-def _run(blender: Blender, zips: dict[str, Path], script: Path, label: str, place: list[str], **environ: str) -> Stage:
-    """Run a script in a folder of its own with the tests of Blender beside it; keep its photographs."""
+def _run(
+    blender: Blender, zips: dict[str, Path], script: Path, label: str, place: list[str], installed: Path | None = None,
+    **environ: str,
+) -> Stage:  # fmt: skip
+    """Run a script in a folder of its own with the tests of Blender beside it; keep its photographs.
+
+    ``installed``: its user's folder to begin with; where there is none yet, its own is left there.
+    """
     name = f"real blender {blender.version[0]}.{blender.version[1]}{label}"
     try:
-        folder = _workplace(blender, zips, script.name == WHOLE)
+        folder = _workplace(blender, zips, script.name == WHOLE, installed)
     except Failure as problem:
         return broken(name, str(problem))
     copy = folder / "tests/blender" / script.name
@@ -226,5 +245,7 @@ def _run(blender: Blender, zips: dict[str, Path], script: Path, label: str, plac
     if any((folder / "shots").iterdir()):
         shutil.copytree(folder / "shots", shots)
         stage.remarks.append(f"photographs in {shots.relative_to(ROOT)}")
+    if installed and not installed.is_dir() and not stage.failed:
+        shutil.move(folder / "user", installed)
     shutil.rmtree(folder, ignore_errors=True)
     return stage

@@ -31,6 +31,14 @@ def install() -> None:
     assert done == {"FINISHED"} and MODULE in bpy.context.preferences.addons
 
 
+def enable() -> bool:
+    """Enable the extension; False where this user has not installed it."""
+    if not Path(bpy.utils.user_resource("EXTENSIONS"), "user_default", "rle_splat").is_dir():
+        return False
+    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    return True
+
+
 def import_cube(folder: Path):
     path = folder / "cube.raw"
     path.write_bytes(np.full((N, N, N), 100, np.uint8).tobytes())

@@ -34,7 +34,6 @@ DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
 STEP = 12  # pixels between rows that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
-window_driver.PAUSE, window_driver.PATIENCE = 0.03, 40000  # seconds, which count in what is measured, and steps
 WHITE, CHANNELS = "bpy.ops.rle_splat.plain_background(", "bpy.ops.rle_splat.import_channel(of_file=True"
 # Name, entry of File > Import, scan, buttons that are pressed afterwards. Segmentations lie beside the scans.
 CASES = (

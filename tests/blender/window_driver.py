@@ -26,6 +26,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import traceback
 from importlib import import_module
 from pathlib import Path
@@ -33,10 +34,11 @@ from pathlib import Path
 import bpy
 import gpu
 
-from tests.blender.real_blender import MODULE, install
+from tests.blender.real_blender import MODULE, enable, install
 
-PAUSE = 0.3  # seconds between steps
-PATIENCE = 2000  # steps; each waits for the window, so a busy machine gets more time
+PAUSE = 0.03  # seconds between steps; an idle window takes a fifth of a processor
+PATIENCE = 20000  # steps; each waits for the window, so a busy machine gets more time
+REST = 1.5  # seconds after which a window that still works has not come to rest
 SHOTS = "RLE_SPLAT_SHOTS"
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
@@ -97,7 +99,7 @@ class Run:
 
 
 def drive(scenario) -> None:
-    """Install the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
+    """Enable the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
 
     The last line says how many checks passed: those named by ``passed``.  A scenario that has a kernel compiled fails
     at its end: every user who comes to that state would wait for it.
@@ -126,12 +128,14 @@ def drive(scenario) -> None:
 
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.system.viewport_aa = "OFF"  # software draws it
+    bpy.context.preferences.inputs.mouse_double_click_time = 1  # ms; clicks of steps follow fast
     bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
 
 
 def _steps(scenario):
     check_backend()
-    install()
+    if not enable():
+        install()
     yield from scenario()
 
 
@@ -183,6 +187,12 @@ def until(condition):
             return
         yield
     raise AssertionError(f"waited {PATIENCE} steps in vain")
+
+
+def rest():
+    """Let the window do whatever it still does by itself."""
+    end = time.monotonic() + REST
+    yield from until(lambda: time.monotonic() > end)
 
 
 def open_panels(*idnames: str) -> None:
@@ -254,4 +264,4 @@ def photograph(name: str):
         print("no pictures are kept: ImageMagick's import is not on PATH", flush=True)
         return
     path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run([program, "-window", "root", str(path)], check=True)
+    subprocess.run([program, "-window", "root", "-quality", "10", str(path)], check=True)

@@ -21,6 +21,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     region_of,
+    rest,
     until,
     window,
 )
@@ -160,8 +161,7 @@ def check_other_tab(owner):
     for group in suits(owner):
         for entry in group.entries:
             thumbnails.icon(owner, entry)
-    for _ in range(4):
-        yield
+    yield from rest()
     assert not pictures() and not thumbnails._wanted and not module("loop.timer").is_waiting(thumbnails._tick)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "RLE Splat"
     yield
