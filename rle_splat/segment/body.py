@@ -123,9 +123,7 @@ def _depth_in_view(values: np.ndarray, coarse: Volume) -> np.ndarray:
     depth = np.minimum.outer(*(one - np.abs(place) for one, place in zip(half, places)))
     round_depth = max(half) - np.hypot.outer(*places)
     along = ({0, 1, 2} - {first, second}).pop()
-    depth, round_depth = (
-        np.broadcast_to(np.expand_dims(one, along), values.shape) for one in (depth, round_depth)
-    )
+    depth, round_depth = (np.broadcast_to(np.expand_dims(one, along), values.shape) for one in (depth, round_depth))
     outside = values[round_depth < -coarse.spacing.max()]
     return np.minimum(depth, round_depth) if outside.size and np.ptp(outside) == 0.0 else depth
 
