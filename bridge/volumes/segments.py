@@ -155,7 +155,7 @@ def beside_steps(path: str, volume: Volume):
     reason : str
         A sentence why there is none in spite of a file, or "".
     """
-    found = yield from rescale(find_segmentations_steps(path), 0.0, LOADED)
+    found = yield from rescale(find_segmentations_steps(path, volume.series), 0.0, LOADED)
     if len(found) != 1:
         names = ", ".join(one.name for one in found[:NAMED]) + (" and others" if len(found) > NAMED else "")
         return None, f"Several segmentations lie beside the scan ({names}); choose one in Segments." if found else ""

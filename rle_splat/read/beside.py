@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from ..runtime.steps import Progress
+from .dicom.pictures import hash_text
 from .formats import FORMATS, RAW, format_of
 from .masks import reads_mask_folder
 
@@ -17,53 +18,60 @@ MASKS = re.compile(r"^masks?$")
 BETWEEN = re.compile(r"[^a-z0-9]+")
 # SOP classes of segmentations, label map segmentations and structure sets, near the beginning of their files.
 CLASSES = re.compile(rb"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(66\.[47]|481\.3)(?![.\d])")
-HEAD = 2048  # bytes
+UID = re.compile(rb"[0-9.]{8,64}")
+HEAD, REFERENCES = 1 << 11, 1 << 22  # bytes that say what a file is, and of which series it is
 MOST_FILES, AT_ONCE = 20_000, 64
 
 
-def find_segmentations_steps(path):
+def find_segmentations_steps(path, series: str = ""):
     """Generator of Progress: the segmentations that seem to be of a scan.
 
     Parameters
     ----------
     path : str or Path
         The scan's file or DICOM folder.
+    series : str
+        ``Volume.series`` of the scan.
 
     Returns
     -------
     list of Path
-        For DICOM, SEG and RTSTRUCT files in the scan's folder, the folders in it, if the path is a folder, and the
-        folder above it. For others, files and folders of masks in the same folder that are named as labels, if the scan
-        is the only one there or has more words of its name in common with them than other scans have.
+        For DICOM, SEG and RTSTRUCT files that refer to the series, in the scan's folder, the folders in it, if the path
+        is a folder, and the folder above it. For others, files and folders of masks in the same folder that are named
+        as labels, if the scan is the only one there or has more words of its name in common with them than other scans.
     """
     path = Path(path)
     yield Progress(0.0, "looking for segmentations")
     kind = format_of(path)
-    if kind is not None and kind.name == "DICOM":
-        return (yield from _dicom_steps(path))
-    return [] if path.is_dir() else _named_as_labels(path)
+    try:
+        if kind is not None and kind.name == "DICOM":
+            return (yield from _dicom_steps(path, series))
+        return [] if path.is_dir() else _named_as_labels(path)
+    except OSError:  # a folder may be closed to us
+        return []
 
 
-def _dicom_steps(path: Path):
-    """Generator of Progress: the SEG and RTSTRUCT files by a DICOM file or folder."""
+def _dicom_steps(path: Path, series: str):
+    """Generator of Progress: the SEG and RTSTRUCT files by a DICOM file or folder that refer to a series."""
     folder = path if path.is_dir() else path.parent
     below = folder.rglob("*") if path.is_dir() else folder.iterdir()
-    found = []
+    found = set()
     for files in (below, folder.parent.iterdir()):
         for number, file in enumerate(islice(files, MOST_FILES)):
-            if not file.name.startswith(".") and _holds_segments(file):
-                found.append(file)
+            if not file.name.startswith(".") and file.is_file() and _are_segments_of(file, series):
+                found.add(file)
             if number % AT_ONCE == 0:
                 yield Progress(0.0, "looking for segmentations")
     return sorted(found)
 
 
-def _holds_segments(file: Path) -> bool:
+def _are_segments_of(file: Path, series: str) -> bool:
     try:
-        if not file.is_file():
-            return False
         with open(file, "rb") as stream:
-            return CLASSES.search(stream.read(HEAD)) is not None
+            if not CLASSES.search(stream.read(HEAD)):
+                return False
+            stream.seek(0)
+            return any(hash_text(uid.decode()) == series for uid in set(UID.findall(stream.read(REFERENCES))))
     except OSError:
         return False
 

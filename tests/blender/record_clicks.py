@@ -34,7 +34,7 @@ DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
 STEP = 12  # pixels between rows that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
-WHITE, CHANNELS = "bpy.ops.rle_splat.plain_background(", "bpy.ops.rle_splat.import_channel(of_file=True"
+WHITE = "bpy.ops.rle_splat.plain_background("
 # Name, entry of File > Import, scan, buttons that are pressed afterwards. Segmentations lie beside the scans.
 CASES = (
     ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", ()),
@@ -43,7 +43,6 @@ CASES = (
     ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", (WHITE,)),
     ("CT with RTSTRUCT", FOLDER, "rtstruct/dicom_ct_chest_512x512x46", ()),
     ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif", ()),
-    ("two channels of a file", FILE, "fluorescence/cortex_2ch_288x288x30_uint16.ome.tif", (CHANNELS,)),
 )
 
 
@@ -122,7 +121,7 @@ def measured(name: str, entry: int, scan: str, buttons):
 
 
 def scenario():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_channels")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels")
     for case in CASES:
         if (DATA / case[2]).exists():
             yield from measured(*case)

@@ -103,6 +103,8 @@ def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refu
     dataset.ROIContourSequence = phantoms.one(
         ReferencedROINumber=3, ROIDisplayColor=[255, 0, 0], ContourSequence=[drawn]
     )
+    scan = phantoms.read(next((tmp_path / "scan").iterdir()))
+    dataset.ReferencedFrameOfReferenceSequence = phantoms.one(SeriesInstanceUID=scan.SeriesInstanceUID)
     path = phantoms.save(dataset, tmp_path / "structures.dcm")
     owner.rle_splat.label_file = str(path)
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}

@@ -9,8 +9,8 @@ from rle_splat.runtime.steps import drain
 nibabel = pytest.importorskip("nibabel")
 
 
-def names_beside(path) -> list[str]:
-    return [one.name for one in drain(find_segmentations_steps(path))]
+def names_beside(path, series: str = "") -> list[str]:
+    return [one.name for one in drain(find_segmentations_steps(path, series))]
 
 
 def add_nifti(folder, *names):
@@ -41,25 +41,34 @@ def test_names(scan, others, found, tmp_path):
 
 
 def test_dicom_segments_and_contours_are_found_by_their_content(tmp_path):
-    """In the folder of the series, in folders below it, and in the one above; not those of images."""
-    pydicom = pytest.importorskip("pydicom")
+    """In the folder of the series, in folders below it, and in the one above, if they refer to the series."""
+    pytest.importorskip("pydicom")
     from pydicom.dataset import Dataset
+
+    from rle_splat.read.dicom.pictures import hash_text
 
     from . import dicom_phantoms as phantoms
 
-    def save(name, kind):
+    series = {"ct": "1.2.840.99.1", "pet": "1.2.840.99.2"}
+
+    def save(name, kind, of):
         dataset = Dataset()
-        dataset.SOPClassUID, dataset.SOPInstanceUID = kind, pydicom.uid.generate_uid()
+        dataset.SOPClassUID, dataset.SOPInstanceUID = kind, "1.2.840.99.7"
+        dataset.ReferencedSeriesSequence = phantoms.one(SeriesInstanceUID=series[of])
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         phantoms.save(dataset, tmp_path / name)
 
+    def found(path, of):
+        return names_beside(tmp_path / path, hash_text(series[of]))
+
     images, segments = "1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.66.4"
     for name in ("study/ct/1", "study/ct/2.dcm", "study/pet/1.dcm"):
-        save(name, images)
-    assert names_beside(tmp_path / "study") == []
-    save("study/ct/segments", segments)
-    save("study/contours.dcm", "1.2.840.10008.5.1.4.1.1.481.3")
-    save("dose.dcm", "1.2.840.10008.5.1.4.1.1.481.2")
-    assert names_beside(tmp_path / "study") == ["contours.dcm", "segments"]
-    assert names_beside(tmp_path / "study" / "ct" / "2.dcm") == ["contours.dcm", "segments"]
-    assert names_beside(tmp_path / "study" / "pet") == ["contours.dcm"]
+        save(name, images, "ct")
+    assert found("study", "ct") == []
+    save("study/ct/segments", segments, "ct")
+    save("study/contours.dcm", "1.2.840.10008.5.1.4.1.1.481.3", "ct")
+    save("study/tumors.dcm", segments, "pet")
+    save("dose.dcm", "1.2.840.10008.5.1.4.1.1.481.2", "ct")
+    assert found("study", "ct") == ["contours.dcm", "segments"]
+    assert found("study/ct/2.dcm", "ct") == ["contours.dcm", "segments"]
+    assert found("study/pet", "pet") == found("study", "pet") == ["tumors.dcm"]

@@ -1,11 +1,14 @@
 """Opacity of labels: a factor on their transfer function, or the same for all their voxels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rle_splat.classify.label_styles import SOLID_VOXELS, LabelStyle, read_label_styles
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.scene import RleSplatError
+from rle_splat.pipeline.scalar_labels import LabelFunctions
+from rle_splat.scene import Labels, RleSplatError
 from rle_splat.volume.volume import Volume
 
 OWN = TransferFunction(
@@ -45,3 +48,14 @@ def test_they_are_read_from_a_file(tmp_path):
 def test_nonsense_is_refused(given, words):
     with pytest.raises(RleSplatError, match=words):
         LabelStyle(1, **given)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int16, np.uint16, np.int32])
+def test_voxels_of_every_type_find_their_function(kind):
+    """Labels without one have the scene's own, those of the same look the same, also below zero."""
+    low = 0 if np.iinfo(kind).min == 0 else -7
+    numbers = np.array((low, 0, 1, 5, 127, 9), kind).reshape(1, 2, 3)
+    red = replace(OWN, color=((0.0, 1.0, 0.0, 0.0),))
+    functions = {5: red, 127: None, 9: red} | ({-7: red} if low else {})
+    found = LabelFunctions.of(Labels(Volume(numbers, np.eye(4)), functions), OWN)
+    assert found.numbers_of(0, 1).ravel().tolist() == [1 if low else 0, 0, 0, 1, 2, 1]
