@@ -9,7 +9,8 @@ Each program draws in the environment that has it, and keeps its pictures; then 
 
     .venvs/bench/bin/python -m benchmarks.side_by_side presets sheet.jpg
 
-makes a sheet of presets on scans of four modalities.
+makes a sheet of presets on scans of four modalities, ``crops`` one of parts of the joined pictures, twice as large.
+The column *before* is drawn with this file, benchmarks/lamps.py and the scans in the tree of an earlier commit.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
 samples per voxel, no shadows, and no light but the sun and what its material adds.  Cycles scatters light in a
 Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
@@ -95,6 +96,11 @@ PRESETS = {
     "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
                                     dict(spacing=(1.0, 1.0, 1.4))),
     "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
+}  # fmt: skip
+CROP = 120  # pixels
+CROPS = {  # part -> subject, left, top
+    "crown": ("CT head", 150, 5), "temple": ("CT head", 90, 90), "skull": ("skull phantom", 110, 60),
+    "rib": ("chest angiography", 230, 120), "heart": ("chest angiography", 80, 110), "gyrus": ("MR brain", 60, 90),
 }  # fmt: skip
 PROGRAMS = "before", "ours", "vtk", "cycles"
 
@@ -266,50 +272,65 @@ def _shown(rgba, as_bright_as):
         bright, own = (np.quantile(one[one[..., 3] > 0.1, :3].max(axis=-1), BRIGHT) for one in (as_bright_as, rgba))
         rgba = rgba * np.array((*(bright / max(own, 1e-9),) * 3, 1.0))
     linear = np.clip(rgba[..., :3] + (1.0 - rgba[..., 3:]) * 0.008, 0.0, 1.0)
-    return np.round(255.0 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255.0 * encoded).astype(np.uint8)
+
+
+def _kept(name: str, program: str) -> tuple:
+    """(rgba, seconds) of a picture that was drawn before."""
+    with np.load(FOLDER / f"{name}-{program}.npz") as kept:
+        return kept["rgba"], float(kept["seconds"])
+
+
+def _save(pictures, across: int, path: Path, quality: int) -> None:
+    """Save (title, picture as uint8, square) beside each other, so many in a row, the titles above."""
+    from PIL import Image, ImageDraw
+
+    title, size = 18, len(pictures[0][1])
+    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, (text, picture) in enumerate(pictures):
+        left, top = size * (number % across), (size + title) * (number // across)
+        sheet.paste(Image.fromarray(picture), (left, top + title))
+        pen.text((left + 4, top + 3), text, fill="black")
+    sheet.save(path, quality=quality)
 
 
 def join(names, programs, path: Path, quality: int) -> None:
     """Join the pictures that were kept: a row for each subject, a column for each program, seconds above each."""
-    from PIL import Image, ImageDraw
-
-    title = 18
-    sheet = Image.new("RGB", (SIZE * len(programs), (SIZE + title) * len(names)), "white")
-    pen, table = ImageDraw.Draw(sheet), {}
-    for row, name in enumerate(names):
-        found = {}
+    pictures, table = [], {}
+    for name in names:
+        table[name] = {}
         for program in programs:
-            with np.load(FOLDER / f"{name}-{program}.npz") as kept:
-                found[program] = kept["rgba"], float(kept["seconds"])
-        for column, (program, (rgba, seconds)) in enumerate(found.items()):
-            left, top = column * SIZE, row * (SIZE + title)
-            shown = _shown(rgba, found["ours"][0] if program == "cycles" else None)
-            sheet.paste(Image.fromarray(shown.astype(np.uint8)), (left, top + title))
+            rgba, seconds = _kept(name, program)
+            shown = _shown(rgba, _kept(name, "ours")[0] if program == "cycles" else None)
             text = f"{name}: {TITLES[program]}" + ("" if program == "before" else f", {seconds:.3g} s")
-            pen.text((left + 4, top + 3), text, fill="black")
-        table[name] = {program: seconds for program, (_, seconds) in found.items()}
-    sheet.save(path, quality=quality)
+            pictures.append((text, shown))
+            table[name][program] = seconds
+    _save(pictures, len(programs), path, quality)
     print(json.dumps(table, indent=1))
+
+
+def join_crops(programs, path: Path, quality: int) -> None:
+    """Join CROPS of the pictures that were kept, twice as large: a row for each program."""
+    pictures = []
+    for program in programs:
+        for part, (name, left, top) in CROPS.items():
+            shown = _shown(_kept(name, program)[0], None)[top : top + CROP, left : left + CROP]
+            pictures.append((f"{part}: {TITLES[program]}", shown.repeat(2, axis=0).repeat(2, axis=1)))
+    _save(pictures, len(CROPS), path, quality)
 
 
 def join_presets(names, path: Path, quality: int) -> None:
     """Draw PRESETS of some names at ``standard``, and join them to a sheet, four in a row."""
-    from PIL import Image, ImageDraw
-
-    title, across = 18, 4
-    sheet = Image.new("RGB", (SIZE * across, (SIZE + title) * -(-len(names) // across)), "white")
-    pen = ImageDraw.Draw(sheet)
-    for number, name in enumerate(names):
-        rgba = render(scene_of(PRESETS[name]), Quality.preset("standard", threads=1)).rgba
-        left, top = SIZE * (number % across), (SIZE + title) * (number // across)
-        sheet.paste(Image.fromarray(_shown(rgba, None).astype(np.uint8)), (left, top + title))
-        pen.text((left + 4, top + 3), name, fill="black")
-    sheet.save(path, quality=quality)
+    quality_of_ours = Quality.preset("standard", threads=1)
+    pictures = [(name, _shown(render(scene_of(PRESETS[name]), quality_of_ours).rgba, None)) for name in names]
+    _save(pictures, 4, path, quality)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("program", choices=(*PROGRAMS, "join", "presets"))
+    parser.add_argument("program", choices=(*PROGRAMS, "join", "crops", "presets"))
     parser.add_argument("path", type=Path, nargs="?", default=FOLDER / "sheet.png", help="of the sheet")
     parser.add_argument("--subject", nargs="*", choices=list(SUBJECTS), default=list(SUBJECTS))
     parser.add_argument("--scan", nargs="*", choices=list(PRESETS), help="of the sheet of presets, all by default")
@@ -319,6 +340,8 @@ def main() -> None:
     given = parser.parse_args()
     if given.program == "join":
         join(given.subject, given.column, given.path, given.jpeg_quality)
+    elif given.program == "crops":
+        join_crops(given.column, given.path, given.jpeg_quality)
     elif given.program == "presets":
         join_presets([name for name in PRESETS if not given.scan or name in given.scan], given.path, given.jpeg_quality)
     else:

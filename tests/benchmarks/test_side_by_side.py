@@ -44,6 +44,18 @@ def test_pictures_are_kept_and_joined(small, capsys):
     assert '"cycles": 60.0' in capsys.readouterr().out
 
 
+def test_crops_are_twice_as_large(small, monkeypatch):
+    image = pytest.importorskip("PIL.Image")
+    monkeypatch.setattr(side_by_side, "CROP", 12)
+    monkeypatch.setattr(side_by_side, "CROPS", {"part": ("shells", 6, 8)})
+    side_by_side.draw("ours", ["shells"], 0.0)
+    side_by_side.join(["shells"], ["ours"], small / "whole.png", 80)
+    side_by_side.join_crops(["ours"], small / "crops.png", 80)
+    whole, crops = (np.asarray(image.open(small / f"{name}.png"))[18:] for name in ("whole", "crops"))
+    np.testing.assert_array_equal(crops[::2, ::2], whole[8:20, 6:18])
+    assert crops.shape == (24, 24, 3) and crops.std() > 10.0
+
+
 def test_a_sheet_of_presets(small):
     image = pytest.importorskip("PIL.Image")
     side_by_side.join_presets(["shells: own"], small / "sheet.png", 80)
