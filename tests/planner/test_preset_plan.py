@@ -103,8 +103,8 @@ def test_of_plans_that_cost_the_same_the_most_accurate_is_taken(monkeypatch):
     some = [PresetPlan(("slice", density, "cubic", 1 / 1024, NO_RAYS), cost, error, 1.0)
             for density, cost, error in ((1.0, 2.0, 9.0), (1.5, 2.0 * EQUAL_COSTS, 7.0), (2.0, 2.2, 1.0))]  # fmt: skip
     monkeypatch.setattr("rle_splat.pipeline.preset_plan.preset_plans", lambda: (usual, *some))
-    assert choose(own("standard"), 20.0, 1.0, True) == (usual, some[1])
-    assert choose(own("standard"), 10.0, 1.0, True) == (usual, some[2])
+    assert choose(own("standard"), 25.0, 1.0, True) == (usual, some[1])
+    assert choose(own("standard"), 12.5, 1.0, True) == (usual, some[2])
 
 
 def test_without_single_rays_no_plan_has_any_but_the_presets_own():
@@ -112,7 +112,7 @@ def test_without_single_rays_no_plan_has_any_but_the_presets_own():
         for rough in np.geomspace(0.1, 255.0, 20):
             chosen = choose(own(name), PRESET_AIMS[name], rough, False)[1]
             assert chosen.rays == NO_RAYS or chosen.knobs == own(name)
-    assert choose(own("standard"), 64.0, 80.0, False)[1].knobs != own("standard")
+    assert choose(own("standard"), 80.0, 80.0, False)[1].knobs != own("standard")
 
 
 def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
@@ -123,7 +123,7 @@ def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
     after = judge.errors(rendering.rgba)
     assert after["p999"] < 10.0 < 0.5 * before["p999"] and after["rmse"] < 0.5 * before["rmse"]
     plan = rendering.report["plan"]
-    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 20.0 >= 2.0 * plan["expected"]
+    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 25.0 >= 2.5 * plan["expected"]
     assert "999 of 1000 pixels" in plan["why"] and "single rays wherever something is seen" in plan["why"]
 
 
