@@ -68,8 +68,8 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     else:
         why = (
             f"{said}. Its usual plan is expected to err by {usual.error(rough):.2g}, more than two fifths of that, "
-            f"because the walls are hard here: {rough:.2g} levels within half a voxel. It takes {chosen.describe()}, and "
-            f"{expected:.2g} are expected."
+            f"because the walls are hard here: {rough:.2g} levels within half a voxel. It takes {chosen.describe()}, "
+            f"and {expected:.2g} are expected."
         )
     if expected > EXPECTED_SHARE * aim:
         why += " No plan is expected to err less."
