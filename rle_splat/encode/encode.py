@@ -94,6 +94,11 @@ def encode(
 
 
 def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTables:
+    """``table_steps`` at once."""
+    return drain(table_steps(voxels, axis, threads=threads))
+
+
+def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
     """Run-length tables of the visible voxels, without records.
 
     Parameters
@@ -104,6 +109,11 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
     threads : int
         0 for one per core.
 
+    Yields
+    ------
+    float
+        Fraction done.
+
     Returns
     -------
     RunTables
@@ -113,11 +123,6 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
     RleSplatError
         If there is no such axis.
     """
-    return drain(table_steps(voxels, axis, threads=threads))
-
-
-def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
-    """Generator of fractions done: as ``run_tables``."""
     if axis not in AXES:
         raise RleSplatError(f"The principal axis must be 0, 1 or 2 (x, y or z), not {axis!r}.")
     yield 0.0

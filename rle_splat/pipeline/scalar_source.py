@@ -23,7 +23,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,9 +55,6 @@ from .scalar_labels import LabelFunctions, ScalarLabels
 from .scalar_light import code_steps, light_of, with_factor
 from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
-
-if TYPE_CHECKING:
-    pass
 
 ONE_VOXEL_THICK = (
     "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "

@@ -33,10 +33,10 @@ QUALITY_PRESETS = {
         "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
     },
 }
-# The error that each preset aims at with post-classified sheets: 999 of 1000 pixels err by at most so many levels
-# (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
 EXACT_LIGHT = ("strict",)  # presets whose shadows and ambient occlusion are traced
-PRESET_AIMS = {"draft": 128.0, "standard": 32.0, "fine": 16.0, "strict": 10.0}
+# The error that each preset aims at with post-classified sheets, with and without lamps: 999 of 1000 pixels err by at
+# most so many levels (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
+PRESET_AIMS = {"draft": 160.0, "standard": 80.0, "fine": 40.0, "strict": 25.0}
 DEFAULT_QUALITY = "standard"
 # Values of the settings, in the order in which they are shown.
 CLASSIFICATIONS = ("pre", "post")

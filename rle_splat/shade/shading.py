@@ -29,7 +29,7 @@ from .chunk_light import (
     add_rays,
     clear_light,
 )
-from .lighting import Lighting, lighting
+from .lighting import Lighting
 from .lights import KIND, NEAREST, RGB, SUN
 
 # Model -> column of the optical properties that weights the color.
@@ -44,21 +44,16 @@ def components(normals: np.ndarray) -> np.ndarray:
     return read_only(np.ascontiguousarray(normals.T))
 
 
-def shade(
-    classified, normals, index_to_world, shading, lights=(), *, headlight_direction=None, eye=None, threads: int = 0
-) -> np.ndarray:
+def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int = 0) -> np.ndarray:
     """Shaded colors of visible voxels.
 
     Parameters
     ----------
     classified : ClassifiedVolume
     normals : (m, 3) ndarray of float32 or None
-        As of ``unit_normals``; None if ``is_shaded`` is False.
-    index_to_world : (4, 4) array_like
-    shading : Shade or None
-    lights : sequence of Light
-    headlight_direction, eye
-        As in ``lighting``.
+        As of ``unit_normals``; None without ``falling``.
+    falling : Lighting or None
+        None leaves the voxels their own colors.
     threads : int
         0 for one per core.
 
@@ -74,12 +69,6 @@ def shade(
     normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
     voxel without normal is reduced by the share of all light that arrives.
     """
-    falling = lighting(index_to_world, shading, lights, headlight_direction=headlight_direction, eye=eye)
-    return shaded_colors(classified, normals, falling, threads=threads)
-
-
-def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int = 0) -> np.ndarray:
-    """As ``shade``, under a Lighting; with None the voxels' own colors."""
     if falling is None:
         return classified.color
     records = np.empty((classified.visible_voxels, 4), dtype=np.float32)

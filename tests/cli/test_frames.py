@@ -55,7 +55,7 @@ def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 2, *words, *raw_options)
     assert done.code == 0, done.err
     plans = [frame["plan"] for frame in json.loads((tmp_path / "report.json").read_text())["frames"]]
-    assert plans[0]["aim"] == 32.0 and plans[0]["expected"] > 0.0 and plans[0]["why"] in done.out
+    assert plans[0]["aim"] == 80.0 and plans[0]["expected"] > 0.0 and plans[0]["why"] in done.out
     assert plans[1]["quality"] == "standard" and plans[1]["held"] and not plans[0]["held"]
     assert plans[1]["depth_rule"] == plans[0]["depth_rule"]
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from benchmarks.calibrate_presets import fit
+from benchmarks.lamps import under
 from benchmarks.plans import BEFORE, Judge, plan_of, vessels
 from rle_splat.classify.roughness import roughness
-from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.plan_model import CALIBRATION, PresetPlan, preset_plans
-from rle_splat.pipeline.preset_plan import EQUAL_COSTS, choose, hold_plan
+from rle_splat.pipeline.preset_plan import EQUAL_COSTS, EXPECTED_SHARE, choose, hold_plan
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -24,6 +25,7 @@ from rle_splat.warp.steep import UNLIMITED
 
 WHITE = ((0.0, 1.0, 1.0, 1.0),)
 STEP = TransferFunction("step", None, ((0.0, 0.0), (500.0, 0.0), (500.0, 1.0)), WHITE, 1.0, None)
+WALL = ((0.0, 0.0), (450.0, 0.0), (550.0, 0.9))
 RAMP = TransferFunction("ramp", None, ((0.0, 0.0), (1000.0, 0.2)), WHITE, 1.0, None)
 
 
@@ -75,12 +77,13 @@ def test_a_preset_takes_its_usual_plan_or_one_that_errs_less(name):
     for rough in np.geomspace(0.1, 255.0, 60):
         chosen = choose(own(name), PRESET_AIMS[name], rough, True)[1]
         costs.append(chosen.cost)
-        if usual.error(rough) <= PRESET_AIMS[name]:
+        if usual.error(rough) <= EXPECTED_SHARE * PRESET_AIMS[name]:
             assert chosen.knobs == usual.knobs
         else:
             assert chosen.error(rough) < usual.error(rough)
             cheaper = [one.error(rough) for one in preset_plans() if EQUAL_COSTS * one.cost < chosen.cost]
-            assert min(cheaper) > PRESET_AIMS[name] or chosen.error(rough) > PRESET_AIMS[name]
+            allowed = EXPECTED_SHARE * PRESET_AIMS[name]
+            assert min(cheaper) > allowed or chosen.error(rough) > allowed
     assert costs[0] == usual.cost < costs[-1] and all(one <= other for one, other in pairwise(costs))
 
 
@@ -100,8 +103,8 @@ def test_of_plans_that_cost_the_same_the_most_accurate_is_taken(monkeypatch):
     some = [PresetPlan(("slice", density, "cubic", 1 / 1024, NO_RAYS), cost, error, 1.0)
             for density, cost, error in ((1.0, 2.0, 9.0), (1.5, 2.0 * EQUAL_COSTS, 7.0), (2.0, 2.2, 1.0))]  # fmt: skip
     monkeypatch.setattr("rle_splat.pipeline.preset_plan.preset_plans", lambda: (usual, *some))
-    assert choose(own("standard"), 10.0, 1.0, True) == (usual, some[1])
-    assert choose(own("standard"), 5.0, 1.0, True) == (usual, some[2])
+    assert choose(own("standard"), 25.0, 1.0, True) == (usual, some[1])
+    assert choose(own("standard"), 12.5, 1.0, True) == (usual, some[2])
 
 
 def test_without_single_rays_no_plan_has_any_but_the_presets_own():
@@ -109,7 +112,7 @@ def test_without_single_rays_no_plan_has_any_but_the_presets_own():
         for rough in np.geomspace(0.1, 255.0, 20):
             chosen = choose(own(name), PRESET_AIMS[name], rough, False)[1]
             assert chosen.rays == NO_RAYS or chosen.knobs == own(name)
-    assert choose(own("standard"), 32.0, 80.0, False)[1].knobs != own("standard")
+    assert choose(own("standard"), 80.0, 80.0, False)[1].knobs != own("standard")
 
 
 def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
@@ -120,8 +123,19 @@ def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
     after = judge.errors(rendering.rgba)
     assert after["p999"] < 10.0 < 0.5 * before["p999"] and after["rmse"] < 0.5 * before["rmse"]
     plan = rendering.report["plan"]
-    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 10.0 >= plan["expected"]
+    assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 25.0 >= 2.5 * plan["expected"]
     assert "999 of 1000 pixels" in plan["why"] and "single rays wherever something is seen" in plan["why"]
+
+
+@pytest.mark.parametrize("lamps", ("headlight", "sun", "three lamps"))
+def test_presets_keep_their_aims_under_lamps(lamps):
+    """A ball with a wall of a tenth of its values and one with a step, on whose rim a draft errs more."""
+    for opacity, names in ((WALL, PRESET_AIMS), (STEP.opacity, ("standard", "fine", "strict"))):
+        scene = under(scene_of(smooth(32), replace(STEP, opacity=opacity, shade=Shade()), size=96), lamps)
+        judge = Judge(scene, 4000)
+        for name in names:
+            rendering = render(scene, Quality.preset(name, threads=1))
+            assert judge.errors(rendering.rgba)["p999"] < rendering.report["plan"]["aim"] == PRESET_AIMS[name]
 
 
 def test_the_plan_is_that_of_the_volume_and_the_transfer_function_and_looked_for_once(thin):

@@ -17,7 +17,8 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError
-from rle_splat.shade.shading import shade
+from rle_splat.shade.lighting import lighting
+from rle_splat.shade.shading import shaded_colors
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import STORED_TYPES, Volume
 from tests.stability.scenes import (
@@ -174,7 +175,7 @@ def test_V8_a_constant_volume_has_no_normal_and_keeps_its_color(record, dtype, w
     classified = classify(volume, white, np.eye(4))
     n = unit_normals(volume, classified.row_start, classified.column, np.eye(4))
     how = dict(headlight_direction=(0, 0, -1), eye=(0, 0, 1, 0))
-    colors = shade(classified, n, np.eye(4), Shade(), (), **how)
+    colors = shaded_colors(classified, n, lighting(np.eye(4), Shade(), (), **how))
     record(
         "V8",
         f"{BITS} of the shaded colors from the unshaded",

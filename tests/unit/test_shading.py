@@ -9,8 +9,8 @@ import pytest
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.scene import Light
-from rle_splat.shade.lighting import is_shaded
-from rle_splat.shade.shading import shade
+from rle_splat.shade.lighting import is_shaded, lighting
+from rle_splat.shade.shading import shaded_colors
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
 from tests.ways import both
@@ -42,7 +42,7 @@ def one_voxel(position, normal, lights=(), shading=MATT, color=(1, 1, 1), **kwar
     matrix[:3, 3] = position
     classified = classify(volume, tf, matrix)
     normal = np.array([normal], np.float32)
-    return shade(classified, normal, matrix, shading, lights, **kwargs)[0]
+    return shaded_colors(classified, normal, lighting(matrix, shading, lights, **kwargs))[0]
 
 
 def test_measured_radiance_of_a_white_lambert_surface(way):
@@ -158,14 +158,15 @@ def test_a_whole_volume_is_shaded_by_the_formula(eye, shininess):
     assert 0 < (~n.any(axis=1)).sum() < len(n)
     truth, found = written_out(classified, n.astype(float), PLACE, s, lights, forward, eye), []
     for facing in (eye, -eye):
-        shaded = partial(shade, classified, n, PLACE, s, lights, headlight_direction=forward, eye=facing)
-        found.append(both(shaded))
+        falling = lighting(PLACE, s, lights, headlight_direction=forward, eye=facing)
+        found.append(both(partial(shaded_colors, classified, n, falling)))
     for got, flipped in zip(*found):
         assert got.dtype == np.float32
         np.testing.assert_allclose(got, truth, rtol=2e-6)
         if eye[3]:  # a homogeneous eye means the same under any factor
             np.testing.assert_array_equal(flipped, got)
-    one, two = (shade(classified, n, PLACE, s, lights, eye=eye, threads=t) for t in (1, 2))
+    falling = lighting(PLACE, s, lights, eye=eye)
+    one, two = (shaded_colors(classified, n, falling, threads=t) for t in (1, 2))
     np.testing.assert_array_equal(one, two)
 
 
@@ -179,6 +180,6 @@ def test_shading_only_when_called_for():
     volume = Volume(np.full((2, 2, 2), 90, np.int16), np.eye(4))
     classified = classify(volume, WHITE, np.eye(4))
     sun = (Light("SUN"),)
-    assert shade(classified, None, np.eye(4), None, sun) is classified.color
-    assert shade(classified, None, np.eye(4), Shade(), ()) is classified.color
+    assert shaded_colors(classified, None, lighting(np.eye(4), None, sun)) is classified.color
+    assert shaded_colors(classified, None, lighting(np.eye(4), Shade(), ())) is classified.color
     assert not is_shaded(None, sun) and not is_shaded(Shade(), ()) and is_shaded(Shade(), (), (0, 0, -1))
