@@ -28,19 +28,16 @@ def typed_tuple(values) -> tuple:
     return tuple(typed(v) for v in values)
 
 
-def rounded_to_span(value: float, span: float) -> float:
-    """Round a value to at most a millionth of a span, the precision of a position stored in single precision.
+def rounded_to_span(values, span: float) -> list[float]:
+    """Round values to at most a millionth of a span, the precision of a position stored in single precision.
 
     Parameters
     ----------
-    value, span : float
-        The value and the length of its range; a span that is not above zero leaves the value unchanged.
-
-    Returns
-    -------
-    float
-        The rounded value.
+    values : sequence of float
+    span : float
+        The length of their range; one that is not above zero leaves the values unchanged.
     """
     if not span > 0.0:
-        return value
-    return round(value, 6 - math.floor(math.log10(span)))
+        return list(values)
+    digits = 6 - math.floor(math.log10(span))
+    return [round(value, digits) for value in values]

@@ -9,7 +9,7 @@ from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade
 from ...rle_splat.scene import MODES, RleSplatError
 from .. import linked
 from ..data.animation import curves_of
-from ..data.decimals import rounded_to_span, typed
+from ..data.decimals import rounded_to_span, typed, typed_tuple
 from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA
@@ -142,17 +142,15 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     low, high = window_of(properties)
     width = high - low
     scale = typed(properties.opacity_scale)
-
-    def value(position):
-        return rounded_to_span(low + position * width, width)
-
-    opacity = [
-        (value(p), min(1.0, max(0.0, typed(a) * scale))) for p, a in nodes.read_curve(nodes.opacity_mapping(curve_of))
-    ]
-    color = [(value(p), *(max(0.0, typed(c)) for c in rgb)) for p, *rgb in nodes.read_ramp(nodes.color_ramp(ramp_of))]
+    at, alphas = zip(*nodes.read_curve(nodes.opacity_mapping(curve_of)))
+    alphas = [min(1.0, max(0.0, alpha * scale)) for alpha in typed_tuple(alphas)]
+    opacity = zip(rounded_to_span([low + one * width for one in at], width), alphas)
+    at, *channels = zip(*nodes.read_ramp(nodes.color_ramp(ramp_of)))
+    channels = [[max(0.0, one) for one in typed_tuple(channel)] for channel in channels]
+    color = zip(rounded_to_span([low + one * width for one in at], width), *channels)
     shade = None
     if properties.use_shading:
-        numbers = (typed(getattr(properties, n)) for n in ("ambient", "diffuse", "specular", "shininess"))
+        numbers = typed_tuple(getattr(properties, n) for n in ("ambient", "diffuse", "specular", "shininess"))
         highlight = next(name for name, item in _ITEM_OF_HIGHLIGHT.items() if item == properties.highlight)
         smoothness = typed(properties.smoothness)
         shade = Shade(*numbers, highlight, properties.two_sided, None if smoothness < 0.0 else smoothness)

@@ -1,5 +1,5 @@
 """What a user reads where a volume is not to be seen, in a real window: behind a mesh, under an old world light, beside
-a volume that cannot be rendered; and a value under the mouse that goes when the mouse does.
+a volume that cannot be rendered, without its file; and a value under the mouse that goes when the mouse does.
 
     python3 dev.py blender --photograph tests/blender/window_hidden.py --size 1600x1000
 """
@@ -172,29 +172,6 @@ def check_a_missing_scan():
     passed("a missing scan")
 
 
-def check_light_of_the_default_scene():
-    """The first import into the default scene gets a headlight; a perspective scale bar says where it holds."""
-    yield from new_file()
-    with in_the_view():
-        lamp = bpy.data.objects.new("Light", bpy.data.lights.new("Light", "POINT"))
-        lamp.data.energy, lamp.location = 1000.0, (4.0, 1.0, 6.0)
-        bpy.context.scene.collection.objects.link(lamp)
-        scenes.add_camera((7.36, -6.93, 4.96), (1.109, 0.0, 0.815))
-        panel_states.add_volume(FOLDER, "first")
-        bpy.data.objects.remove(bpy.context.object)
-        side = panel_states.SIDE
-        assert bpy.ops.rle_splat.import_volume(
-            filepath=str(FOLDER / "first.raw"), shape=(side,) * 3, dtype="uint8", use_headlight=True
-        ) == {"FINISHED"}
-        owner = bpy.context.object
-        bpy.context.scene.rle_splat.show_scale_bar = True
-        bpy.ops.rle_splat.frame_volume()
-    yield from settled()
-    assert owner.rle_splat.lighting == "HEADLIGHT", owner.rle_splat.lighting
-    yield from photograph("light of the default scene")
-    passed("light of the default scene")
-
-
 def check_the_state_keeps_its_height():
     """While a slider is dragged nothing below the line of the state moves."""
     yield from new_file()
@@ -239,7 +216,6 @@ def scenario():
     yield from check_a_missing_scan()
     yield from check_the_state_keeps_its_height()
     yield from check_another_label_file()
-    yield from check_light_of_the_default_scene()
 
 
 drive(scenario)
