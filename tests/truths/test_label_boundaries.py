@@ -222,7 +222,7 @@ def test_a_picture_is_a_march_along_rays(stage, rays):
     scene = organs(stage)
     visible = replace(scene.labels, functions={k: f for k, f in scene.labels.functions.items() if f is not None})
     scene = replace(scene, labels=visible)
-    expected = marched(scene, 10, of_labels)
+    expected = marched(scene, 8, of_labels)
     with use_reference():
         picture = render(scene, fine(rays=rays))
     assert picture.report["plan"]["classification"] == "post"
@@ -309,7 +309,7 @@ def test_labels_with_channels_are_a_march_along_rays(stage, rays):
         color, own = optics(trilinear(scene.volume.voxels, at), scene.transfer_function)
         return source + more - color * own[:, None], sigma + more_sigma - own
 
-    expected = marched(scene, 10, medium)
+    expected = marched(scene, 8, medium)
     with use_reference():
         picture = render(scene, fine(rays=rays))
         without = [render(replace(scene, **field), fine()) for field in ({"labels": None}, {"channels": ()})]
