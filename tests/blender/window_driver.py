@@ -38,6 +38,7 @@ from tests.blender.real_blender import MODULE, enable, install
 
 PAUSE = 0.03  # seconds between steps; an idle window takes a fifth of a processor
 PATIENCE = 20000  # steps; each waits for the window, so a busy machine gets more time
+EXPOSURE = 0.6  # seconds that a photograph waits for a viewport that still works, at most
 REST = 1.5  # seconds after which a window that still works has not come to rest
 SHOTS = "RLE_SPLAT_SHOTS"
 TAB = "RLE Splat"
@@ -257,6 +258,13 @@ def photograph(name: str):
     for area in window().screen.areas:
         area.tag_redraw()
     yield
+    viewports_of, end = import_module(f"{MODULE}.bridge.live").viewports_of, time.monotonic() + EXPOSURE
+
+    def at_work():
+        views = [area for area in window().screen.areas if area.type == "VIEW_3D"]
+        return any(one.is_busy for area in views for one in viewports_of(area))
+
+    yield from until(lambda: time.monotonic() > end or not at_work())
     redraw()
     yield
     program = shutil.which("import")
