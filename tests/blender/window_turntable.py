@@ -15,6 +15,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
+    BRIEF,
     drive,
     in_the_view,
     new_file,
@@ -89,4 +90,4 @@ def scenario():
     passed("pictures that are there are not replaced")
 
 
-drive(scenario)
+drive(scenario, BRIEF)
