@@ -18,6 +18,7 @@ from tests.blender import window_driver
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import choose_import, confirm_browser, settled, simulate
 from tests.blender.window_driver import (
+    BRIEF,
     SHOTS,
     TAB,
     area_of,
@@ -127,4 +128,4 @@ def scenario():
             yield from measured(*case)
 
 
-drive(scenario)
+drive(scenario, BRIEF)

@@ -26,7 +26,6 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     region_of,
-    rest,
     until,
 )
 
@@ -50,7 +49,7 @@ def set_up():
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)
     scene.frame_start, scene.frame_end = 1, 4
-    scenes.use_cycles((256, 256), samples=64)  # a second, of many redraws
+    scenes.use_cycles((256, 256), samples=256)  # some seconds
     scenes.add_mesh([(-40, -40, -9), (60, -40, -9), (60, 60, -9), (-40, 60, -9)], [(0, 1, 2, 3)], (0.1, 0.1, 0.1))
     scenes.add_camera((MIDDLE[0], MIDDLE[1], 60.0), type="ORTHO", ortho_scale=2.0 * AWAY)
     scene.frame_set(1)
@@ -76,7 +75,8 @@ def set_up():
 
 def at_rest():
     """Wait until nothing is left to do; nothing is touched meanwhile, since any edit would have views drawn again."""
-    yield from rest()
+    for _ in range(4):
+        yield
     viewports = import_module(f"{MODULE}.bridge.live").viewports_of
     yield from until(lambda: not any(one.is_busy for one in viewports(area_of("VIEW_3D"))))
     yield
@@ -85,7 +85,7 @@ def at_rest():
 def seen(name: str) -> list:
     """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
     path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run(["import", "-window", "root", "-quality", "10", str(path)], check=True)
+    subprocess.run(["import", "-window", "root", str(path)], check=True)
     image = bpy.data.images.load(str(path))
     pixels = pixels_of(image)[..., :3] * 255.0
     bpy.data.images.remove(image)

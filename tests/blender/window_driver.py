@@ -36,9 +36,8 @@ import gpu
 
 from tests.blender.real_blender import MODULE, enable, install
 
-PAUSE = 0.03  # seconds between steps; an idle window takes a fifth of a processor
-PATIENCE = 20000  # steps; each waits for the window, so a busy machine gets more time
-REST = 1.5  # seconds after which a window that still works has not come to rest
+PAUSE, BRIEF = 0.3, 0.03  # seconds between steps; an idle window takes a fifth of a processor
+PATIENCE = 600  # seconds of pauses; each waits for the window, so a busy machine gets more time
 SHOTS = "RLE_SPLAT_SHOTS"
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
@@ -95,16 +94,18 @@ class Run:
 
     console: Console
     passed: list
+    pause: float
     start = ""
 
 
-def drive(scenario) -> None:
+def drive(scenario, pause: float = PAUSE) -> None:
     """Enable the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
 
     The last line says how many checks passed: those named by ``passed``.  A scenario that has a kernel compiled fails
-    at its end: every user who comes to that state would wait for it.
+    at its end: every user who comes to that state would wait for it.  ``pause``: seconds between steps, BRIEF where
+    none counts on time that passes.
     """
-    Run.console, Run.passed = Console(), []
+    Run.console, Run.passed, Run.pause = Console(), [], pause
     running = _steps(scenario)
 
     def tick():
@@ -113,7 +114,7 @@ def drive(scenario) -> None:
             assert not PROBLEM.search(drawn), f"Blender printed:\n{drawn}"
             next(running)
             Run.console.news()
-            return PAUSE
+            return pause
         except StopIteration:
             compiled = compiled_kernels()
             failed = int(bool(compiled))
@@ -128,7 +129,8 @@ def drive(scenario) -> None:
 
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.system.viewport_aa = "OFF"  # software draws it
-    bpy.context.preferences.inputs.mouse_double_click_time = 1  # ms; clicks of steps follow fast
+    if pause < PAUSE:
+        bpy.context.preferences.inputs.mouse_double_click_time = 1  # ms; clicks of brief steps follow fast
     bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
 
 
@@ -182,17 +184,11 @@ def in_the_view():
 
 def until(condition):
     """Step back into the window's own loop until the condition holds."""
-    for _ in range(PATIENCE):
+    for _ in range(int(PATIENCE / Run.pause)):
         if condition():
             return
         yield
-    raise AssertionError(f"waited {PATIENCE} steps in vain")
-
-
-def rest():
-    """Let the window do whatever it still does by itself."""
-    end = time.monotonic() + REST
-    yield from until(lambda: time.monotonic() > end)
+    raise AssertionError(f"waited {PATIENCE} s in vain")
 
 
 def open_panels(*idnames: str) -> None:
@@ -253,10 +249,21 @@ def redraw() -> None:
 
 
 def photograph(name: str):
-    """Draw everything, check that Blender has no complaint, and keep a picture of the screen as NAME.png."""
+    """Draw everything, check that Blender has no complaint, and keep a picture of the screen as NAME.png.
+
+    A viewport that still works has as long to end it with brief steps as with long ones.
+    """
     for area in window().screen.areas:
         area.tag_redraw()
     yield
+    viewports_of = import_module(f"{MODULE}.bridge.live").viewports_of
+    end = time.monotonic() + 2.0 * (PAUSE - Run.pause)
+
+    def at_work():
+        views = [area for area in window().screen.areas if area.type == "VIEW_3D"]
+        return any(one.is_busy for area in views for one in viewports_of(area))
+
+    yield from until(lambda: time.monotonic() > end or not at_work())
     redraw()
     yield
     program = shutil.which("import")

@@ -15,7 +15,17 @@ from mathutils import Quaternion
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import area_of, drive, in_the_view, new_file, open_panels, passed, photograph, until
+from tests.blender.window_driver import (
+    BRIEF,
+    area_of,
+    drive,
+    in_the_view,
+    new_file,
+    open_panels,
+    passed,
+    photograph,
+    until,
+)
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_encoded_"))
 SIDE = 96
@@ -118,4 +128,4 @@ def scenario():
         passed(step.__name__)
 
 
-drive(scenario)
+drive(scenario, BRIEF)

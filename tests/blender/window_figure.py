@@ -15,6 +15,7 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.window_driver import (
+    BRIEF,
     SHOTS,
     area_of,
     drive,
@@ -87,4 +88,4 @@ def scenario():
     passed("the sidecar of another figure is not replaced")
 
 
-drive(scenario)
+drive(scenario, BRIEF)

@@ -16,7 +16,6 @@ from mathutils import Euler
 
 from tests.blender.user_steps import drag, middle, press, settled, simulate, viewport
 from tests.blender.window_driver import (
-    PAUSE,
     area_of,
     drive,
     in_the_view,
@@ -85,7 +84,7 @@ def import_steps(path, use_headlight):
 
     yield from until(is_drafted)
     print(f"read after {read:.1f} s, shown after {drafted:.1f} s, refined after {time.perf_counter() - began:.1f} s "
-          f"(looked at every {PAUSE} s)", flush=True)  # fmt: skip
+          "(looked at every 0.3 s)", flush=True)  # fmt: skip
     return volume
 
 

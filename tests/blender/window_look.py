@@ -15,6 +15,7 @@ from mathutils import Euler, Vector
 
 from tests.blender.real_blender import MODULE
 from tests.blender.scenes import image_pixels
+from tests.blender.user_steps import live, settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -47,19 +48,6 @@ ElementDataFile = LOCAL
 RADIUS = 12.0  # voxels
 TOOL = "rle_splat.window_tool"
 FRAME = 114.0  # gray of the lines around a curve in Blender's own theme
-
-
-def live():
-    return import_module(f"{MODULE}.bridge.live")
-
-
-def settled():
-    area_of("VIEW_3D").tag_redraw()
-    yield
-    yield
-    found = live().viewports_of
-    yield from until(lambda: found(area_of("VIEW_3D")) and not found(area_of("VIEW_3D"))[0].is_busy)
-    yield
 
 
 def ball():

@@ -21,7 +21,6 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     region_of,
-    rest,
     until,
     window,
 )
@@ -161,7 +160,8 @@ def check_other_tab(owner):
     for group in suits(owner):
         for entry in group.entries:
             thumbnails.icon(owner, entry)
-    yield from rest()
+    for _ in range(4):
+        yield
     assert not pictures() and not thumbnails._wanted and not module("loop.timer").is_waiting(thumbnails._tick)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "RLE Splat"
     yield

@@ -13,7 +13,9 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
 from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
+    BRIEF,
     area_of,
     drive,
     in_the_view,
@@ -64,16 +66,6 @@ def is_idle() -> bool:
     return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
 
 
-def settle():
-    """Wait until the picture of the viewport has been refined."""
-    viewports = import_module(f"{MODULE}.bridge.live").viewports_of
-    area_of("VIEW_3D").tag_redraw()
-    yield
-    yield
-    yield from until(lambda: viewports(area_of("VIEW_3D")) and not viewports(area_of("VIEW_3D"))[0].is_busy)
-    yield
-
-
 def call_menu(entry: int):
     """Open the menu of segment tools under the mouse and choose an entry, from 0, by keys."""
     area = area_of("VIEW_3D")
@@ -83,7 +75,7 @@ def call_menu(entry: int):
     yield
     with in_the_view():
         bpy.ops.wm.call_menu(name="RLE_SPLAT_MT_segments")
-    yield from settle()
+    yield from settled()
     yield from photograph("menu")
     press("HOME")
     yield
@@ -101,21 +93,21 @@ def check_remove_table():
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), modality="CT") == {"FINISHED"}
         bpy.ops.rle_splat.frame_volume(side="I")
         bpy.ops.ed.undo_push(message="imported")
-    yield from settle()
+    yield from settled()
     yield from photograph("with_table")
     yield from call_menu(0)
     yield from until(lambda: is_idle() and rows())
     assert rows() == [("Background", False), ("Body", True)], rows()
-    yield from settle()
+    yield from settled()
     yield from photograph("without_table")
     with in_the_view():
         bpy.ops.ed.undo()
-    yield from settle()
+    yield from settled()
     assert not rows() and volume().rle_splat.label_file == ""
     yield from photograph("undone")
     with in_the_view():
         bpy.ops.ed.redo()
-    yield from settle()
+    yield from settled()
     assert rows() == [("Background", False), ("Body", True)]
 
 
@@ -156,8 +148,8 @@ def scenario():
     passed("remove table")
     yield from check_pick()
     passed("pick")
-    yield from settle()
+    yield from settled()
     yield from photograph("kept")
 
 
-drive(scenario)
+drive(scenario, BRIEF)

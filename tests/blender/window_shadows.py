@@ -15,6 +15,7 @@ import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.window_driver import (
+    BRIEF,
     MODULE,
     drive,
     in_the_view,
@@ -115,4 +116,4 @@ def scenario():
     passed("undo")
 
 
-drive(scenario)
+drive(scenario, BRIEF)

@@ -13,7 +13,9 @@ import bpy
 import numpy as np
 
 from tests.blender import scenes
+from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
+    BRIEF,
     drive,
     in_the_view,
     new_file,
@@ -74,6 +76,7 @@ def scenario():
     yield from confirmed("turn", frames=6)
     yield from until(lambda: (FOLDER / "turn.mp4").exists() and not rendering())
     yield from until(lambda: settings() == before)
+    yield from settled()
     yield from photograph("ended")
     assert bpy.data.movieclips.load(str(FOLDER / "turn.mp4")).frame_duration == 6
     assert scene.camera == camera
@@ -87,4 +90,4 @@ def scenario():
     passed("pictures that are there are not replaced")
 
 
-drive(scenario)
+drive(scenario, BRIEF)

@@ -17,7 +17,6 @@ from pathlib import Path
 import bpy
 from mathutils import Euler
 
-from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import drag, middle, press, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -31,6 +30,7 @@ from tests.blender.window_driver import (
     until,
 )
 
+THUMBNAILS = 90  # steps, until the pictures of presets are there
 SCAN = Path(__file__).parent / "data" / "scan"
 
 
@@ -109,8 +109,8 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    yield from settled()
-    yield from until(lambda: not import_module(f"{MODULE}.bridge.look.thumbnails")._wanted)  # pictures of presets
+    for _ in range(THUMBNAILS):
+        yield
     yield from settled()
     yield from keep("tutorial-3-preset", began)
 
