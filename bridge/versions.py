@@ -1,4 +1,4 @@
-"""All differences between the supported Blender versions (4.5 LTS, 5.0, 5.2 LTS)."""
+"""All differences between the supported Blender versions (4.5 LTS, 5.0, 5.2 LTS, 5.3)."""
 
 import ctypes
 import sys
@@ -12,12 +12,30 @@ from ..rle_splat.scene import RleSplatError
 GROUP_COMPOSITOR = bpy.app.version >= (5, 0, 0)
 OUTPUT_NODE = "NodeGroupOutput" if GROUP_COMPOSITOR else "CompositorNodeComposite"
 
+# From 5.3 on, a scene has a list of effects with a node group each, one after the other.
+COMPOSITOR_EFFECTS = bpy.app.version >= (5, 3, 0)
+
 # The index that a voxel's value is for, as Cycles places the grids of a VDB.
 GRID_SAMPLE_AT = 0.5 if bpy.app.version < (5, 0) else 0.0
 
 
+def _compositor_effect(scene):
+    """The compositor effect that a scene's render enters, or None.
+
+    An effect that has a Render Layers node drops what those before it have made.
+    """
+    effects = [effect for effect in scene.compositor_effects if effect.enable_for_render and effect.node_group]
+    for effect in reversed(effects):
+        if any(node.bl_idname == "CompositorNodeRLayers" for node in effect.node_group.nodes):
+            return effect
+    return effects[0] if effects else None
+
+
 def compositor_tree(scene):
-    """The active compositor tree of a scene, or None."""
+    """The compositor tree that a scene's render enters, or None."""
+    if COMPOSITOR_EFFECTS:
+        effect = _compositor_effect(scene)
+        return None if effect is None else effect.node_group
     if GROUP_COMPOSITOR:
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
@@ -33,7 +51,10 @@ def switch_on_compositor(scene):
     """
     if GROUP_COMPOSITOR:
         tree = bpy.data.node_groups.new(f"{scene.name} Compositing", "CompositorNodeTree")
-        scene.compositing_node_group = tree
+        if COMPOSITOR_EFFECTS:
+            scene.compositor_effects.new(name="RLE Splat").node_group = tree
+        else:
+            scene.compositing_node_group = tree
         return tree
     had_tree = scene.node_tree is not None
     scene.use_nodes = True  # Blender adds default nodes to a new tree
@@ -45,8 +66,11 @@ def switch_on_compositor(scene):
 def switch_off_compositor(scene, *, discard: bool) -> None:
     """Undo ``switch_on_compositor``; ``discard`` also deletes the nodes in the tree."""
     if GROUP_COMPOSITOR:
-        tree = scene.compositing_node_group
-        scene.compositing_node_group = None
+        tree = compositor_tree(scene)
+        if COMPOSITOR_EFFECTS:
+            scene.compositor_effects.remove(_compositor_effect(scene))
+        else:
+            scene.compositing_node_group = None
         if discard and tree.users == 0:
             bpy.data.node_groups.remove(tree)
     else:
@@ -65,13 +89,19 @@ def add_output_socket(tree) -> None:
 
 
 def unshare_compositor(scene) -> bool:
-    """Give the scene its own copy of a compositor tree that other scenes use too; return whether it was shared."""
+    """Give the scene its own copy of a compositor tree that is used elsewhere too; return whether it was."""
     if not GROUP_COMPOSITOR:
         return False
-    tree = scene.compositing_node_group
-    if tree is None or not any(s != scene and s.compositing_node_group == tree for s in bpy.data.scenes):
+    tree = compositor_tree(scene)
+    if COMPOSITOR_EFFECTS:
+        holder, name = _compositor_effect(scene), "node_group"
+        trees = [effect.node_group for one in bpy.data.scenes for effect in one.compositor_effects]
+    else:
+        holder, name = scene, "compositing_node_group"
+        trees = [one.compositing_node_group for one in bpy.data.scenes]
+    if tree is None or trees.count(tree) < 2:
         return False
-    scene.compositing_node_group = tree.copy()
+    setattr(holder, name, tree.copy())
     return True
 
 

@@ -24,7 +24,7 @@ BLENDERS = {"3.11": ("4.5.0", "5.1.0"), "3.13": ("5.1.0", "")}
 PYTHONS = tuple(BLENDERS)
 
 # Blender's version -> the Python that its bpy module is built for.  The exact pins are in requirements/.
-BPY_PYTHON = {"4.5": "3.11", "5.0": "3.11", "5.2": "3.13"}
+BPY_PYTHON = {"4.5": "3.11", "5.0": "3.11", "5.2": "3.13", "5.3": "3.13"}
 
 
 AGAIN = "Check the network and the disk, then run the same command again: it goes on."

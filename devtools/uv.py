@@ -37,6 +37,7 @@ LOCKS = {
     "bpy-4.5": BLENDERS_NUMPY,
     "bpy-5.0": BLENDERS_NUMPY,
     "bpy-5.2": ("3.13",),
+    "bpy-5.3": ("3.13",),
     "wheels": ("3.11", "--no-deps"),
     "sample-data": ("3.11", "--no-deps"),
 }

@@ -110,7 +110,11 @@ def shared_transfer(folder):
 
 
 def labels(folder):
-    owner = add_volume(folder)
+    add_labels(folder, add_volume(folder))
+
+
+def add_labels(folder, owner):
+    """Two segments, one of them hidden, the other one with a color of its own."""
     numbers = np.zeros((SIDE, SIDE, SIDE), np.uint8)
     numbers[:, :, :3], numbers[:, :, 5:] = 3, 7
     numbers.tofile(folder / "labels.raw")
@@ -123,15 +127,23 @@ def labels(folder):
 def channels(folder):
     others = [add_volume(folder, name) for name in ("PET", "vessels of the portal phase")]
     owner = add_volume(folder)
-    for other in others:
-        other.select_set(True)
-    bpy.ops.rle_splat.add_channels()
+    add_channels(owner, others)
     owner.rle_splat.channels.add()  # whose volume is gone
     assert len(owner.rle_splat.channels) == 3
 
 
+def add_channels(owner, others):
+    make_active(owner)
+    for other in others:
+        other.select_set(True)
+    bpy.ops.rle_splat.add_channels()
+
+
 def clip_objects(folder):
-    owner = add_volume(folder)
+    add_clips(add_volume(folder))
+
+
+def add_clips(owner):
     for kind, keep in (("BOX", "INSIDE"), ("PLANE", "OUTSIDE")):
         bpy.ops.rle_splat.add_clip(kind=kind, keep=keep)
         make_active(owner)

@@ -326,6 +326,38 @@ def test_a_compositor_shared_with_another_scene_is_copied(volume, bridge):
     assert bpy.context.scene.compositing_node_group != tree
 
 
+@pytest.mark.skipif(bpy.app.version < (5, 3, 0), reason="a scene has one compositor tree")
+def test_of_several_effects_the_first_gets_the_picture(volume, bridge):
+    """Those behind it change the picture with the render; an effect that is off for renders is left alone."""
+    versions, effects = bridge("versions"), bpy.context.scene.compositor_effects
+    off, first, second = (effects.new(name=name) for name in ("off", "first", "second"))
+    off.enable_for_render = False
+    trees = {}
+    for effect in (off, first, second):
+        tree = trees[effect.name] = effect.node_group = bpy.data.node_groups.new(effect.name, "CompositorNodeTree")
+        versions.add_output_socket(tree)
+        tree.interface.new_socket(name="Image", in_out="INPUT", socket_type="NodeSocketColor")
+        begin = tree.nodes.new("NodeGroupInput" if effect == second else "CompositorNodeRLayers")
+        tree.links.new(begin.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    counts = {name: len(tree.nodes) for name, tree in trees.items()}
+    bpy.ops.rle_splat.composite()
+    assert {name for name, tree in trees.items() if len(tree.nodes) > counts[name]} == {"first"}
+    bpy.ops.rle_splat.remove_composite()
+    assert {name: len(tree.nodes) for name, tree in trees.items()} == counts
+
+
+@pytest.mark.skipif(bpy.app.version < (5, 3, 0), reason="a scene has one compositor tree")
+def test_where_all_effects_are_off_one_is_made_and_taken_away(volume, bridge):
+    effects = bpy.context.scene.compositor_effects
+    off = effects.new(name="off")
+    off.node_group, off.enable_for_render = bpy.data.node_groups.new("off", "CompositorNodeTree"), False
+    groups = set(bpy.data.node_groups)
+    bpy.ops.rle_splat.composite()
+    assert [effect.name for effect in effects] == ["off", "RLE Splat"] and not off.node_group.nodes
+    bpy.ops.rle_splat.remove_composite()
+    assert [effect.name for effect in effects] == ["off"] and set(bpy.data.node_groups) == groups
+
+
 def test_the_picture_follows_the_render_size_and_region(volume, tmp_path):
     strip(2.0, 3.5, 4.0, (0.1, 1.0, 0.1))
     bpy.ops.rle_splat.composite()

@@ -151,8 +151,12 @@ def reads(meshes, monkeypatch):
     return found
 
 
+# From 5.3 on, Blender tags the shape of an object whose material was edited, as it does for a modifier.
+GLASS = ["Grid"] if bpy.app.version >= (5, 3, 0) else []
+
+
 @pytest.mark.parametrize(("edit", "expected"), [
-    (move, []), (hide, []), (move_parent, []), (be_glass, []), (bend, ["Grid"]), (modify, ["Grid"]),
+    (move, []), (hide, []), (move_parent, []), (be_glass, GLASS), (bend, ["Grid"]), (modify, ["Grid"]),
     (add_another, ["Cube"]),
 ])  # fmt: skip
 def test_only_the_mesh_that_was_edited_is_read_again(edit, expected, grid, meshes, reads):

@@ -122,7 +122,7 @@ def test_a_zip_that_blenders_tool_refuses_ends_the_build(tmp_path, monkeypatch):
     with pytest.raises(places.Failure, match=r"refused x\.zip"):
         build._validate(tmp_path / "x.zip")
     tool.write_text("")
-    assert build._validate(tmp_path / "x.zip") == "validated by the tool of Blender 5.2"
+    assert build._validate(tmp_path / "x.zip") == "validated by the tool of Blender 5.3"
     monkeypatch.setattr(build, "_tool_of", lambda environment: None)
     assert "dev.py test" in build._validate(tmp_path / "x.zip")
 
@@ -339,7 +339,7 @@ def test_a_blender_that_is_set_up_goes_before_one_whose_python_is_installed_or_d
     downloaded["3.11"] = "x"
     assert environments.any_bpy() == "5.0"
     installed["3.13"] = "x"
-    assert environments.any_bpy() == "5.2"
+    assert environments.any_bpy() == "5.3"
     made.add("bpy 4.5")
     assert environments.any_bpy() == "4.5"
 
