@@ -135,10 +135,9 @@ def scenario():
         assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 750.0, 700.0
-    volume.rle_splat.opacity_unit_distance = 0.05
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 700.0, 800.0
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
-    look_from(62.0, 55.0, 0.5)
+    look_from(62.0, 55.0, 0.42)
     yield from settled()
     yield from keep("tutorial-5-cut", began)
 
