@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.lamps import under
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner.probe_errors import ProbeErrors
 from rle_splat.accuracy.planner.ray_cost import RayCost
@@ -62,6 +63,14 @@ def test_what_claims_to_keep_its_tolerance_does(function, perspective, classific
         differs = (render(scene, plan_of(rendering, quality)).rgba != rendering.rgba).any(axis=-1)
         assert differs.sum() <= error["rays"]["pixels"], "all others are of the plan that the report names"
         assert error["rays"]["pixels"] == 0 or classification == "post"
+
+
+@pytest.mark.parametrize("lamps, tolerance", (("area lamp", 1.0), ("sun, occlusion", 4.0)))
+def test_a_tolerance_is_kept_in_haze_under_lamps(lamps, tolerance):
+    scene, quality = under(scene_of("wide", True), lamps), Quality(threads=1)
+    rendering, which = render_within(scene, tolerance, quality, probes=150), truth_of(quality)
+    found = measure(scene, rendering.rgba, which, tolerance, count=200, seed=991, **shading_of(scene, which))
+    assert rendering.report["error"]["kept"] and found["largest"] <= tolerance
 
 
 def plan_of(rendering, quality: Quality) -> Quality:
