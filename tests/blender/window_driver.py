@@ -192,18 +192,19 @@ def until(condition):
 
 
 def open_panels(*idnames: str) -> None:
-    """Have the add-on's panels of these names open from the start, and the others closed; without names, all open.
+    """Have the add-on's panels of these names and the first one open from the start, and the others closed; without
+    names, all open.
 
     Blender keeps whether a panel is open from when it is first drawn, so this acts on files opened later.
     """
     Run.start = ""
-    panels = import_module(f"{MODULE}.panels")
+    panels, shown = import_module(f"{MODULE}.panels"), {"RLE_SPLAT_PT_volume", *idnames}
     panels.unregister()
     for module in panels.MODULES:
         for cls in module.CLASSES:
             if issubclass(cls, bpy.types.Panel):
                 others = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
-                cls.bl_options = others if not idnames or cls.bl_idname in idnames else others | {"DEFAULT_CLOSED"}
+                cls.bl_options = others if not idnames or cls.bl_idname in shown else others | {"DEFAULT_CLOSED"}
     panels.register()
 
 

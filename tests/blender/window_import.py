@@ -15,7 +15,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.formats import write_series
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import confirm_browser
+from tests.blender.user_steps import confirm_browser, settled
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -235,6 +235,7 @@ def check_framing():
         seen = np.abs(seen[:, :3] / seen[:, 3:])
         assert seen.max() < 1.0 and seen[:, :2].max() > 0.3, seen
         assert viewports.hiding_meshes(bpy.context.view_layer, corners) == ["Cube"]
+        yield from settled()
         yield from photograph(f"framed_{perspective.lower()}")
     before = region_3d.view_distance
     owner.rle_splat.space = "patient"
