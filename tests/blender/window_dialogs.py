@@ -18,6 +18,7 @@ from tests.blender.layout_recorder import Drawn, subclasses
 from tests.blender.panel_states import add_volume
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
+    BRIEF,
     area_of,
     drive,
     in_the_view,
@@ -306,4 +307,4 @@ def scenario():
         passed(check.__name__)
 
 
-drive(scenario)
+drive(scenario, BRIEF)
