@@ -47,6 +47,7 @@ SYSTEM = SmallSystem("trixie", ENVIRONMENTS / "wine-trixie", PACKAGES, "Wine", "
 PREFIX = "/wine"  # in the small system
 DRIVE = SYSTEM.folder / PREFIX.lstrip("/") / "drive_c"
 CLONE = DRIVE / "rle_splat"
+TEMPORARY = DRIVE / "temporary"  # Windows always names one to its programs, Wine does not
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or ROOT.parent / "shared" / "data")  # real scans, if there are any
 SCANS = "shared/data"  # where they lie on the drive
 NOT_COPIED = {".git", "build", "dist", "out", CORE.folder.name, ENVIRONMENTS.name}  # of the clone
@@ -207,7 +208,8 @@ def _lend(environment: Environment, version: str = TESTED) -> str:
     (library,) = (folder for folder in python.iterdir() if folder.name.lower() == "lib")
     listed = library / "site-packages" / "packages.pth"
     listed.parent.mkdir(exist_ok=True)
-    listed.write_text(_of_windows(packages))
+    TEMPORARY.mkdir(exist_ok=True)
+    listed.write_text(f"{_of_windows(packages)}\nimport os; os.environ['TEMP'] = {_of_windows(TEMPORARY)!r}\n")
     return _of_windows(python / "python.exe")
 
 

@@ -209,5 +209,5 @@ class LitScalars:
         key = (self.values_key, IN_ROWS)
         values = self.work.job.get("values", key, lambda: join_values(self.channels))
         shown = [center_ends(channel.reach, channel.center) for channel in self.channels]
-        begins = np.cumsum([0, *map(len, shown)])
+        begins = np.cumsum([0, *map(len, shown)], dtype=np.int64)
         return ChannelVoxels(*map(read_only, (values, np.concatenate(shown), begins)))

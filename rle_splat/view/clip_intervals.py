@@ -56,7 +56,8 @@ def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = 
     if intervals is None:
         intervals = np.empty((2, plane.height, plane.width), np.float32)
         intervals[0], intervals[1] = -MOST, MOST
-    sides, bodies = np.concatenate((cuts.kept, *cuts.holes)), np.cumsum((len(cuts.kept), *map(len, cuts.holes)))
+    sides = np.concatenate((cuts.kept, *cuts.holes))
+    bodies = np.cumsum((len(cuts.kept), *map(len, cuts.holes)), dtype=np.int64)
     crossings = _crossings(plane, sides)
     if not compiled():
         return reference.clip(crossings, bodies, intervals)

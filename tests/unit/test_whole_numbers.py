@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rle_splat.pipeline import lit_scalars
 from rle_splat.splat import arguments, label_fields
 from rle_splat.splat.arguments import ChannelLookups, Lookup
+from rle_splat.view import clip_intervals
 
 
 @pytest.fixture
@@ -50,3 +52,24 @@ def test_those_of_label_fields(short, monkeypatch):
     field = label_fields.label_field(SimpleNamespace(shape_xyz=(4, 5, 6)), plane)
     assert (field.counts.dtype, field.strides.dtype) == (np.int64, np.int64)
     assert sorted(field.counts.tolist()) == [4, 5, 6] and sorted(field.strides.tolist()) == [1, 4, 20]
+
+
+def test_those_of_channels_along_rays(short, monkeypatch):
+    short(lit_scalars)
+    monkeypatch.setattr(lit_scalars, "center_ends", lambda reach, center: np.zeros((3, 2)))
+    given = SimpleNamespace(
+        channels=[SimpleNamespace(reach=None, center=0.0)] * 2, values_key="key",
+        work=SimpleNamespace(job=SimpleNamespace(get=lambda *_: np.zeros((1, 2), np.float32))),
+    )  # fmt: skip
+    begins = lit_scalars.LitScalars._channel_rows(given).begins
+    assert begins.dtype == np.int64 and begins.tolist() == [0, 3, 6]
+
+
+def test_those_of_cuts(short, monkeypatch):
+    short(clip_intervals)
+    monkeypatch.setattr(clip_intervals, "_crossings", lambda plane, sides: ())
+    monkeypatch.setattr(clip_intervals, "compiled", lambda: False)
+    monkeypatch.setattr(clip_intervals.reference, "clip", lambda crossings, bodies, intervals: bodies)
+    cuts = SimpleNamespace(kept=np.zeros((6, 4)), holes=[np.zeros((1, 4)), np.zeros((6, 4))])
+    bodies = clip_intervals.clip_intervals(SimpleNamespace(width=2, height=2), cuts)
+    assert bodies.dtype == np.int64 and bodies.tolist() == [6, 7, 13]
