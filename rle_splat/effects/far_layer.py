@@ -96,13 +96,7 @@ def take_like(image: IntermediateImage, near: IntermediateImage | None, like) ->
     of_image, of_near = tuple(of_image), tuple(of_near)
     np.copyto(image.pixels[of_image], near.pixels[of_near], where=like[of_image][..., None])
     np.copyto(image.half_depth[of_image], near.half_depth[of_near], where=like[of_image])
-    width, moved = image.pixels.shape[1], near.base_plane.origin[0] - image.base_plane.origin[0]
-    filled, more = image.filled[:, of_image[0]], np.clip(near.filled[:, of_near[0]] + moved, 0, width)
-    for each in (filled, more):  # an empty row, so that it changes neither end of the other one
-        each[:, each[0] >= each[1]] = [[width], [0]]
-    np.minimum(filled[0], more[0], out=filled[0])
-    np.maximum(filled[1], more[1], out=filled[1])
-    filled[:, filled[0] >= filled[1]] = 0
+    image.note_filled()
 
 
 def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_depth) -> None:

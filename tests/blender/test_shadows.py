@@ -165,7 +165,8 @@ def test_light_falls_off_as_cycles_has_it_on_a_mesh_in_the_same_place(addon, bri
     volume = core("volume.volume").Volume(np.ones((1, 64, 64), np.uint8), place)
     classified = core("classify.classification").classify(volume, tf, place)
     up = np.tile(np.array((0.0, 0.0, 1.0), np.float32), (64 * 64, 1))
-    ours = core("shade.shading").shade(classified, up, place, shade, lights)[:, 1]
+    falling = core("shade.lighting").lighting(place, shade, lights)
+    ours = core("shade.shading").shaded_colors(classified, up, falling)[:, 1]
     ours = ours.reshape(16, 4, 16, 4).mean(axis=(1, 3))
     assert kind == "SUN" or np.ptp(ours) > 0.2 * ours.max()
     assert np.abs(ours - theirs).max() < 0.03 * ours.max()
