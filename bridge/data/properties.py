@@ -198,7 +198,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Shadows",
         default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used with a Maximum Error and Soft Edges",
+        "Not used where Edges is Soft and there is a Maximum Error",
     )
     use_world: LiveBool(
         name="World Light",
@@ -217,7 +217,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used with a Maximum Error and Soft Edges")  # fmt: skip
+        "Not used where Edges is Soft and there is a Maximum Error")  # fmt: skip
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "

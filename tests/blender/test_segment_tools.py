@@ -167,9 +167,8 @@ def test_the_file_is_beside_the_blend_and_none_is_overwritten(owner, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "case.blend"))
     folder = tmp_path / "case_rle_splat"
     assert Path(owner.rle_splat.label_file) == folder / "chest segments.nii.gz"
-    assert scenes.stored(tmp_path / "case.blend", "objects", owner.name).rle_splat.label_file == (
-        "//case_rle_splat/chest segments.nii.gz"
-    )
+    stored = scenes.stored(tmp_path / "case.blend", "objects", owner.name).rle_splat.label_file
+    assert stored.replace("\\", "/") == "//case_rle_splat/chest segments.nii.gz"  # Windows writes its own
     run(bpy.ops.rle_splat.change_segment, tool="GROW", length=6.0)
     assert Path(owner.rle_splat.label_file) == folder / "chest segments 2.nii.gz"
     assert (folder / "chest segments.nii.gz").read_bytes() == first.read_bytes()
