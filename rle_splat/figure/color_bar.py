@@ -95,16 +95,24 @@ def curve_picture(function: TransferFunction, columns: int, rows: int) -> np.nda
     return strip_picture(function, columns, rows) * cover[..., None]
 
 
+def shown_picture(function: TransferFunction, columns: int, rows: int) -> np.ndarray:
+    """(rows, columns, 4) float32: what a picture shows of each value alone, its color by its opacity; premultiplied."""
+    opacity = function.alpha_at(column_values(function, columns)).astype(np.float32)
+    return strip_picture(function, columns, rows) * opacity[:, None]
+
+
 def color_bar(
-    function: TransferFunction, distance: str, unit: str | None, box: tuple, size: float, pixels_per_mm: float, ink,
+    function: TransferFunction, distance: str | None, unit: str | None, box: tuple, size: float, pixels_per_mm: float,
+    ink: tuple,
 ) -> list:  # fmt: skip
     """The items of a color bar.
 
     Parameters
     ----------
     function : TransferFunction
-    distance : str
-        To what length the opacities refer, such as "1 mm".
+    distance : str or None
+        To what length the opacities refer, such as "1 mm"; None where a pixel shows one value of its ray: the bar then
+        has what is shown of each value, in place of colors and a curve.
     unit : str or None
         Of the values.
     box : (x, y, width) of float
@@ -129,19 +137,26 @@ def color_bar(
     wide, curve, strip = (count / pixels_per_mm for count in (columns, curve_rows, strip_rows))
     base = top + curve
     items = [
+        Stroke(((left, base + strip), (left + wide, base + strip), (left + wide, base)), LINE, ink),
+        Text(left + wide, y + size, f"Values in {unit}" if unit else "Values without unit", size, ink, anchor="end"),
+        *_value_ticks(function, left, base + strip, wide, size, ink),
+    ]
+    if distance is None:
+        frame = Stroke(((left + wide, base), (left + wide, top), (left, top), (left, base + strip)), LINE, ink)
+        return [Tile(left, top, shown_picture(function, columns, curve_rows + strip_rows)), frame, *items]
+    items = [
         Tile(left, top, curve_picture(function, columns, curve_rows)),
         Tile(left, base, strip_picture(function, columns, strip_rows)),
         Stroke(_curve_points(function, left, base, wide, curve), CURVE_LINE, ink),
         Stroke(((left, top), (left, base + strip)), LINE, ink),
         Stroke(((left, base), (left + wide, base)), LINE, ink),
-        Stroke(((left, base + strip), (left + wide, base + strip), (left + wide, base)), LINE, ink),
         Text(left, y + size, f"Opacity per {distance}", size, ink),
-        Text(left + wide, y + size, f"Values in {unit}" if unit else "Values without unit", size, ink, anchor="end"),
+        *items,
     ]
     for height, label in ((base, "0"), (top, "1")):
         items.append(Stroke(((left - TICK, height), (left, height)), LINE, ink))
         items.append(Text(left - 1.6 * TICK, height + 0.36 * size, label, size, ink, anchor="end"))
-    return items + _value_ticks(function, left, base + strip, wide, size, ink)
+    return items
 
 
 def _snap(place: float, pixels_per_mm: float) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
 from .color_bar import Lines, color_bar
 from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
@@ -246,8 +247,10 @@ def _strip(draft: PageDraft, n: int, bar: ScaleBar | None, x: float, y: float, l
 def _color_bar(draft: PageDraft, scene: Scene, x: float, y: float, width: float) -> None:
     function, volume = scene.transfer_function, scene.volume
     distance = function.opacity_unit_distance or float(volume.spacing.min())
-    units = f"{distance:.3g} {volume.unit}", volume.value_unit
-    draft.items += color_bar(function, *units, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink)
+    length = None if scene.mode in OF_VALUES else f"{distance:.3g} {volume.unit}"
+    draft.items += color_bar(
+        function, length, volume.value_unit, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink
+    )
     if scene.labels is not None or scene.channels:
         draft.remark("The color bar is that of the volume; labels and channels have further colors.")
 

@@ -48,6 +48,16 @@ def test_a_color_bar_has_the_colors_and_opacities_of_the_function():
     assert np.array_equal(curve[inside], np.broadcast_to(strip[0], curve.shape)[inside])
 
 
+def test_where_a_pixel_shows_one_value_the_bar_has_what_is_shown_of_it():
+    items = color_bar(STEPS, None, "SUVbw", (0.0, 0.0, 40.0), 2.0, 10.0, BLACK)
+    (shown,) = (item.rgba for item in items if isinstance(item, Tile))
+    values = -100.0 + 400.0 * (np.arange(shown.shape[1]) + 0.5) / shown.shape[1]
+    assert shown[0, :, 3] == pytest.approx(STEPS.alpha_at(values), abs=1e-6)
+    assert shown[0, :, :3] == pytest.approx(STEPS.color_at(values) * shown[0, :, 3:], abs=1e-6)
+    texts = [item.text for item in items if isinstance(item, Text)]
+    assert "Values in SUVbw" in texts and not any(text.startswith("Opacity") for text in texts)
+
+
 def test_a_color_bar_has_its_ticks_where_the_values_are():
     items = color_bar(STEPS, "1 mm", "HU", (3.0, 0.0, 40.0), 2.0, 10.0, BLACK)
     strip = [item for item in items if isinstance(item, Tile)][1]
