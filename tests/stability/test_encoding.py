@@ -196,8 +196,10 @@ def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkey
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: wanted // 2)
     with pytest.raises(RleSplatError, match="are free") as problem:
         render(scene, QUALITY)
-    told = str(problem.value).endswith(".")
-    record("S3", "volumes too large for memory that give no clear error", 1 - told, 0, "either", TABLES_ARE_WHOLE)
+    has_sentence = str(problem.value).endswith(".")
+    record(
+        "S3", "volumes too large for memory that give no clear error", 1 - has_sentence, 0, "either", TABLES_ARE_WHOLE
+    )
 
 
 # --- long dimensions, and more than 32 bits count ---------------------------------------------------------------

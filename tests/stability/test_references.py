@@ -72,8 +72,8 @@ def test_K1_rays_on_the_step_where_a_footprint_ends(record, kernel):
         steps = 0.5 if kernel == "nearest" else 0.0
         x, y = positions(splat)
         on_steps += sum(int((abs((position + steps + 0.5) % 1.0 - 0.5) < 1e-12).sum()) for position in (x, y))
-        told = splat.differences()
-        unlike = told.ends + told.edges + told.odd
+        differences = splat.differences()
+        unlike = differences.ends + differences.edges + differences.odd
         claim = f"rays on different sides of a step in kernels and reference implementation, {kernel}"
         record("K1", claim, unlike, 0)
         if kernel != "nearest":
@@ -153,10 +153,10 @@ def test_K3_a_ray_that_ends_a_sheet_sooner(record):
     for n in apart:
         least = float(max(pixel[n] for pixel in behind))
         splat = splat_of(scene, termination=least)
-        told = splat.differences()
-        ended += told.ends
+        differences = splat.differences()
+        ended += differences.ends
         claim = "rays that one of the two ended sooner, beyond what the plan's termination allows"
-        record("K3", claim, told.odd, 0, "float32", HALF)
+        record("K3", claim, differences.odd, 0, "float32", HALF)
         for image in (splat.image.pixels, splat.by_reference()):
             u, v = (-o for o in splat.given["plane"].origin)
             off = (exact[n] - image[v, u + n, :3]).max() / least
@@ -176,10 +176,10 @@ def test_K4_a_ray_that_touches_the_end_of_a_medium_dense_beyond_measure(record, 
     for beyond in (*BEYOND, *(-b for b in BEYOND)):
         for end in (0.0, 1.0 / 7.0):  # sheet pixels lie at sevenths of a voxel
             ray = moved(splat, end + beyond)
-            told, (x, y) = ray.differences(), positions(ray)
-            seen += told.edges
+            differences, (x, y) = ray.differences(), positions(ray)
+            seen += differences.edges
             claim = "rays at the end of a dense medium that differ by more than the reference implementation's so moved"
-            record("K4", claim, told.odd, 0, width)
+            record("K4", claim, differences.odd, 0, width)
             inside = (y > 0.01) & (y < 3.99)
             shares = [np.clip(np.minimum(x + 1.0, 6.0 - x) + side, 0.0, 1.0) for side in (-NUDGE, NUDGE)]
             most, least = (np.exp(-3.0 * DEPTH_OF_ONE * dense * share) for share in shares)
@@ -200,10 +200,10 @@ def test_K5_a_value_on_the_edge_of_an_entry_of_the_table(record, width):
         voxels[0, 0, 0] = value - 2.0 * half  # so that the table has a range
         plan = Quality(classification="post", depth_rule="slice", sheet_density=1.0)
         splat = splat_of(finer(from_above(voxels, function), 7), plan)
-        told, (x, y), stored = splat.differences(), positions(splat), float(voxels[1, 1, 1])
-        seen += told.edges
+        differences, (x, y), stored = splat.differences(), positions(splat), float(voxels[1, 1, 1])
+        seen += differences.edges
         claim = "rays that differ by more than the reference implementation's of values so moved"
-        record("K5", claim, told.odd, 0, width)
+        record("K5", claim, differences.odd, 0, width)
         unsure = NUDGE * stored + 1.0 / splat.given["table"].rate
         near = np.array([max(abs(stored - value) - unsure, 0.0), abs(stored - value) + unsure])
         most, least = (1.0 - np.clip(1.0 - near[::-1] / half, 0.0, 1.0 - 2.0**-24)) ** (3.0 / 30.0)
@@ -227,10 +227,10 @@ def test_K6_opacities_that_add_up_to_one_over_a_small_part_of_their_length(recor
             finer(from_above(np.ones((5, 7, 8)), function), times), kernel=kernel, sheet_density=1.0, model="opacity",
             depth_rule="midpoint-1",
         )  # fmt: skip
-        told, (x, y) = splat.differences(), positions(splat)
-        seen += told.edges
+        differences, (x, y) = splat.differences(), positions(splat)
+        seen += differences.edges
         claim = "rays through opacities of one that differ by more than the reference implementation's so much denser"
-        record("K6", claim, told.odd, 0)
+        record("K6", claim, differences.odd, 0)
         if kernel == "bspline2":  # of the first and the last sheet half, and four of nearly one
             inside = np.ix_((y > 1.51) & (y < 4.49), (x > 1.51) & (x < 5.49))
             most, least = (0.5**2 * left**4 for left in (2.0**-24, 2.0**-22 + 2.0**-24))
@@ -256,9 +256,9 @@ def test_K7_rays_past_a_silhouette_that_end_as_those_before_it(record, width):
     _, splats, _ = by_stages(scene, EXACT)
     filled, kinds = 0, set()
     for splat, side in zip(splats, (REACH + 1, -REACH - 1), strict=True):  # past the edge, and short of it
-        told, (x, y) = splat.differences(), positions(splat)
+        differences, (x, y) = splat.differences(), positions(splat)
         filled += int((splat.image.pixels != splat.pixels).any(axis=-1).sum())
-        unlike = told.ends + told.edges + told.odd
+        unlike = differences.ends + differences.edges + differences.odd
         claim = "rays of either picture that differ between kernels and reference implementation"
         record("K7", claim, unlike, 0, width)
         inside = np.ix_((y > -0.01) & (y < 29.01), (x > -0.01) & (x < 19.01))

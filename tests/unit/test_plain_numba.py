@@ -67,39 +67,39 @@ def rendered(tmp_path_factory):
     def render(numba):
         if numba not in done:
             out = folder / f"{numba}.npy"
-            told = subprocess.run(
+            process = subprocess.run(
                 [sys.executable, "-c", ENCODE, str(out), numba], cwd=ROOT, capture_output=True, text=True,
                 check=False, env={**os.environ, "NUMBA_CACHE_DIR": ""},
             )  # fmt: skip
-            assert told.returncode == 0, told.stderr
-            done[numba] = np.load(out) if out.exists() else None, json.loads(told.stdout.splitlines()[-1])
+            assert process.returncode == 0, process.stderr
+            done[numba] = np.load(out) if out.exists() else None, json.loads(process.stdout.splitlines()[-1])
         return done[numba]
 
     return render
 
 
 def test_a_known_numba_keeps_kernels_and_says_nothing(rendered):
-    told = rendered("known")[1]
-    assert told["compiled"] and told["plain"] == "" and told["kept"]
-    assert not any("kernels" in remark for remark in told["remarks"])
+    report = rendered("known")[1]
+    assert report["compiled"] and report["plain"] == "" and report["kept"]
+    assert not any("kernels" in remark for remark in report["remarks"])
 
 
 def test_another_numba_makes_the_same_records_and_it_is_said(rendered):
-    records, told = rendered("other")
+    records, report = rendered("other")
     reason = "numba 9.0.0 is not a version that RLE Splat knows"
-    assert told["compiled"] and told["plain"].startswith(reason)
-    assert told["threads"] == told["threads used"] == 1 and not told["kept"]
-    assert sum(reason in remark and "not kept on disk" in remark for remark in told["remarks"]) == 1
+    assert report["compiled"] and report["plain"].startswith(reason)
+    assert report["threads"] == report["threads used"] == 1 and not report["kept"]
+    assert sum(reason in remark and "not kept on disk" in remark for remark in report["remarks"]) == 1
     assert len(records) > 1000
     np.testing.assert_array_equal(records, rendered("known")[0])
 
 
 def test_a_numba_that_lacks_an_internal_part_is_used_plainly(rendered):
-    told = rendered("lacking")[1]
-    assert told["compiled"] and "UserProvidedCacheLocator" in told["plain"] and not told["kept"]
+    report = rendered("lacking")[1]
+    assert report["compiled"] and "UserProvidedCacheLocator" in report["plain"] and not report["kept"]
 
 
 @pytest.mark.parametrize("numba", ("known", "other"))
 def test_no_setting_of_the_process_is_changed(rendered, numba):
-    told = rendered(numba)[1]
-    assert told["changed"] == [] and told["environ"]
+    report = rendered(numba)[1]
+    assert report["changed"] == [] and report["environ"]
