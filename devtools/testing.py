@@ -43,7 +43,7 @@ IDLE_THREADS = {
     "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
 }  # fmt: skip
 
-SLOW, EXTRAS, EVERY_BLENDER = "slow", "extras", "every_blender"  # marks of tests
+SLOW, DEEP, EXTRAS, EVERY_BLENDER = "slow", "deep", "extras", "every_blender"  # marks of tests
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
@@ -228,9 +228,10 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
 def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str, Part]:
     """The parts of the whole run by name, in their order; ``options``: pytest's.
 
-    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version.
+    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version; and
+    the deep tests run.
     """
-    slow = [SLOW] if quick else []
+    slow = [*[SLOW] * quick, *[DEEP] * (not everywhere)]
     whole = not (quick or options)
 
     def core(folder: str) -> Part:
@@ -348,7 +349,7 @@ def test_windows(arguments) -> int:
 
 def test_catalogue() -> int:
     """Run the catalogue of hard cases alone; where all hold, write its page from the figures."""
-    failed = test_part("hard-cases", [])
+    failed = test_part("hard-cases", [], everywhere=True)
     if not failed:
         PAGE.write_text(table(FIGURES), encoding="utf-8")
         say(f"Wrote {PAGE.relative_to(ROOT)}")

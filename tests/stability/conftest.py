@@ -43,6 +43,18 @@ def pytest_sessionfinish():
         CATALOGUE.save(os.environ[FIGURES_VARIABLE])
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
+def pytest_collection_modifyitems(items):
+    """Leave kernels that are compiled for one or two tests to the deep ones: sums in double precision of opacities, and
+    of groups of sheets."""
+    for item in items:
+        given = item.callspec.params if hasattr(item, "callspec") else {}
+        if given.get("width") == "float64" and given.get("way") == "numba":
+            grouped = item.originalname.startswith("test_A8_") and given["classification"] == "post"
+            if grouped or given.get("model") == "opacity":
+                item.add_marker("deep")
+
+
 @pytest.fixture(params=WIDTHS)
 def width(request, monkeypatch):
     """The arithmetic in which a picture's color and transmittance are summed: its name, for ``record``."""

@@ -102,7 +102,10 @@ def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count)
             record("A1", "color + T - 1 behind up to 1e7 sheets", gained, 1e-12, width, why=none)
 
 
-@pytest.mark.parametrize("model, classification", (("extinction", "pre"), ("opacity", "pre"), ("extinction", "post")))
+@pytest.mark.parametrize(
+    "model, classification",
+    (("extinction", "pre"), pytest.param("opacity", "pre", marks=pytest.mark.deep), ("extinction", "post")),
+)
 def test_A1_the_plan_counts_the_sheets(record, model, classification, way, monkeypatch):
     """A column of more slices than float32 is good for, and one slice fewer; the reference implementation has a lower
     limit here, for it takes its time."""

@@ -60,6 +60,7 @@ def test_A12_run_to_run_and_process_to_process(record, tmp_path, way):
 
 
 @WITH_KERNELS
+@pytest.mark.deep
 def test_A13_another_processor(record, tmp_path):
     """Kernels compiled for a processor without fused multiply-add."""
     here = pictures(("parallel",), (1,))["parallel 1"]

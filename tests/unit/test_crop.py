@@ -70,19 +70,24 @@ def assert_crops_agree(scene, quality, crops=CROPS):
     return whole
 
 
+def some_of(things, way):
+    """All of them, or the first for numpy, which takes its time."""
+    return things[: 1 if way == "numpy" else None]
+
+
 @pytest.mark.parametrize("warp_filter", WARP_FILTERS)
 @pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
 @pytest.mark.parametrize("classification", ["pre", "post"])
 def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter, way):
     quality = Quality(classification=classification, warp_filter=warp_filter)
-    whole = assert_crops_agree(scene_of(kind), quality)
+    whole = assert_crops_agree(scene_of(kind), quality, some_of(CROPS, way))
     assert len(whole.report["plan"]["base_planes"]) > (2 if kind == "inside" else 0)
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("kernel", FOOTPRINTS)
 def test_under_every_model_and_footprint(kernel, model, way):
-    for minification, density in (("off", 1.7), ("widen", 0.6)):
+    for minification, density in some_of((("widen", 0.6), ("off", 1.7)), way):
         quality = Quality(
             classification="pre", kernel=kernel, model=model, minification=minification, sheet_density=density
         )
@@ -93,7 +98,7 @@ def test_under_every_model_and_footprint(kernel, model, way):
 def test_with_meshes_and_silhouettes(kind, way):
     scene = scene_of(kind, triangles=TRIANGLES)
     alone = render(replace(scene, triangles=None), Quality())
-    whole = assert_crops_agree(scene, Quality())
+    whole = assert_crops_agree(scene, Quality(), some_of(CROPS, way))
     assert np.abs(whole.rgba - alone.rgba).max() > 0.05
 
 
@@ -117,7 +122,7 @@ def test_with_clip_planes(kind, clips, way):
     middle = np.linalg.inv(scene.camera.matrix_world) @ (*0.5 * (np.array(VOLUME.shape_xyz) - 1) * VOLUME.spacing, 1.0)
     from_camera = -middle[2] - 14.0
     camera = replace(scene.camera, clip_start=max(clips[0] + from_camera, 1e-3), clip_end=clips[1] + from_camera)
-    clipped = assert_crops_agree(replace(scene, camera=camera), Quality())
+    clipped = assert_crops_agree(replace(scene, camera=camera), Quality(), some_of(CROPS, way))
     assert np.abs(clipped.rgba - render(scene, Quality()).rgba).max() > 0.02
 
 

@@ -99,15 +99,10 @@ EDITS = {  # edited, first, stages where voxels are classified, stages where she
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("classification", "dtype", "way"),
-    (
-        ("pre", np.uint8, "numba"), ("pre", np.float32, "numba"), ("post", np.uint8, "numba"),
-        ("post", np.float32, "numpy"),
-    ), indirect=["way"],
-)  # fmt: skip
+@pytest.mark.parametrize("dtype", (np.uint8, np.float32))
+@every_classification
 @pytest.mark.parametrize("name", EDITS)
-def test_an_edit_redoes_only_what_it_must(name, classification, dtype, way):
+def test_an_edit_redoes_only_what_it_must(name, classification, dtype):
     edited, first, *stages = EDITS[name]
     volume, quality = ball(dtype), QUALITIES[classification]
     redone = work_of(scene(volume=volume, **edited), scene(volume=volume, **first), quality)
@@ -115,9 +110,12 @@ def test_an_edit_redoes_only_what_it_must(name, classification, dtype, way):
 
 
 @NUMPY
-def test_the_numpy_reference_is_kept_alike(way):
-    edited, first, stages, _ = EDITS["light"]
-    assert work_of(scene(**edited), scene(**first), PRE) == stages
+@every_classification
+@pytest.mark.parametrize("name", ("light", "opacities", "fewer values shown", "another principal axis"))
+def test_the_numpy_reference_is_kept_alike(name, classification, way):
+    edited, first, *stages = EDITS[name]
+    redone = work_of(scene(**edited), scene(**first), QUALITIES[classification])
+    assert redone == stages[classification == "post"]
 
 
 # --- ranges of values -----------------------------------------------------------------------------------------

@@ -38,7 +38,10 @@ CASES = {
 DOTS = Volume((np.random.default_rng(3).random(VOLUME.voxels.shape) < 0.012).astype(np.float32), VOLUME.affine)
 
 
-@pytest.mark.parametrize("kind", ("ortho", "perspective", "inside"))
+@pytest.mark.parametrize(
+    ("kind", "way"),
+    (("ortho", "numba"), ("perspective", "numba"), ("inside", "numba"), ("perspective", "numpy")), indirect=["way"],
+)  # fmt: skip
 @pytest.mark.parametrize("name", CASES)
 def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, way):
     quality, more = CASES[name]

@@ -293,6 +293,8 @@ def test_an_edited_part_of_a_kernel_is_compiled_and_nothing_else(tmp_path, varia
     copy = Copy(tmp_path, variable)
     assert copy.runs() == "2 2 5 0"
     assert copy.runs() == "2 2 5 1"
+    if variable == NUMBA_VARIABLE:
+        return  # what follows is the same code
     copy.edit("scene/quality.py", "MODELS = (", "# A remark.\nUNUSED = 7\nMODELS = (")  # no kernels there
     lines = copy.folder / "encode" / "line_bits.py"
     lines.write_text("# A line above the kernels.\n" + lines.read_text(encoding="utf-8"), encoding="utf-8")

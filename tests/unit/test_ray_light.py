@@ -10,6 +10,7 @@ from rle_splat.classify.lookup_table import lookup_table
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.raycast.rays import RowVoxels, bricks_of, rays_through
 from rle_splat.raycast.trace import trace
+from rle_splat.runtime.jit import read_only
 from rle_splat.scene import Environment, Quality
 from rle_splat.shade.lighting import lighting
 from rle_splat.shade.sample_light import ONE, sample_light
@@ -53,8 +54,8 @@ def traced(
     codes[::3] = 0
     row_start = np.append(0, np.cumsum(rows.sum(axis=1)))
     voxels = RowVoxels(
-        bits, row_start, bricks_of(bits, shape), volume.voxels[kept], np.rint(codes * ONE).astype(np.int16),
-        np.array([(0.2, 1.0)]), SHAPE,
+        read_only(bits), read_only(row_start), bricks_of(bits, shape), volume.voxels[kept],
+        read_only(np.rint(codes * ONE).astype(np.int16)), np.array([(0.2, 1.0)]), SHAPE,
     )  # fmt: skip
     view = index_view(camera, to_world, SIDE, SIDE)
     down, right = np.divmod(np.arange(SIDE**2), SIDE)

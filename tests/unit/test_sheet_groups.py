@@ -59,6 +59,7 @@ def test_rows_of_more_blocks_than_a_word_has_bits(monkeypatch):
     assert_same(grouped, single)
 
 
+@pytest.mark.deep
 def test_behind_so_many_sheets_that_doubles_add_up(monkeypatch):
     """Lit, in groups, which differs from sums of singles by their roundings."""
     scene = scene_of("perspective")
