@@ -217,7 +217,6 @@ def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_pa
     file.write_bytes(damage(file.read_bytes()))
     said = called(package, cache)
     assert said.startswith(COMPILED) and f"damaged ({file_name()})" in said
-    assert called(package, cache).startswith("2 2 5 loaded"), "the one that was compiled is kept"
 
 
 @pytest.mark.parametrize("other", ["python3.9-numba0.68.1", "python3.11-numba0.1.0"])
