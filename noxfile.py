@@ -108,8 +108,8 @@ def shadows(parser, words) -> int:
 @job
 def test(parser, words) -> int:
     """Run every test that this machine can run; other arguments go to pytest."""
-    parser.add_argument("--quick", action="store_true", help="leave out slow tests and all but one Blender")
-    parser.add_argument("--all", action="store_true", help="run all tests of Blender in its older versions, too")
+    parser.add_argument("--quick", action="store_true", help="leave out what takes long, and all but one Blender")
+    parser.add_argument("--all", action="store_true", help="run the deep tests, and all in older Blenders")
     parser.add_argument("--windows", action="store_true", help="run tests in Windows' Pythons instead, under Wine")
     parser.add_argument("--catalogue", action="store_true", help="run the hard cases alone; write their page")
     parser.add_argument(
@@ -131,10 +131,9 @@ def _part_of_test(name: str) -> None:
     """Make a session of one part of the whole test run."""
 
     def part(parser, words) -> int:
-        if name.startswith("bpy-"):
-            parser.add_argument("--all", action="store_true", help="run all tests, not only those marked every_blender")
+        parser.add_argument("--all", action="store_true", help="run the deep tests, and all of an older Blender")
         known, rest = parser.parse_known_args(words)
-        return testing.test_part(name, rest, getattr(known, "all", False))
+        return testing.test_part(name, rest, known.all)
 
     part.__doc__ = f"Run one part of the tests: {name}; arguments go to pytest."
     job(part, name=name)

@@ -48,12 +48,13 @@ EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
+QUICK = ("unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
 
 # The longest parts, which begin first; the others take a minute or less.  None of them waits for another's kernels:
 # those that several use are made before (``_compile_first``).
 LONGEST = (
-    REAL_BLENDER, "core-unit", "core-truths", f"bpy-{NEWEST}", "hard-cases", "core-effects", "bpy-5.0", "core-read",
-    "bpy-4.5", "core-cli", "extras",
+    REAL_BLENDER, "core-unit", f"bpy-{NEWEST}", "hard-cases", "core-truths", "core-effects", "bpy-5.0", "bpy-4.5",
+    "bpy-5.2", "core-read", "core-cli", "extras",
 )  # fmt: skip
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
@@ -229,10 +230,10 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
     """The parts of the whole run by name, in their order; ``options``: pytest's.
 
     ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version; and
-    the deep tests run.
+    the deep tests run.  ``quick``: only QUICK, and of the newest bpy those marked for every version.
     """
     slow = [*[SLOW] * quick, *[DEEP] * (not everywhere)]
-    whole = not (quick or options)
+    whole = not options
 
     def core(folder: str) -> Part:
         words = [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
@@ -241,11 +242,11 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
     found = {}
     if not quick:
         found[REAL_BLENDER] = Part(lambda ready, aside: real_blender_stages(ready.zips), needs="zip")
-    # It waits because it compares its pictures with those of Blender's Pythons.
-    found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
-    found |= {f"core-{folder}": core(folder) for folder in core_folders()}
+        # It waits because it compares its pictures with those of Blender's Pythons.
+        found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
+    found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
     for version in _versions(quick):
-        marks = [] if everywhere or version == NEWEST else ["-m", EVERY_BLENDER]
+        marks = [] if everywhere or (version == NEWEST and not quick) else ["-m", EVERY_BLENDER]
         words = [BLENDER_TESTS, *marks, *options]
         found[f"bpy-{version}"] = Part(
             lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
@@ -292,7 +293,8 @@ def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
         for worker in [workers.submit(work) for _ in range(AT_ONCE)]:
             worker.result()
     made = [making.result().zip_stage, *(stage for part in found for stage in stages[part])]
-    return made + (_not_quick(EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
+    folders = [f"core, {folder}" for folder in core_folders() if folder not in QUICK]
+    return made + (_not_quick("hard cases", *folders, EXTRAS_STAGE, CLUSTER_STAGE, "real blender") if quick else [])
 
 
 def test_part(name: str, options, everywhere: bool = False) -> int:
