@@ -11,7 +11,6 @@ from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import EFFECTS, analyze, analyze_effects
 from rle_splat.pipeline.encode_scene import encode_scene
 from rle_splat.pipeline.render import render
-from rle_splat.runtime.jit import use_reference
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
@@ -134,14 +133,13 @@ def blurred(scene) -> Scene:
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
 @pytest.mark.parametrize("label", PRICED)
 def test_so_do_the_others_forced_off(label, classification):
-    """In the benchmarks' scenes; kernels have no part in what is left out."""
+    """In the benchmarks' scenes."""
     quality, price = Quality(classification=classification), prices.PRICES[label]
     base = prices.Setting("shells", *shells(24), True, ()).at(prices.AZIMUTH, 24)
     having, without = prices.given(base, label), base if price.over is None else prices.given(base, price.over)
     having = blurred(having) if label == "depth of field" else having
-    with use_reference():
-        forced = render(replace(having, effects={price.effect: False}), quality)
-        shown, plain = render(having, quality), render(without, quality)
+    forced = render(replace(having, effects={price.effect: False}), quality)
+    shown, plain = render(having, quality), render(without, quality)
     np.testing.assert_array_equal(forced.rgba.view(np.uint32), plain.rgba.view(np.uint32))
     entry = next(e for e in forced.report["effects"] if e["name"] == price.effect)
     assert entry == {"name": price.effect, "on": False, "reason": "by hand", "ms": 0.0}

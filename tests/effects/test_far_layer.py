@@ -35,7 +35,9 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("perspective", [False, True])
+@pytest.mark.parametrize(
+    ("perspective", "way"), [(False, "numba"), (True, "numba"), (False, "numpy")], indirect=["way"]
+)
 @pytest.mark.parametrize("case", CASES)
 def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, perspective, way, monkeypatch):
     more, classification = CASES[case]

@@ -204,7 +204,7 @@ def scene(n, size):
     turned = corners @ made.index_to_world[:3, :3].T + made.index_to_world[:3, 3]
     return replace(made, triangles=turned) if meshes else made
 
-large = scene(128, 1000)
+large = scene(128, 800)
 large.volume.value_counts
 render(scene(16, 32), quality)
 with open("/proc/self/clear_refs", "w") as peak:
