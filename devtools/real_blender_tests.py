@@ -114,9 +114,10 @@ def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool, insta
         shutil.copytree(_lent_pytest(), folder / "pytest")
     shutil.copy(ROOT / "pyproject.toml", folder)
     shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
-    shutil.copy(zip_path, folder / "extension.zip")
     if installed and installed.is_dir():
         shutil.copytree(installed, folder / "user", copy_function=os.link)
+    else:
+        shutil.copy(zip_path, folder / "extension.zip")
     for name in ("user", "shots", "tmp"):
         (folder / name).mkdir(exist_ok=True)
     return folder

@@ -27,6 +27,7 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
     until,
+    wait_for_rest,
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_after_"))
@@ -73,15 +74,6 @@ def set_up():
     yield from photograph("before")
 
 
-def at_rest():
-    """Wait until nothing is left to do; nothing is touched meanwhile, since any edit would have views drawn again."""
-    for _ in range(4):
-        yield
-    viewports = import_module(f"{MODULE}.bridge.live").viewports_of
-    yield from until(lambda: not any(one.is_busy for one in viewports(area_of("VIEW_3D"))))
-    yield
-
-
 def seen(name: str) -> list:
     """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
     path = Path(os.environ[SHOTS]) / f"{name}.png"
@@ -120,7 +112,7 @@ def check(animation: bool, lock: bool):
 
     yield from until(is_done)
     bpy.app.handlers.render_complete.remove(note)
-    yield from at_rest()
+    yield from wait_for_rest()
     assert seen(name) == [True, False]
     np.testing.assert_array_equal(pixels_of(cut), before)
     assert scene.render.use_lock_interface == lock
@@ -137,11 +129,11 @@ def check_viewport_compositor():
     for use, is_live in (("ALWAYS", False), ("CAMERA", True), ("DISABLED", True)):
         shading.use_compositor = use
         area.tag_redraw()
-        yield from at_rest()
+        yield from wait_for_rest()
         yield from photograph(f"composited {use.lower()}")
         assert bool(live.viewports_of(area)) == is_live, use
     shading.type = solid
-    yield from at_rest()
+    yield from wait_for_rest()
     passed("viewport compositor")
 
 
@@ -159,7 +151,7 @@ def check_later_links():
 
 def scenario():
     yield from set_up()
-    yield from at_rest()
+    yield from wait_for_rest()
     assert seen("at first") == [True, False]
     for animation in (False, True):
         for lock in (False, True):
