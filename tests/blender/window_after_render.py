@@ -50,7 +50,7 @@ def set_up():
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)
     scene.frame_start, scene.frame_end = 1, 4
-    scenes.use_cycles((256, 256), samples=256)  # some seconds
+    scenes.use_cycles((256, 256), samples=16)
     scenes.add_mesh([(-40, -40, -9), (60, -40, -9), (60, 60, -9), (-40, 60, -9)], [(0, 1, 2, 3)], (0.1, 0.1, 0.1))
     scenes.add_camera((MIDDLE[0], MIDDLE[1], 60.0), type="ORTHO", ortho_scale=2.0 * AWAY)
     scene.frame_set(1)
@@ -106,11 +106,13 @@ def check(animation: bool, lock: bool):
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT", animation=animation)
 
-    def is_done():
+    redraws = 0
+    while not done or bpy.app.is_job_running("RENDER"):
         area_of("VIEW_3D").tag_redraw()  # as the mouse does that moves over it
-        return done and not bpy.app.is_job_running("RENDER")
-
-    yield from until(is_done)
+        redraws += 1
+        yield
+        yield
+    assert redraws > 1, "the render has ended before the view was drawn"
     bpy.app.handlers.render_complete.remove(note)
     yield from wait_for_rest()
     assert seen(name) == [True, False]

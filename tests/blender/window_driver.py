@@ -221,6 +221,8 @@ def new_file():
     if not Run.start:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         yield from show_panels()
+        scene = bpy.context.scene
+        scene.eevee.taa_samples = scene.cycles.preview_samples = 1  # each draws the whole view again
         path = Path(tempfile.mkdtemp(prefix="rle_splat_window_")) / "start.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
         Run.start = str(path)
