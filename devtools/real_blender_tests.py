@@ -41,7 +41,7 @@ WINDOW_SCRIPTS = {
     "window_segments.py": SMALL_SCREEN,
     "window_organs.py": SMALL_SCREEN,
     "window_dialogs.py": USUAL_SCREEN,
-    "window_live.py": USUAL_SCREEN,
+    "window_live.py": SMALL_SCREEN,
     "window_several.py": SMALL_SCREEN,
     "window_cut.py": SMALL_SCREEN,
     "window_slices.py": USUAL_SCREEN,

@@ -74,20 +74,27 @@ def set_up():
     yield from photograph("before")
 
 
-def seen(name: str) -> list:
-    """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
+def screen(name: str) -> np.ndarray:
+    """The screen as it is, (H, W, 3), 0 to 255, row 0 at the top; nothing is drawn for it."""
     path = Path(os.environ[SHOTS]) / f"{name}.png"
     subprocess.run(["import", "-window", "root", str(path)], check=True)
-    image = bpy.data.images.load(str(path))
-    pixels = pixels_of(image)[..., :3] * 255.0
-    bpy.data.images.remove(image)
+    return scenes.load_pixels(path)[..., :3] * 255.0
+
+
+def is_volume(color) -> bool:
+    return bool(np.abs(color - DISPLAYED).max() < 6.0)
+
+
+def seen(name: str) -> list:
+    """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
+    pixels = screen(name)
     region, view = region_of(area_of("VIEW_3D"), "WINDOW"), area_of("VIEW_3D").spaces.active.region_3d
     found = []
     for x in (0.0, AWAY):
         place = location_3d_to_region_2d(region, view, MIDDLE + (x + 0.6, 0.7, 0.5 * (N - 1)))
         shown = pixels[len(pixels) - int(region.y + place.y), int(region.x + place.x)]
         print(f"{name}: {x} shows {shown}", flush=True)
-        found.append(bool(np.abs(shown - DISPLAYED).max() < 6.0))
+        found.append(is_volume(shown))
     return found
 
 
@@ -128,10 +135,15 @@ def check_viewport_compositor():
     live, area = import_module(f"{MODULE}.bridge.live"), area_of("VIEW_3D")
     shading = area.spaces.active.shading
     solid, shading.type = shading.type, "MATERIAL"
+    area.spaces.active.show_region_ui = False
+    region = region_of(area, "WINDOW")
+    row, column = -(region.y + region.height // 2), region.x + region.width // 2 + 105  # of the last frame's volume
     for use, is_live in (("ALWAYS", False), ("CAMERA", True), ("DISABLED", True)):
         shading.use_compositor = use
         area.tag_redraw()
         yield from wait_for_rest()
+        if use == "ALWAYS":  # once EEVEE has its shaders
+            yield from until(lambda: is_volume(screen("composited")[row, column]))
         yield from photograph(f"composited {use.lower()}")
         assert bool(live.viewports_of(area)) == is_live, use
     shading.type = solid
