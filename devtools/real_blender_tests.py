@@ -44,7 +44,7 @@ WINDOW_SCRIPTS = {
     "window_live.py": SMALL_SCREEN,
     "window_several.py": SMALL_SCREEN,
     "window_cut.py": SMALL_SCREEN,
-    "window_slices.py": USUAL_SCREEN,
+    "window_slices.py": (1600, 1000),  # four views
     "window_hidden.py": USUAL_SCREEN,
     "window_look.py": USUAL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
