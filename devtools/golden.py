@@ -62,11 +62,8 @@ def photographs() -> dict[str, np.ndarray]:
     """The thumbnail of today's photograph for each of PHOTOGRAPHS that there is, by the script's name, uint8, sRGB."""
     from PIL import Image
 
-    files = {script: SHOTS / script / f"{name}.png" for script, name in PHOTOGRAPHS.items()}
-    return {
-        script: _pooled(np.asarray(Image.open(path).convert("RGB")), SHRUNK)
-        for script, path in files.items() if path.is_file()
-    }  # fmt: skip
+    files = [(script, path) for script, name in PHOTOGRAPHS.items() for path in SHOTS.glob(f"{script}/{name}.*")]
+    return {script: _pooled(np.asarray(Image.open(path).convert("RGB")), SHRUNK) for script, path in files}
 
 
 def pictures() -> dict[str, np.ndarray]:

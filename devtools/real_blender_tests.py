@@ -32,32 +32,33 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 PHOTOGRAPHED = (5, 2)  # the version of Blender whose photographs are approved
 AT_ONCE = 2  # windows, which wait half of their time
 USUAL_SCREEN = (1280, 800)
+SMALL_SCREEN = (1100, 640)  # where pictures are not the point: software draws each pixel
 # The scripts that drive a window, with their screens in pixels.
 WINDOW_SCRIPTS = {
-    "window.py": USUAL_SCREEN,
+    "window.py": SMALL_SCREEN,
     "window_panels.py": (800, 3600),  # every panel of the sidebar at once
-    "window_import.py": USUAL_SCREEN,
-    "window_segments.py": USUAL_SCREEN,
-    "window_organs.py": USUAL_SCREEN,
+    "window_import.py": SMALL_SCREEN,
+    "window_segments.py": SMALL_SCREEN,
+    "window_organs.py": SMALL_SCREEN,
     "window_dialogs.py": USUAL_SCREEN,
-    "window_live.py": USUAL_SCREEN,
-    "window_several.py": USUAL_SCREEN,
-    "window_cut.py": USUAL_SCREEN,
+    "window_live.py": SMALL_SCREEN,
+    "window_several.py": SMALL_SCREEN,
+    "window_cut.py": SMALL_SCREEN,
     "window_slices.py": (1600, 1000),  # four views
-    "window_hidden.py": (1600, 1000),
+    "window_hidden.py": USUAL_SCREEN,
     "window_look.py": USUAL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
-    "window_film.py": (1280, 1000),
-    "window_trust.py": (1280, 1400),
-    "window_encoded.py": (1280, 1400),
-    "window_figure.py": USUAL_SCREEN,
-    "window_turntable.py": USUAL_SCREEN,
-    "window_escape.py": USUAL_SCREEN,
-    "window_shadows.py": USUAL_SCREEN,
-    "window_world.py": USUAL_SCREEN,
-    "window_after_render.py": USUAL_SCREEN,
+    "window_film.py": SMALL_SCREEN,
+    "window_trust.py": SMALL_SCREEN,
+    "window_encoded.py": SMALL_SCREEN,
+    "window_figure.py": SMALL_SCREEN,
+    "window_turntable.py": SMALL_SCREEN,
+    "window_escape.py": SMALL_SCREEN,
+    "window_shadows.py": SMALL_SCREEN,
+    "window_world.py": SMALL_SCREEN,
+    "window_after_render.py": SMALL_SCREEN,
     "window_times.py": USUAL_SCREEN,
-    "window_tutorial.py": (1280, 1100),
+    "window_tutorial.py": SMALL_SCREEN,
 }
 
 
@@ -114,9 +115,10 @@ def _workplace(blender: Blender, zips: dict[str, Path], with_pytest: bool, insta
         shutil.copytree(_lent_pytest(), folder / "pytest")
     shutil.copy(ROOT / "pyproject.toml", folder)
     shutil.copy(TESTS.parent / "conftest.py", folder / "tests")
-    shutil.copy(zip_path, folder / "extension.zip")
     if installed and installed.is_dir():
         shutil.copytree(installed, folder / "user", copy_function=os.link)
+    else:
+        shutil.copy(zip_path, folder / "extension.zip")
     for name in ("user", "shots", "tmp"):
         (folder / name).mkdir(exist_ok=True)
     return folder

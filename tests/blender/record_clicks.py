@@ -18,7 +18,6 @@ from tests.blender import window_driver
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import choose_import, confirm_browser, settled, simulate
 from tests.blender.window_driver import (
-    BRIEF,
     SHOTS,
     TAB,
     area_of,
@@ -128,4 +127,4 @@ def scenario():
             yield from measured(*case)
 
 
-drive(scenario, BRIEF)
+drive(scenario)

@@ -29,6 +29,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    wait_for_rest,
     window,
 )
 
@@ -160,8 +161,7 @@ def surface():
     volume.hide_set(True)
     overlay = area_of("VIEW_3D").spaces.active.overlay
     overlay.show_wireframes, overlay.wireframe_threshold = True, 1.0
-    for _ in range(8):
-        yield
+    yield from wait_for_rest()
     yield from keep("mesh", HEAD)
     beside("how-to-surface", "volume", "mesh")
     passed("surface")
@@ -186,8 +186,7 @@ def pinned():
     yield
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
-    for _ in range(8):
-        yield
+    yield from wait_for_rest()
     yield from keep("how-to-backdrop")
     bpy.context.preferences.addons[MODULE].preferences.show_live = True
     passed("backdrop")
@@ -197,8 +196,7 @@ def raw_file():
     yield from begin()
     with in_the_view():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(DATA / RAW))
-    for _ in range(8):
-        yield
+    yield from wait_for_rest()
     yield from keep("how-to-raw")
     passed("raw file")
 

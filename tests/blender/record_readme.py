@@ -32,6 +32,7 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
     until,
+    wait_for_rest,
     window,
 )
 
@@ -39,7 +40,6 @@ SCAN = Path(__file__).parent / "data" / "scan"
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, WIDTH, COLORS = 12, 840, 96  # of a frame
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
-THUMBNAILS = 120
 HOLD = 8  # frames for which a step stands still
 TOWARD = (1.45, -1.6, 0.62)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.6  # than Frame, which shows the whole box
@@ -160,8 +160,7 @@ def scenario():
     view.view_distance *= NEARER
     yield from settled()
     yield from frame(HOLD)
-    for _ in range(THUMBNAILS):  # steps in which the pictures of presets are made
-        yield
+    yield from wait_for_rest()  # with the pictures of presets
     for preset, caption in (("x-ray", "Click a preset"), ("ct-bone", "")):
         with in_the_view():
             assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}

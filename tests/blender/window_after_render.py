@@ -27,6 +27,7 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
     until,
+    wait_for_rest,
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_after_"))
@@ -49,7 +50,7 @@ def set_up():
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)
     scene.frame_start, scene.frame_end = 1, 4
-    scenes.use_cycles((256, 256), samples=256)  # some seconds
+    scenes.use_cycles((256, 256), samples=16)
     scenes.add_mesh([(-40, -40, -9), (60, -40, -9), (60, 60, -9), (-40, 60, -9)], [(0, 1, 2, 3)], (0.1, 0.1, 0.1))
     scenes.add_camera((MIDDLE[0], MIDDLE[1], 60.0), type="ORTHO", ortho_scale=2.0 * AWAY)
     scene.frame_set(1)
@@ -73,29 +74,27 @@ def set_up():
     yield from photograph("before")
 
 
-def at_rest():
-    """Wait until nothing is left to do; nothing is touched meanwhile, since any edit would have views drawn again."""
-    for _ in range(4):
-        yield
-    viewports = import_module(f"{MODULE}.bridge.live").viewports_of
-    yield from until(lambda: not any(one.is_busy for one in viewports(area_of("VIEW_3D"))))
-    yield
+def screen(name: str) -> np.ndarray:
+    """The screen as it is, (H, W, 3), 0 to 255, row 0 at the top; nothing is drawn for it."""
+    path = Path(os.environ[SHOTS]) / f"{name}.png"
+    subprocess.run(["import", "-window", "root", str(path)], check=True)
+    return scenes.load_pixels(path)[..., :3] * 255.0
+
+
+def is_volume(color) -> bool:
+    return bool(np.abs(color - DISPLAYED).max() < 6.0)
 
 
 def seen(name: str) -> list:
     """Whether the screen, as it is, shows the volume where it is in the first frame, and in the last one."""
-    path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run(["import", "-window", "root", str(path)], check=True)
-    image = bpy.data.images.load(str(path))
-    pixels = pixels_of(image)[..., :3] * 255.0
-    bpy.data.images.remove(image)
+    pixels = screen(name)
     region, view = region_of(area_of("VIEW_3D"), "WINDOW"), area_of("VIEW_3D").spaces.active.region_3d
     found = []
     for x in (0.0, AWAY):
         place = location_3d_to_region_2d(region, view, MIDDLE + (x + 0.6, 0.7, 0.5 * (N - 1)))
         shown = pixels[len(pixels) - int(region.y + place.y), int(region.x + place.x)]
         print(f"{name}: {x} shows {shown}", flush=True)
-        found.append(bool(np.abs(shown - DISPLAYED).max() < 6.0))
+        found.append(is_volume(shown))
     return found
 
 
@@ -114,13 +113,15 @@ def check(animation: bool, lock: bool):
     with in_the_view():
         bpy.ops.render.render("INVOKE_DEFAULT", animation=animation)
 
-    def is_done():
+    redraws = 0
+    while not done or bpy.app.is_job_running("RENDER"):
         area_of("VIEW_3D").tag_redraw()  # as the mouse does that moves over it
-        return done and not bpy.app.is_job_running("RENDER")
-
-    yield from until(is_done)
+        redraws += 1
+        yield
+        yield
+    assert redraws > 1, "the render has ended before the view was drawn"
     bpy.app.handlers.render_complete.remove(note)
-    yield from at_rest()
+    yield from wait_for_rest()
     assert seen(name) == [True, False]
     np.testing.assert_array_equal(pixels_of(cut), before)
     assert scene.render.use_lock_interface == lock
@@ -134,14 +135,19 @@ def check_viewport_compositor():
     live, area = import_module(f"{MODULE}.bridge.live"), area_of("VIEW_3D")
     shading = area.spaces.active.shading
     solid, shading.type = shading.type, "MATERIAL"
+    area.spaces.active.show_region_ui = False
+    region = region_of(area, "WINDOW")
+    row, column = -(region.y + region.height // 2), region.x + region.width // 2 + 105  # of the last frame's volume
     for use, is_live in (("ALWAYS", False), ("CAMERA", True), ("DISABLED", True)):
         shading.use_compositor = use
         area.tag_redraw()
-        yield from at_rest()
+        yield from wait_for_rest()
+        if use == "ALWAYS":  # once EEVEE has its shaders
+            yield from until(lambda: is_volume(screen("composited")[row, column]))
         yield from photograph(f"composited {use.lower()}")
         assert bool(live.viewports_of(area)) == is_live, use
     shading.type = solid
-    yield from at_rest()
+    yield from wait_for_rest()
     passed("viewport compositor")
 
 
@@ -159,7 +165,7 @@ def check_later_links():
 
 def scenario():
     yield from set_up()
-    yield from at_rest()
+    yield from wait_for_rest()
     assert seen("at first") == [True, False]
     for animation in (False, True):
         for lock in (False, True):

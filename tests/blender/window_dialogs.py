@@ -18,7 +18,6 @@ from tests.blender.layout_recorder import Drawn, subclasses
 from tests.blender.panel_states import add_volume
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
-    BRIEF,
     area_of,
     drive,
     in_the_view,
@@ -307,4 +306,4 @@ def scenario():
         passed(check.__name__)
 
 
-drive(scenario, BRIEF)
+drive(scenario)

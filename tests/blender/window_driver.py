@@ -36,8 +36,10 @@ import gpu
 
 from tests.blender.real_blender import MODULE, enable, install
 
-PAUSE, BRIEF = 0.3, 0.03  # seconds between steps; an idle window takes a fifth of a processor
+PAUSE = 0.03  # seconds between steps
 PATIENCE = 600  # seconds of pauses; each waits for the window, so a busy machine gets more time
+STILL = 0.6  # seconds that a photograph waits for work that goes on
+SLEEP = 0.005  # seconds between looks for events, as Blender sleeps where none is simulated
 SHOTS = "RLE_SPLAT_SHOTS"
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
@@ -94,18 +96,16 @@ class Run:
 
     console: Console
     passed: list
-    pause: float
     start = ""
 
 
-def drive(scenario, pause: float = PAUSE) -> None:
+def drive(scenario) -> None:
     """Enable the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
 
     The last line says how many checks passed: those named by ``passed``.  A scenario that has a kernel compiled fails
-    at its end: every user who comes to that state would wait for it.  ``pause``: seconds between steps, BRIEF where
-    none counts on time that passes.
+    at its end: every user who comes to that state would wait for it.
     """
-    Run.console, Run.passed, Run.pause = Console(), [], pause
+    Run.console, Run.passed = Console(), []
     running = _steps(scenario)
 
     def tick():
@@ -114,7 +114,7 @@ def drive(scenario, pause: float = PAUSE) -> None:
             assert not PROBLEM.search(drawn), f"Blender printed:\n{drawn}"
             next(running)
             Run.console.news()
-            return pause
+            return PAUSE
         except StopIteration:
             compiled = compiled_kernels()
             failed = int(bool(compiled))
@@ -129,9 +129,16 @@ def drive(scenario, pause: float = PAUSE) -> None:
 
     bpy.context.preferences.view.show_splash = False
     bpy.context.preferences.system.viewport_aa = "OFF"  # software draws it
-    if pause < PAUSE:
-        bpy.context.preferences.inputs.mouse_double_click_time = 1  # ms; clicks of brief steps follow fast
+    bpy.context.preferences.inputs.mouse_double_click_time = 1  # ms; clicks follow fast
+    bpy.app.timers.register(_sleep, persistent=True)
     bpy.app.timers.register(tick, first_interval=1.0, persistent=True)
+
+
+def _sleep() -> float:
+    """Timer function, called in each turn of Blender's loop, which turns without a rest while events are simulated:
+    a window that waits then takes a whole processor."""
+    time.sleep(SLEEP)
+    return 0.0
 
 
 def _steps(scenario):
@@ -158,9 +165,9 @@ def compiled_kernels() -> list[str]:
 
 
 def passed(name: str) -> None:
-    """Count a check that passed."""
+    """Count a check that passed; print it with the processor seconds since Blender's start."""
     Run.passed.append(name)
-    print(f"{name} passed", flush=True)
+    print(f"{name} passed, {time.process_time():.1f} s", flush=True)
 
 
 def window():
@@ -184,7 +191,7 @@ def in_the_view():
 
 def until(condition):
     """Step back into the window's own loop until the condition holds."""
-    for _ in range(int(PATIENCE / Run.pause)):
+    for _ in range(int(PATIENCE / PAUSE)):
         if condition():
             return
         yield
@@ -214,6 +221,8 @@ def new_file():
     if not Run.start:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         yield from show_panels()
+        scene = bpy.context.scene
+        scene.eevee.taa_samples = scene.cycles.preview_samples = 1  # each draws the whole view again
         path = Path(tempfile.mkdtemp(prefix="rle_splat_window_")) / "start.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
         Run.start = str(path)
@@ -249,23 +258,30 @@ def redraw() -> None:
     assert not said, f"while drawing Blender printed:\n{said}"
 
 
+def is_at_rest() -> bool:
+    """Whether the add-on has nothing to do: its timer calls nothing, and neither a render nor its operators run."""
+    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    return not timer._due and not timer.must_wait()
+
+
+def wait_for_rest():
+    """Step until the window has been drawn and the add-on has nothing to do."""
+    yield
+    yield from until(is_at_rest)
+    yield
+
+
 def photograph(name: str):
     """Draw everything, check that Blender has no complaint, and keep a picture of the screen as NAME.png.
 
-    A viewport that still works has as long to end it with brief steps as with long ones.
+    Work of the add-on may end before; what goes on for longer than STILL is photographed as it is then.
     """
-    for area in window().screen.areas:
-        area.tag_redraw()
     yield
-    viewports_of = import_module(f"{MODULE}.bridge.live").viewports_of
-    end = time.monotonic() + 2.0 * (PAUSE - Run.pause)
-
-    def at_work():
-        views = [area for area in window().screen.areas if area.type == "VIEW_3D"]
-        return any(one.is_busy for area in views for one in viewports_of(area))
-
-    yield from until(lambda: time.monotonic() > end or not at_work())
     redraw()
+    if not is_at_rest():
+        end = time.monotonic() + STILL
+        yield from until(lambda: time.monotonic() > end or is_at_rest())
+        redraw()
     yield
     program = shutil.which("import")
     if program is None:

@@ -16,7 +16,6 @@ from mathutils import Quaternion
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.window_driver import (
-    BRIEF,
     area_of,
     drive,
     in_the_view,
@@ -128,4 +127,4 @@ def scenario():
         passed(step.__name__)
 
 
-drive(scenario, BRIEF)
+drive(scenario)

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from tests.blender import scenes
-from tests.blender.window_driver import BRIEF, drive, in_the_view, passed, until
+from tests.blender.window_driver import drive, in_the_view, passed, until
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_escape_"))
 FRAMES = 500
@@ -79,4 +79,4 @@ def scenario():
     passed(f"Esc after {pictures()} pictures")
 
 
-drive(scenario, BRIEF)
+drive(scenario)

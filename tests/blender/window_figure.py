@@ -15,7 +15,6 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.window_driver import (
-    BRIEF,
     SHOTS,
     area_of,
     drive,
@@ -88,4 +87,4 @@ def scenario():
     passed("the sidecar of another figure is not replaced")
 
 
-drive(scenario, BRIEF)
+drive(scenario)

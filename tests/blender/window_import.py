@@ -29,7 +29,7 @@ from tests.blender.window_driver import (
     window,
 )
 
-LARGE = (256, 512, 512)  # (nz, ny, nx) voxels of 16 bits, 128 MiB: long enough for progress and Esc
+LARGE = (128, 512, 512)  # (nz, ny, nx) voxels of 16 bits, 64 MiB: long enough for progress and Esc
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_import_"))
 slices: list[float] = []  # seconds of each slice of work
 
@@ -58,7 +58,7 @@ def watch_slices() -> None:
 
 def large_file() -> Path:
     """A packed raw file that takes seconds to read."""
-    path = FOLDER / "large_512x512x256_int16_1.0x1.0x1.0.raw.gz"
+    path = FOLDER / "large_512x512x128_int16_1.0x1.0x1.0.raw.gz"
     if not path.exists():
         noise = np.random.default_rng(0).integers(-50, 50, LARGE[1:], dtype=np.int16)
         with gzip.open(path, "wb", compresslevel=1) as stream:

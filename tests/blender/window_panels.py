@@ -23,6 +23,7 @@ from tests.blender.window_driver import (
     photograph,
     redraw,
     until,
+    wait_for_rest,
     window,
 )
 
@@ -58,6 +59,8 @@ def check_state(name: str):
     with in_the_view():
         STATES[name](folder())
     yield
+    if name == "labels":  # its photograph is compared with the approved one, pictures of presets included
+        yield from wait_for_rest()
     drawn.clear()
     yield from photograph(name)
     with in_the_view():
@@ -139,6 +142,7 @@ def check_flaws():
 
 
 def scenario():
+    bpy.context.preferences.system.use_region_overlap = False  # no view of 3600 pixels behind the panels
     watch_draws()
     open_panels()
     for name in STATES:

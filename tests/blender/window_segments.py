@@ -15,7 +15,6 @@ from mathutils import Vector
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
-    BRIEF,
     area_of,
     drive,
     in_the_view,
@@ -152,4 +151,4 @@ def scenario():
     yield from photograph("kept")
 
 
-drive(scenario, BRIEF)
+drive(scenario)

@@ -12,7 +12,7 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import drag, live, middle, settled, viewport
-from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until
+from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until, wait_for_rest
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_several_"))
 NEAR, FAR = 64, 48  # voxels along a side of the two cubes, whose sides are one unit long
@@ -74,9 +74,9 @@ def at_rest(name, expected):
     yield from until(lambda: not viewport().waits)
     yield from settled()
     yield from photograph(name)
-    yield from settled()
+    yield from wait_for_rest()
     before = viewport().counts.copy(), live().calls.copy(), reads.copy()
-    for _ in range(6):
+    for _ in range(20):
         yield
     assert (viewport().counts, live().calls, reads) == before, f"{name} does not come to rest"
     assert not viewport().waits and not viewport().problem and viewport().is_refined

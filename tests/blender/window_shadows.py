@@ -15,7 +15,6 @@ import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.window_driver import (
-    BRIEF,
     MODULE,
     drive,
     in_the_view,
@@ -116,4 +115,4 @@ def scenario():
     passed("undo")
 
 
-drive(scenario, BRIEF)
+drive(scenario)

@@ -25,7 +25,7 @@ from tests.blender.user_steps import settled, viewport
 from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, window
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_times_"))
-SIDE, REDRAWS, WARM = 256, 24, 6
+SIDE, REDRAWS, WARM = 256, 12, 4
 # Parts of a redraw: module of bridge.live, class or "", function.  "depth" holds the one below it.
 PARTS = {
     "request": ("surface", "", "request_of"),

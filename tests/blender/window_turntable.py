@@ -15,7 +15,6 @@ import numpy as np
 from tests.blender import scenes
 from tests.blender.user_steps import settled
 from tests.blender.window_driver import (
-    BRIEF,
     drive,
     in_the_view,
     new_file,
@@ -90,4 +89,4 @@ def scenario():
     passed("pictures that are there are not replaced")
 
 
-drive(scenario, BRIEF)
+drive(scenario)

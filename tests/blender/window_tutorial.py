@@ -28,9 +28,9 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     until,
+    wait_for_rest,
 )
 
-THUMBNAILS = 90  # steps, until the pictures of presets are there
 SCAN = Path(__file__).parent / "data" / "scan"
 
 
@@ -109,9 +109,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    for _ in range(THUMBNAILS):
-        yield
-    yield from settled()
+    yield from wait_for_rest()  # with the pictures of presets
     yield from keep("tutorial-3-preset", began)
 
     began = time.perf_counter()

@@ -13,7 +13,6 @@ import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.window_driver import (
-    BRIEF,
     MODULE,
     area_of,
     drive,
@@ -153,4 +152,4 @@ def scenario():
     yield from check_slots(folder / "out.exr")
 
 
-drive(scenario, BRIEF)
+drive(scenario)
