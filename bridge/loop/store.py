@@ -117,11 +117,10 @@ def nbytes() -> int:
 
 
 def _bytes_of(value) -> int:
-    if isinstance(value, (np.ndarray, tuple)):
-        return value.nbytes if isinstance(value, np.ndarray) else sum(map(_bytes_of, value))
     volume = getattr(value, "volume", value)  # of a label map
-    if not hasattr(volume, "holds_values"):  # light: a few numbers
-        return 0
+    if not hasattr(volume, "holds_values"):  # of slices; the light of an image is a few numbers
+        arrays = value if isinstance(value, tuple) else (value,)
+        return sum(one.nbytes for one in arrays if isinstance(one, np.ndarray))
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
     return volume.nbytes

@@ -72,7 +72,7 @@ def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
     bpy.ops.rle_splat.add_slice(kind="axial")
     one, middle = active(), (AFFINE @ (2.5, 3.0, 4.0, 1))[:3]  # a layer of voxels
     for layers in (0.0, -40.0):
-        one.location.z += layers * 3.0 * 0.001
+        one.location.z += 0.001 * layers * np.linalg.norm(AFFINE[:3, 2])  # along the voxels
         bpy.context.view_layer.update()
         text = bridge("live.slice_places").place_text(one, bpy.context.evaluated_depsgraph_get())
         height = middle[2] + 3.0 * layers
