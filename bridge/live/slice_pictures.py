@@ -24,7 +24,7 @@ from . import slices
 
 SIZE = 64  # pixels along a side of a placeholder
 MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
-STILL, TICK, BITE = 0.15, 0.005, 0.02  # seconds: see ``bridge.live``
+STILL = 0.15  # seconds without a change until a slice is made in full
 
 _shown: dict = {}  # session id of an image -> what it shows
 _drafts: dict = {}  # session id of an image -> Held slice that it shows with fewer pixels
@@ -188,21 +188,20 @@ def _refine():
         return None
     if timer.must_wait():
         return timer.BUSY
-    now = time.perf_counter()
-    if now < _changed[0] + STILL:
-        return _changed[0] + STILL - now
+    wait = _changed[0] + STILL - time.perf_counter()
+    if wait > 0.0:
+        return wait
     if not _work:
         _work.append(_refined_steps(*next(iter(_drafts.items()))))
     try:
-        while time.perf_counter() < now + BITE:
-            next(_work[0])
+        next(_work[0])
     except StopIteration:
         _work.clear()
     except Exception as problem:  # the draft stays; the next edit tells what is wrong with the slice
         _drop_work()
         _drafts.clear()
         messages.tell(messages.sentence_of(problem))
-    return TICK
+    return timer.AT_ONCE
 
 
 def _refined_steps(uid, held: Held):

@@ -156,7 +156,7 @@ def test_nothing_runs_in_background_mode(volume_object, live, bridge):
         live._before()
         live._after()
     assert live.calls["before"] == before["before"] + 1 and live.calls["drawn"] == before["drawn"]
-    assert not live._lives and not bridge("loop.timer").is_waiting(live._tick)
+    assert not live._lives and live._tick not in bridge("loop.timer")._due
 
 
 def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):
