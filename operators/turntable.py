@@ -35,7 +35,7 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 
 TURN, OWN = "TURN", "CAMERA"
-LETTERS = 44  # characters in a line of the dialog
+LETTERS = 38  # characters in a line of the dialog
 TICK = 0.2  # seconds between looks at whether Blender still renders
 
 _canceled: list = []  # not empty when the render in progress was canceled

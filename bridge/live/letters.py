@@ -88,11 +88,16 @@ def _draw_lines(context, sentence: str) -> None:
     blf.size(FONT, size)
     blf.color(FONT, *ink_over(context))
     left, right = context.region.x, context.region.x + context.region.width
-    covered = [one.x for one in context.area.regions if one.type == "UI" and one.width > 1 and left < one.x < right]
-    share = (min(covered, default=right) - left - 2 * size) / blf.dimensions(FONT, sentence)[0]
+    begin = left
+    for one in context.area.regions:  # toolbar and sidebar lie over the view
+        if one.type == "UI" and one.width > 1 and left < one.x:
+            right = min(right, one.x)
+        elif one.type == "TOOLS" and one.width > 1 and one.x <= left:
+            begin = max(left, one.x + one.width)
+    share = (right - begin - 2 * size) / blf.dimensions(FONT, sentence)[0]
     width = max(int(len(sentence) * share), 10)
     for number, line in enumerate(reversed(textwrap.wrap(translate(sentence), width))):
-        blf.position(FONT, size, (1.0 + 1.5 * number) * size, 0.0)
+        blf.position(FONT, begin - left + size, (1.0 + 1.5 * number) * size, 0.0)
         blf.draw(FONT, line)
 
 
@@ -111,9 +116,9 @@ def _on_screen(placed: list, context, is_slice: bool) -> list:
         if None in places:
             away = (0.0, 0.0)
         else:
-            across = (places[1] - places[0]) / max((places[1] - places[0]).length, size)
-            away = -across.x, across.x
-            if across.length < 1.0:
+            across, length = places[1] - places[0], (places[1] - places[0]).length
+            away = -across.x / max(length, size), across.x / max(length, size)
+            if length < size:
                 far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
                 places = [None, None] if is_slice else [None if n == far else one for n, one in enumerate(places)]
         texts = (translate(WORDS[letter]) if is_slice else letter for letter, _ in pair)

@@ -365,7 +365,7 @@ def check_behind_glass():
     row, middle_of, apart = 90, 120, int(240 / (2.0 * side))
     behind, beside = picture[row, middle_of - apart, :3], picture[row, middle_of + apart, :3]
     print(f"behind glass {behind}, beside it {beside}", flush=True)
-    assert behind[1] > 0.1 and behind[0] < 0.8 * behind[1] and beside[0] > 0.8 * beside[1], (behind, beside)
+    assert behind[1] > 0.1 and behind[0] < 0.85 * behind[1] and beside[0] > beside[1], (behind, beside)
     area_of("PROPERTIES").type = "IMAGE_EDITOR"
     area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
     yield from photograph("behind glass")

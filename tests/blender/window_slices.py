@@ -102,7 +102,7 @@ def check_four_up(name):
     letters.blf.draw = draw
     print(f"texts of the views: {sorted(set(drawn))}", flush=True)
     assert {"Right", "Left", "Front", "Back", "Head", "Feet", *"RLAPSI"} <= set(drawn), "words beside slices"
-    assert {"Axial, S 11.5 mm", "Coronal, P 11.5 mm", "Sagittal, L 11.5 mm"} <= set(drawn)
+    assert {"Axial, S 12.0 mm", "Coronal, P 12.0 mm", "Sagittal, L 12.0 mm"} <= set(drawn)
     assert set(regions()) == set(KINDS) and len(slices()) == 3
     # None lies under the sidebar.
     area, owner = area_of("VIEW_3D"), bpy.data.objects[name]
