@@ -76,7 +76,10 @@ def _draw() -> None:
     for owner in shown:
         for text, place, away in _on_screen(placed_letters(owner), context, faced is not None):
             width, height = blf.dimensions(FONT, text)
-            blf.position(FONT, place.x + 0.5 * (away * (width - height) - width), place.y - 0.5 * height, 0.0)
+            left = place.x + 0.5 * (away * (width - height) - width)
+            if faced is not None:  # of a word all is to be read
+                left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
+            blf.position(FONT, left, place.y - 0.5 * height, 0.0)
             blf.draw(FONT, text)
 
 

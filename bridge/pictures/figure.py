@@ -9,13 +9,12 @@ import bpy
 import numpy as np
 
 from ...rle_splat.classify.presets import fit_preset
-from ...rle_splat.cli.output import check_outputs
-from ...rle_splat.cli.report import write_report
 from ...rle_splat.figure.files import CONTENTS, PageCanvas, check_suffix, sidecar_path
 from ...rle_splat.figure.make import MadeFigure
 from ...rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from ...rle_splat.figure.sidecar import sidecar_of
 from ...rle_splat.figure.sources import DataSource, Sources
+from ...rle_splat.runtime.outputs import check_outputs, write_report
 from ...rle_splat.runtime.whole_files import whole_files
 from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ..data.playback import shown_frame
