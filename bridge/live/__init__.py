@@ -24,7 +24,6 @@ from .viewport import Viewport
 AFTER_LOCAL = 0.1  # seconds from Blender's own move to Local View until it is corrected
 
 calls: Counter = Counter()  # how often a handler was called ("before", "after"), and how often it went on ("drawn")
-_handles: list = []
 
 
 class Live:
@@ -287,17 +286,17 @@ def stop() -> None:
     timer.stop(_frame_local)
 
 
+# By names, so that others may be put in their place.
+DRAW_HANDLERS = drawing.Handlers((lambda: _before(), "PRE_VIEW"), (lambda: _after(), "POST_VIEW"))
+
+
 def register():
-    slice_drawing.register()  # first: volumes are drawn over slices
-    if not bpy.app.background:
-        for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW")):
-            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+    slice_drawing.HANDLERS.register()  # first: volumes are drawn over slices
+    DRAW_HANDLERS.register()
 
 
 def unregister():
-    for handle in _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-    _handles.clear()
-    slice_drawing.unregister()
+    DRAW_HANDLERS.unregister()
+    slice_drawing.HANDLERS.unregister()
     stop()
     drawing.forget()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 
+import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
@@ -47,6 +48,22 @@ void main()
 CORNERS = (0, 0), (1, 0), (0, 1), (1, 1)  # of the quad of a picture
 
 _made: dict = {}  # name -> shader and quad, once a viewport was drawn
+
+
+class Handlers:
+    """Functions that are called while Blender draws a 3D viewport, each with when; in background mode none is."""
+
+    def __init__(self, *functions):
+        self._functions, self._handles = functions, []
+
+    def register(self) -> None:
+        if not bpy.app.background:
+            for function, when in self._functions:
+                self._handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+
+    def unregister(self) -> None:
+        while self._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handles.pop(), "WINDOW")
 
 
 def shader_and_quad(name: str, constants: tuple, vertex: str, fragment: str, corners) -> tuple:

@@ -17,14 +17,12 @@ from ...rle_splat.volume.volume import PATIENT
 from .. import live
 from ..translations import translate
 from ..volumes import box, volumes
-from . import slice_places
+from . import drawing, slice_places
 
 WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S": "Head"}
 SIZE = 15  # points; scaled with Blender's interface
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
-
-_handle = [None]
 
 
 def placed_letters(volume_object) -> list:
@@ -129,11 +127,4 @@ def _on_screen(placed: list, context, is_slice: bool) -> list:
     return found
 
 
-def register():
-    _handle[0] = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister():
-    if _handle[0] is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle[0], "WINDOW")
-        _handle[0] = None
+HANDLERS = drawing.Handlers((_draw, "POST_PIXEL"))

@@ -38,7 +38,6 @@ CORNERS = [slices.CORNERS[corner][:2] for corner in (0, 1, 3, 2)]  # of the quad
 AXIS_COLORS = ((1.0, 0.2, 0.32, 1.0), (0.55, 0.86, 0.0, 1.0), (0.16, 0.56, 1.0, 1.0))  # of Blender's x, y and z
 
 _framebuffer: list = []  # the viewport's own, during a redraw
-_handles: list = []
 
 
 def _has_slices() -> bool:
@@ -93,14 +92,4 @@ def _draw_crossings() -> None:
         batch_for_shader(shader, "LINES", {"pos": [(*place, 0.0) for place in places]}).draw(shader)
 
 
-def register():
-    if not bpy.app.background:
-        for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW"), (_draw_crossings, "POST_PIXEL")):
-            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
-
-
-def unregister():
-    for handle in _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-    _handles.clear()
-    _framebuffer.clear()
+HANDLERS = drawing.Handlers((_before, "PRE_VIEW"), (_after, "POST_VIEW"), (_draw_crossings, "POST_PIXEL"))

@@ -90,10 +90,8 @@ def watch_redraws():
         *owner, name = name.split(".")
         place = getattr(place, owner[0]) if owner else place
         setattr(place, name, timed(getattr(place, name), called))
-    live.unregister()
     before, after = timed(live._before, "before"), timed(live._after, "after")
     live._before, live._after = begin_redraw, note_redraw
-    live.register()
 
 
 def watch_steps():

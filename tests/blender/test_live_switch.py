@@ -149,7 +149,7 @@ def test_edits_frames_and_undo_are_noticed(volume_object, shown):
 
 
 def test_nothing_runs_in_background_mode(volume_object, live, bridge):
-    assert bpy.app.background and not live._handles, "draw handlers are registered without a window"
+    assert bpy.app.background and not live.DRAW_HANDLERS._handles, "draw handlers are registered without a window"
     assert not live.is_allowed()
     with bpy.context.temp_override(area=area_of_view()):
         before = live.calls.copy()
