@@ -1,7 +1,7 @@
 """Translation between Blender's data and the renderer's plain data: the layer between operators and ``rle_splat``."""
 
 # Imported first: it sets the cache folder of compiled kernels, which kernel modules read on import.
-from . import paths
+from . import paths  # noqa: F401
 
 # isort: split
 from . import live, translations
@@ -9,12 +9,6 @@ from .data import preferences, properties
 from .live import bars, letters
 from .look import own_presets, previews, thumbnails
 from .loop import events
-
-__all__ = [
-    "bars", "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "thumbnails", "translations",
-    "unregister",
-]  # fmt: skip
 
 
 def register():
