@@ -1,7 +1,7 @@
 """Translation between Blender's data and the renderer's plain data: the layer between operators and ``rle_splat``."""
 
 # Imported first: it sets the cache folder of compiled kernels, which kernel modules read on import.
-from . import paths
+from . import paths  # noqa: F401
 
 # isort: split
 from . import live, translations
@@ -10,12 +10,6 @@ from .live import bars, letters
 from .look import own_presets, previews, thumbnails
 from .loop import events
 
-__all__ = [
-    "bars", "events", "letters", "live", "own_presets", "paths", "preferences", "previews",
-    "properties", "register", "thumbnails", "translations",
-    "unregister",
-]  # fmt: skip
-
 
 def register():
     translations.register()
@@ -23,8 +17,8 @@ def register():
     properties.register()
     previews.register()
     events.register()
-    letters.register()
-    bars.register()
+    letters.HANDLERS.register()
+    bars.HANDLERS.register()
     live.register()
     own_presets.register()
     thumbnails.register()
@@ -34,8 +28,8 @@ def unregister():
     thumbnails.unregister()
     own_presets.unregister()
     live.unregister()
-    bars.unregister()
-    letters.unregister()
+    bars.HANDLERS.unregister()
+    letters.HANDLERS.unregister()
     events.unregister()
     previews.unregister()
     properties.unregister()

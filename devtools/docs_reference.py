@@ -296,7 +296,7 @@ def panels() -> str:
             if isinstance(node, ast.Constant) and isinstance(node.value, str)
         )  # fmt: skip
         buttons = [f"*{labels[text]}*" for text in strings if text.startswith("rle_splat.") and text in labels]
-        rows = [(known[text]["name"], _meaning(known[text])) for text in strings if text in known]
+        rows = dict.fromkeys((known[text]["name"], _meaning(known[text])) for text in strings if text in known)
         parts.append(f"## {_text(ours[0], 'bl_label')}")
         parts.append(_sentence(ast.get_docstring(ours[0].module)))
         parts.append(f"Where: {'; '.join(_where(one, labels) for one in ours)}.")

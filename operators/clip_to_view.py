@@ -48,9 +48,7 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
 
     def _facing_plane(self, context, owner) -> np.ndarray:
         """(4, 4) float64: the plane's unit space to the world; RleSplatError if it would not cut the volume."""
-        corners = box.world_corners(owner)
-        if len(corners) == 0:
-            raise RleSplatError(f"The box of {owner.name} was changed or removed; import the volume again.")
+        corners = box.checked_corners(owner)
         view, pivot = viewports.view_of(context)
         middle = corners.mean(axis=0)
         if self.through == "CURSOR":

@@ -59,7 +59,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
     )
     scale_depth: EnumProperty(
-        name="Length Holds", description="Where the scale bar of a perspective view holds; it is written beside it",
+        name="Measured At", description="Where a scale bar in perspective is measured; it is written beside it",
         items=[("NONE", "Nowhere", "No scale bar in perspective"),
                ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
@@ -101,7 +101,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             layout.prop(self, "scale_length")
             layout.prop(self, "scale_depth")
             if self.scale_depth == "NONE" and self._is_perspective(context):
-                layout.label(text="None in a perspective view: set Scale at", icon="INFO")
+                layout.label(text="None in a perspective view: see Measured At", icon="INFO")
         layout.prop(self, "color_bar")
         layout.prop(self, "use_caption")
         if self.use_caption:

@@ -14,7 +14,7 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
     bl_label = "Show Segment Alone"
     bl_options = {"REGISTER", "UNDO"}
 
-    label: IntProperty(name="Label", description="Value of the segment's voxels in the label file")
+    label: IntProperty(name="Segment", description="Value of the segment's voxels in the label file")
 
     @classmethod
     def poll(cls, context):

@@ -35,7 +35,7 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import has_volume, refuse
 
 TURN, OWN = "TURN", "CAMERA"
-LETTERS = 44  # characters in a line of the dialog
+LETTERS = 38  # characters in a line of the dialog
 TICK = 0.2  # seconds between looks at whether Blender still renders
 
 _canceled: list = []  # not empty when the render in progress was canceled
@@ -47,7 +47,7 @@ def _note_cancel(*_arguments):
 
 class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     """Render an animation of a camera that turns about the volume, or of the active camera's own motion, as a movie or
-    as pictures. The output settings of the scene stay as they are"""
+    as pictures. Output settings and camera of the scene stay as they are"""
 
     bl_idname = "rle_splat.turntable"
     bl_label = "Turntable"
@@ -154,8 +154,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
                 self._written = write_to(scene, self.output, bpy.path.abspath(self.filepath))
                 check_frames(scene, self._frames(scene), was_typed)
             camera, frames = self._path(context)
-            self._kept.adopt_camera(camera, always=not renders)
             if not renders:
+                self._kept.adopt_camera(camera)
                 self._finish(context)
                 return {"FINISHED"}
             scene.camera = camera
@@ -166,12 +166,10 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
                 self._kept.show_before(float(self.background == "WHITE"))
             return self._watch(context) if in_window else self._render_through(context)
         except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
-            self._finish(context)
-            self._remove_added()
+            self._clean_up(context)
             return refuse(self, _sentence(problem))
         except BaseException:
-            self._finish(context)
-            self._remove_added()
+            self._clean_up(context)
             raise
 
     def _path(self, context) -> tuple:
@@ -204,7 +202,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         """Render in this call, for scripts and background mode."""
         _canceled.clear()
         bpy.ops.render.render(animation=True)
-        self._finish(context)
+        self._clean_up(context)
         return self._say()
 
     def _watch(self, context) -> set:
@@ -219,7 +217,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     def modal(self, context, event):
         if event.type != "TIMER" or bpy.app.is_job_running("RENDER"):
             return {"PASS_THROUGH"}  # Esc too, which ends Blender's render
-        self._finish(context)
+        self._clean_up(context)
         return self._say()
 
     def cancel(self, context):
@@ -237,8 +235,9 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             self._kept.restore()
             self._kept = None
 
-    def _remove_added(self) -> None:
-        """Remove the camera and the Empty of an animation that did not come about."""
+    def _clean_up(self, context) -> None:
+        """Release the timer, put the settings back, and remove the camera and the Empty that were made to render."""
+        self._finish(context)
         found = [one for one in (held.find() for held in self._added) if one is not None]
         cameras = [one.data for one in found if one.type == "CAMERA"]
         bpy.data.batch_remove(found)
@@ -248,7 +247,6 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         """Report how it ended.  The window may show another scene by then, and that which was rendered may be gone."""
         scene = self._scene.find()
         if _canceled:
-            self._remove_added()
             self.report(
                 {"WARNING"}, filled("The animation was canceled; what was rendered is at {file}.", file=self._written)
             )

@@ -1,11 +1,18 @@
 """The About panel: what the pictures are not for, and the licenses."""
 
+import json
+from pathlib import Path
+
 import bpy
 
-from ..bridge.data import about
 from .places import Sidebar, paragraph
 
-PACKAGES = about.bundled()  # read once, for drawing opens no file
+NOT_FOR_DIAGNOSIS = (
+    "RLE Splat makes pictures for illustration and research. It is not a medical device and not for diagnosis"
+)
+LICENSE = "GPL-3.0-or-later. The texts of all licenses are in the folder licenses of the extension"
+BUNDLED = Path(__file__).parents[1] / "bridge" / "data" / "bundled.json"
+PACKAGES = json.loads(BUNDLED.read_text(encoding="utf-8"))  # read once, for drawing opens no file
 
 
 class RLE_SPLAT_PT_about(Sidebar, bpy.types.Panel):
@@ -17,12 +24,12 @@ class RLE_SPLAT_PT_about(Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
-        paragraph(context, layout, about.NOT_FOR_DIAGNOSIS, icon="ERROR")
-        paragraph(context, layout, about.LICENSE, icon="INFO")
+        paragraph(context, layout, NOT_FOR_DIAGNOSIS, icon="ERROR")
+        paragraph(context, layout, LICENSE, icon="INFO")
         layout.label(text="Packages in the Extension")
         column = layout.box().column(align=True)
-        for name, terms in PACKAGES:
-            paragraph(context, column, f"{name}: {terms}")
+        for package in PACKAGES:
+            paragraph(context, column, f"{package['name']}: {package['license']}")
 
 
 CLASSES = (RLE_SPLAT_PT_about,)

@@ -3,10 +3,10 @@
 from ...rle_splat import scene as tables
 
 _TEXTS = {
-    "slice": ("Slices", "One sheet at each slice of the volume"),
-    "slice-2": ("Every Second Slice", "One sheet at every second slice; fast and coarse"),
-    "simpson": ("Simpson", "Sheets at the slices and halfway between them, weighted by Simpson's rule"),
-    "gauss2": ("Gauss", "Two sheets between neighboring slices, at Gauss's points"),
+    "slice": ("Slices", "One layer at each slice of the volume"),
+    "slice-2": ("Every Second Slice", "One layer at every second slice; fast and coarse"),
+    "simpson": ("Simpson", "Layers at the slices and halfway between them, weighted by Simpson's rule"),
+    "gauss2": ("Gauss", "Two layers between neighboring slices, at Gauss's points"),
     "nearest": ("Nearest", "Show each voxel as a box"),
     "tent": ("Linear", "Interpolate linearly between voxels"),
     "bspline2": ("Quadratic B-Spline", "Smooth over three voxels"),
@@ -21,8 +21,8 @@ _TEXTS = {
     "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),
 }
 _COUNTED = {
-    "midpoint": ("{} Midpoints", "{} sheets between neighboring slices"),
-    "preintegrated": ("{} Slabs", "{} slabs between neighboring slices, each integrated exactly for linear values"),
+    "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
+    "preintegrated": ("{} Slabs", "{} layers between neighboring slices, each integrated exactly for linear values"),
 }
 RECORD_ITEMS = [
     (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")
@@ -52,5 +52,5 @@ def _texts(name: str) -> tuple[str, str]:
     kind, _, count = name.partition("-")
     label, text = (part.format(count or 1) for part in _COUNTED[kind])
     if count in ("", "1"):
-        return label.removesuffix("s"), text.replace("sheets", "sheet").replace("slabs", "slab").replace(", each", ",")
+        return label.removesuffix("s"), text.replace("layers", "layer").replace(", each", ",")
     return label, text

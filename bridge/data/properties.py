@@ -148,7 +148,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
-        name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
+        name="Largest Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in gray levels of 255. The fastest settings that keep it are "
         "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(

@@ -155,7 +155,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     label_frames: IntProperty(
         name="Frames of Segments", description="Number of volumes in the label file; above 1 the segments change with "
         "time", options={"HIDDEN"}, default=1, min=1)  # fmt: skip
-    active_label: IntProperty(name="Chosen Segment", description="Row of the chosen segment, from 0", default=0, min=0)
+    active_label: IntProperty(
+        name="Chosen Segment", description="Segment whose settings are below the list", default=0, min=0
+    )
     smooth_labels: LiveBool(
         name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
         default=True)  # fmt: skip

@@ -21,11 +21,9 @@ from ..volumes import box
 from . import drawing, shown, slice_drawing, slice_places, surface
 from .viewport import Viewport
 
-TICK = 0.005  # seconds between bites of work
 AFTER_LOCAL = 0.1  # seconds from Blender's own move to Local View until it is corrected
 
 calls: Counter = Counter()  # how often a handler was called ("before", "after"), and how often it went on ("drawn")
-_handles: list = []
 
 
 class Live:
@@ -85,7 +83,7 @@ def _before() -> None:
     if not keys:
         if bpy.app.is_job_running("RENDER") and preferences.shows_live() and shown.has_volumes(context.scene):
             _missed.add(context.region.as_pointer())
-            timer.start(_tick, TICK)
+            timer.start(_tick, timer.PAUSE)
         elif _lives and is_allowed():
             _lives.pop(context.region.as_pointer(), None)  # with its textures
         return
@@ -126,7 +124,7 @@ def _after() -> None:
     if had != (viewport.problem, viewport.waits):
         _redraw_panels(context.area)
     if viewport.is_busy:
-        timer.start(_tick, TICK)
+        timer.start(_tick, timer.PAUSE)
 
 
 def _draw(live: Live, framebuffer) -> None:
@@ -149,7 +147,7 @@ def _tell_of(viewport: Viewport, had: str) -> None:
 
 
 def _tick():
-    """Timer function: work on one viewport for a bite; Blender calls it again after the returned seconds."""
+    """Timer function: do one step for a viewport."""
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
     if not busy and not _missed:
         return None
@@ -175,14 +173,14 @@ def _tick():
     region, area = surface.region_of(address)
     if region is None:  # its area was closed, or its screen is not shown
         _forget_closed()
-        return TICK
+        return timer.PAUSE
     had = live.viewport.problem
     if live.viewport.work():
         live.mesh = _find_mesh_before(live, region)
         region.tag_redraw()
         _tell_of(live.viewport, had)
         _redraw_panels(area)
-    return TICK
+    return timer.AT_ONCE
 
 
 def _frame_local() -> None:
@@ -288,17 +286,17 @@ def stop() -> None:
     timer.stop(_frame_local)
 
 
+# By names, so that others may be put in their place.
+DRAW_HANDLERS = drawing.Handlers((lambda: _before(), "PRE_VIEW"), (lambda: _after(), "POST_VIEW"))
+
+
 def register():
-    slice_drawing.register()  # first: volumes are drawn over slices
-    if not bpy.app.background:
-        for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW")):
-            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+    slice_drawing.HANDLERS.register()  # first: volumes are drawn over slices
+    DRAW_HANDLERS.register()
 
 
 def unregister():
-    for handle in _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-    _handles.clear()
-    slice_drawing.unregister()
+    DRAW_HANDLERS.unregister()
+    slice_drawing.HANDLERS.unregister()
     stop()
     drawing.forget()

@@ -19,6 +19,7 @@ from ..look import transfer
 from ..look.probe import value_text
 from ..translations import filled
 from ..volumes import box, volumes
+from . import drawing
 from .letters import ink_over
 
 FONT, SIZE = 0, 12  # Blender's own font; points, scaled with Blender's interface
@@ -26,8 +27,6 @@ LONGEST = 160.0  # pixels of a scale bar at interface scale 1
 THICK, TALL = 4.0, 160.0  # pixels: of the scale bar, and of the color bar
 LEFT, BOTTOM = 70.0, 30.0  # pixels, beside the toolbar
 STEPS = 32  # of the color bar
-
-_handle: list = []
 
 
 def length_of_bar(pixels_a_unit: float, longest: float) -> float:
@@ -125,11 +124,4 @@ def _write(text: str, x: float, y: float) -> None:
     blf.draw(FONT, text)
 
 
-def register():
-    if not bpy.app.background:
-        _handle.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL"))
-
-
-def unregister():
-    while _handle:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle.pop(), "WINDOW")
+HANDLERS = drawing.Handlers((_draw, "POST_PIXEL"))

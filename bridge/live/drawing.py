@@ -8,6 +8,9 @@ the grid and the axes behind the volume.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
+import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
@@ -42,26 +45,58 @@ void main()
 }
 """
 
-_made: list = []  # the shader and the quad, once a viewport was drawn
+CORNERS = (0, 0), (1, 0), (0, 1), (1, 1)  # of the quad of a picture
+
+_made: dict = {}  # name -> shader and quad, once a viewport was drawn
 
 
-def _shader_and_quad() -> tuple:
-    if not _made:
-        info = gpu.types.GPUShaderCreateInfo()
-        between = gpu.types.GPUStageInterfaceInfo("rle_splat_live")
+class Handlers:
+    """Functions that are called while Blender draws a 3D viewport, each with when; in background mode none is."""
+
+    def __init__(self, *functions):
+        self._functions, self._handles = functions, []
+
+    def register(self) -> None:
+        if not bpy.app.background:
+            for function, when in self._functions:
+                self._handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
+
+    def unregister(self) -> None:
+        while self._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handles.pop(), "WINDOW")
+
+
+def shader_and_quad(name: str, constants: tuple, vertex: str, fragment: str, corners) -> tuple:
+    """A shader that draws ``picture`` over a quad, made once; ``constants``: (type, name) of each."""
+    if name not in _made:
+        info, between = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo(name)
         between.smooth("VEC2", "at")
-        info.push_constant("VEC4", "place")
-        info.push_constant("FLOAT", "veil")
+        for constant in constants:
+            info.push_constant(*constant)
         info.sampler(0, "FLOAT_2D", "picture")
         info.vertex_in(0, "VEC2", "corner")
         info.vertex_out(between)
         info.fragment_out(0, "VEC4", "shown")
-        info.vertex_source(VERTEX)
-        info.fragment_source(FRAGMENT)
+        info.vertex_source(vertex)
+        info.fragment_source(fragment)
         shader = gpu.shader.create_from_info(info)
-        quad = batch_for_shader(shader, "TRI_STRIP", {"corner": ((0, 0), (1, 0), (0, 1), (1, 1))})
-        _made.extend((shader, quad))
-    return tuple(_made)
+        _made[name] = shader, batch_for_shader(shader, "TRI_STRIP", {"corner": corners})
+    return _made[name]
+
+
+@contextmanager
+def drawn_with(blend: str, depth_test: str):
+    """Within it pictures are drawn with this blending and depth test, and no depth is written."""
+    before = gpu.state.blend_get(), gpu.state.depth_test_get(), gpu.state.depth_mask_get()
+    gpu.state.blend_set(blend)
+    gpu.state.depth_test_set(depth_test)
+    gpu.state.depth_mask_set(False)
+    try:
+        yield
+    finally:
+        gpu.state.blend_set(before[0])
+        gpu.state.depth_test_set(before[1])
+        gpu.state.depth_mask_set(before[2])
 
 
 def texture_of(picture: RegionPicture):
@@ -97,24 +132,17 @@ def draw(placed: list, framebuffer) -> None:
 
 
 def _draw_quads(placed: list, blend: str, veil: float) -> None:
-    shader, quad = _shader_and_quad()
-    before = gpu.state.blend_get(), gpu.state.depth_test_get(), gpu.state.depth_mask_get()
-    gpu.state.blend_set(blend)
-    gpu.state.depth_test_set("NONE")
-    gpu.state.depth_mask_set(False)
-    try:
+    constants = ("VEC4", "place"), ("FLOAT", "veil")
+    shader, quad = shader_and_quad("rle_splat_live", constants, VERTEX, FRAGMENT, CORNERS)
+    with drawn_with(blend, "NONE"):
         for texture, (left, top, right, bottom) in placed:
             shader.bind()
             shader.uniform_float("place", (2 * left - 1, 1 - 2 * bottom, 2 * right - 1, 1 - 2 * top))
             shader.uniform_float("veil", veil)
             shader.uniform_sampler("picture", texture)
             quad.draw(shader)
-    finally:
-        gpu.state.blend_set(before[0])
-        gpu.state.depth_test_set(before[1])
-        gpu.state.depth_mask_set(before[2])
 
 
 def forget() -> None:
-    """Release the shader."""
+    """Release the shaders."""
     _made.clear()

@@ -1,7 +1,7 @@
-"""Text over the viewport: letters of the patient's sides at the faces of a volume's box, and why a volume is not shown.
+"""Text over the viewport: the patient's sides at the faces of a volume's box, and why a volume is not shown.
 
-R and L, A and P, I and S stand where the patient's right, left, front, back, foot and head are, for volumes whose file
-says where that is.
+R and L, A and P, I and S stand where the patient's right, left, front, back, feet and head are, for volumes whose file
+says where that is.  Views of slices have these words, and a line with the place of the slice.
 """
 
 import textwrap
@@ -17,12 +17,12 @@ from ...rle_splat.volume.volume import PATIENT
 from .. import live
 from ..translations import translate
 from ..volumes import box, volumes
+from . import drawing, slice_places
 
+WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S": "Head"}
 SIZE = 15  # points; scaled with Blender's interface
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
-
-_handle = [None]
 
 
 def placed_letters(volume_object) -> list:
@@ -63,15 +63,22 @@ def _draw() -> None:
     if not (owners and context.space_data.overlay.show_overlays):
         return
     sentence = live.sentence_of_last_render(context) or live.problem_of(context.area)
-    _draw_lines(context, sentence or live.sentence_of_mesh(context.area))
+    sentence = sentence or live.sentence_of_mesh(context.area)
+    faced = slice_places.faced_slice(context)
+    if faced is not None and not sentence:
+        sentence = slice_places.place_text(faced, context.evaluated_depsgraph_get())
+    _draw_lines(context, sentence)
     shown = [owner for owner in owners if owner.visible_get()]
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
     blf.color(FONT, *ink_over(context))
     for owner in shown:
-        for letter, place in _on_screen(placed_letters(owner), context.region, context.region_data):
-            width, height = blf.dimensions(FONT, letter)
-            blf.position(FONT, place.x - 0.5 * width, place.y - 0.5 * height, 0.0)
-            blf.draw(FONT, letter)
+        for text, place, away in _on_screen(placed_letters(owner), context, faced is not None):
+            width, height = blf.dimensions(FONT, text)
+            left = place.x + 0.5 * (away * (width - height) - width)
+            if faced is not None:  # of a word all is to be read
+                left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
+            blf.position(FONT, left, place.y - 0.5 * height, 0.0)
+            blf.draw(FONT, text)
 
 
 def _draw_lines(context, sentence: str) -> None:
@@ -82,37 +89,42 @@ def _draw_lines(context, sentence: str) -> None:
     blf.size(FONT, size)
     blf.color(FONT, *ink_over(context))
     left, right = context.region.x, context.region.x + context.region.width
-    covered = [one.x for one in context.area.regions if one.type == "UI" and one.width > 1 and left < one.x < right]
-    share = (min(covered, default=right) - left - 2 * size) / blf.dimensions(FONT, sentence)[0]
+    begin = left
+    for one in context.area.regions:  # toolbar and sidebar lie over the view
+        if one.type == "UI" and one.width > 1 and left < one.x:
+            right = min(right, one.x)
+        elif one.type == "TOOLS" and one.width > 1 and one.x <= left:
+            begin = max(left, one.x + one.width)
+    share = (right - begin - 2 * size) / blf.dimensions(FONT, sentence)[0]
     width = max(int(len(sentence) * share), 10)
     for number, line in enumerate(reversed(textwrap.wrap(translate(sentence), width))):
-        blf.position(FONT, size, (1.0 + 1.5 * number) * size, 0.0)
+        blf.position(FONT, begin - left + size, (1.0 + 1.5 * number) * size, 0.0)
         blf.draw(FONT, line)
 
 
-def _on_screen(placed: list, region, view) -> list:
-    """(letter, Vector in pixels) of the letters to draw.
+def _on_screen(placed: list, context, is_slice: bool) -> list:
+    """(text, Vector in pixels, -1 to 1 for how far to the left or right of the opposite side) of the letters to draw.
 
     Of two opposite letters that would cover one another, because the view looks along their axis, only the nearer one
-    is drawn: in Front View P and A would together look like R.
+    is drawn: in Front View P and A would together look like R.  In the view of a slice neither is, as the slice is
+    there, and the others are words.
     """
-    found = []
-    size = SIZE * bpy.context.preferences.system.ui_scale
+    found, view = [], context.region_data
+    size = SIZE * context.preferences.system.ui_scale
     for pair in zip(placed[::2], placed[1::2]):
         points = [Vector(point) for _, point in pair]
-        places = [location_3d_to_region_2d(region, view, point) for point in points]
-        if None not in places and (places[0] - places[1]).length < size:
-            far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
-            places[far] = None
-        found += [(letter, place) for (letter, _), place in zip(pair, places) if place is not None]
+        places = [location_3d_to_region_2d(context.region, view, point) for point in points]
+        if None in places:
+            away = (0.0, 0.0)
+        else:
+            across, length = places[1] - places[0], (places[1] - places[0]).length
+            away = -across.x / max(length, size), across.x / max(length, size)
+            if length < size:
+                far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
+                places = [None, None] if is_slice else [None if n == far else one for n, one in enumerate(places)]
+        texts = (translate(WORDS[letter]) if is_slice else letter for letter, _ in pair)
+        found += [one for one in zip(texts, places, away) if one[1] is not None]
     return found
 
 
-def register():
-    _handle[0] = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister():
-    if _handle[0] is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle[0], "WINDOW")
-        _handle[0] = None
+HANDLERS = drawing.Handlers((_draw, "POST_PIXEL"))

@@ -13,7 +13,7 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
 from ..loop import index
-from . import slice_places, slices
+from . import drawing, slice_places, slices
 
 VERTEX = """
 void main()
@@ -34,11 +34,10 @@ void main()
 }
 """
 NEARER = 2e-5  # of the depth range: over the mesh of the slice itself, whose depth is rounded in another way
+CORNERS = [slices.CORNERS[corner][:2] for corner in (0, 1, 3, 2)]  # of the quad
 AXIS_COLORS = ((1.0, 0.2, 0.32, 1.0), (0.55, 0.86, 0.0, 1.0), (0.16, 0.56, 1.0, 1.0))  # of Blender's x, y and z
 
-_made: list = []  # the shader and the quad, once a slice was drawn
 _framebuffer: list = []  # the viewport's own, during a redraw
-_handles: list = []
 
 
 def _has_slices() -> bool:
@@ -58,45 +57,19 @@ def _after() -> None:
     if not _framebuffer:
         return
     found = [one for one in slice_places.visible_slices(bpy.context) if one.rle_splat.slice_image is not None]
-    with _framebuffer.pop().bind():
-        before = gpu.state.blend_get(), gpu.state.depth_test_get(), gpu.state.depth_mask_get()
-        gpu.state.blend_set("NONE")
-        gpu.state.depth_test_set("LESS_EQUAL")
-        gpu.state.depth_mask_set(False)
-        try:
-            for one in found:
-                _draw_picture(one, bpy.context.region_data.perspective_matrix)
-        finally:
-            gpu.state.blend_set(before[0])
-            gpu.state.depth_test_set(before[1])
-            gpu.state.depth_mask_set(before[2])
+    with _framebuffer.pop().bind(), drawing.drawn_with("NONE", "LESS_EQUAL"):
+        for one in found:
+            _draw_picture(one, bpy.context.region_data.perspective_matrix)
 
 
 def _draw_picture(one, view_matrix) -> None:
-    if not _made:
-        _made.extend(_shader_and_quad())
-    shader, quad = _made
+    constants = ("MAT4", "placing"), ("FLOAT", "nearer")
+    shader, quad = drawing.shader_and_quad("rle_splat_slice", constants, VERTEX, FRAGMENT, CORNERS)
     shader.bind()
     shader.uniform_float("placing", view_matrix @ one.matrix_world)
     shader.uniform_float("nearer", NEARER)
     shader.uniform_sampler("picture", gpu.texture.from_image(one.rle_splat.slice_image))
     quad.draw(shader)
-
-
-def _shader_and_quad() -> tuple:
-    info, between = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo("rle_splat_slice")
-    between.smooth("VEC2", "at")
-    info.push_constant("MAT4", "placing")
-    info.push_constant("FLOAT", "nearer")
-    info.sampler(0, "FLOAT_2D", "picture")
-    info.vertex_in(0, "VEC2", "corner")
-    info.vertex_out(between)
-    info.fragment_out(0, "VEC4", "shown")
-    info.vertex_source(VERTEX)
-    info.fragment_source(FRAGMENT)
-    quad = [slices.CORNERS[corner][:2] for corner in (0, 1, 3, 2)]
-    shader = gpu.shader.create_from_info(info)
-    return shader, batch_for_shader(shader, "TRI_STRIP", {"corner": quad})
 
 
 def _draw_crossings() -> None:
@@ -119,15 +92,4 @@ def _draw_crossings() -> None:
         batch_for_shader(shader, "LINES", {"pos": [(*place, 0.0) for place in places]}).draw(shader)
 
 
-def register():
-    if not bpy.app.background:
-        for function, when in ((_before, "PRE_VIEW"), (_after, "POST_VIEW"), (_draw_crossings, "POST_PIXEL")):
-            _handles.append(bpy.types.SpaceView3D.draw_handler_add(function, (), "WINDOW", when))
-
-
-def unregister():
-    for handle in _handles:
-        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-    _handles.clear()
-    _framebuffer.clear()
-    _made.clear()
+HANDLERS = drawing.Handlers((_before, "PRE_VIEW"), (_after, "POST_VIEW"), (_draw_crossings, "POST_PIXEL"))

@@ -18,16 +18,15 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.volume.slices import slice_size
 from .. import messages
 from ..held import Held
-from ..loop import timer, work
+from ..loop import store, timer, work
 from ..pictures import images
 from . import slices
 
 SIZE = 64  # pixels along a side of a placeholder
 MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
-STILL, TICK, BITE = 0.15, 0.005, 0.02  # seconds: see ``bridge.live``
+STILL = 0.15  # seconds without a change until a slice is made in full
 
 _shown: dict = {}  # session id of an image -> what it shows
-_sampled: dict = {}  # (session id of an image, size) of it -> (voxels and place, values): windows change more often
 _drafts: dict = {}  # session id of an image -> Held slice that it shows with fewer pixels
 _work: list = []  # at most one generator that makes one of these in full
 _changed = [0.0]  # when the last draft was made, in seconds
@@ -78,9 +77,8 @@ def _tick() -> None:
 
 def forget() -> None:
     """Drop all records."""
-    for held in (_shown, _sampled, _drafts, _problems):
+    for held in (_shown, _drafts, _problems):
         held.clear()
-    slices.forget_opaque()
     _drop_work()
 
 
@@ -140,7 +138,7 @@ def _update(scene, one, depsgraph, most: int | None) -> bool:
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
             return False
         _drop_work()
-        drain(_picture_steps(one, volume, matrix, window, size))
+        drain(_picture_steps(one, depsgraph, size, volume, matrix, window))
         _drafts.pop(uid, None)
         if size != full:
             _drafts[uid], _changed[0] = Held(one), time.perf_counter()
@@ -159,16 +157,23 @@ def _update(scene, one, depsgraph, most: int | None) -> bool:
     return True
 
 
-def _picture_steps(one, volume, matrix, window, size):
-    """Generator: make and show the picture of one slice."""
-    uid, place = one.rle_splat.slice_image.session_uid, (volume.key, matrix.tobytes())
+def _picture_steps(one, depsgraph, size, volume, matrix, window):
+    """Generator: make and show the picture of one slice.
+
+    Its values stay in memory, since windows change more often than places.
+    """
     is_full = size == slice_size(volume, matrix)
-    where, values = _sampled.get((uid, is_full), (None, None))
-    if where != place:
+    key = "slice", volume.key, matrix.tobytes(), size
+    values = store.find(key)
+    if values is None:
         values = yield from slices.sampled_steps(volume, matrix, size)
-        _sampled[uid, is_full] = place, values
+    store.put(store.wish_of(one, depsgraph, ("slice", is_full)), key, values)
     slices.show(one, (yield from slices.picture_steps(*values, window)))
-    slices.remember_opaque(one, *values, window)
+    wish = store.wish_of(one, depsgraph, "opaque")
+    if window[2]:
+        store.put(wish, slices.opaque_key(volume, matrix, window), slices.opaque_part(*values, window))
+    else:
+        store.withdraw([wish])
 
 
 def _drop_work() -> None:
@@ -183,21 +188,20 @@ def _refine():
         return None
     if timer.must_wait():
         return timer.BUSY
-    now = time.perf_counter()
-    if now < _changed[0] + STILL:
-        return _changed[0] + STILL - now
+    wait = _changed[0] + STILL - time.perf_counter()
+    if wait > 0.0:
+        return wait
     if not _work:
         _work.append(_refined_steps(*next(iter(_drafts.items()))))
     try:
-        while time.perf_counter() < now + BITE:
-            next(_work[0])
+        next(_work[0])
     except StopIteration:
         _work.clear()
     except Exception as problem:  # the draft stays; the next edit tells what is wrong with the slice
         _drop_work()
         _drafts.clear()
         messages.tell(messages.sentence_of(problem))
-    return TICK
+    return timer.AT_ONCE
 
 
 def _refined_steps(uid, held: Held):
@@ -208,7 +212,7 @@ def _refined_steps(uid, held: Held):
         if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
             volume, matrix, seen = slices.content(one, depsgraph)
             if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
-                yield from _picture_steps(one, volume, matrix, seen, slice_size(volume, matrix))
+                yield from _picture_steps(one, depsgraph, slice_size(volume, matrix), volume, matrix, seen)
                 one.rle_splat.slice_image.update_tag()
             break
     _drafts.pop(uid, None)

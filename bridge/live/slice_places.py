@@ -8,9 +8,11 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ...rle_splat.scene import RleSplatError
+from ...rle_splat.volume.slices import SLICE_NAMES
 from ..look import probe
 from ..scene.viewports import SIDES
-from ..volumes import box, loading
+from ..translations import translate
+from ..volumes import box, loading, volumes
 from . import shown, slices
 
 SIDE_OF = {"axial": "I", "coronal": "A", "sagittal": "L"}  # where reading workstations look from
@@ -35,6 +37,20 @@ def faced_slice(context):
 
 def _normal(one) -> Vector:
     return one.matrix_world.to_3x3().col[0].cross(one.matrix_world.to_3x3().col[1]).normalized()
+
+
+def place_text(one, depsgraph) -> str:
+    """How a slice lies and where its middle is, such as "Axial, S 12.3 mm"; "" if its voxels are not in memory."""
+    owner = slices.volume_of(one)
+    if owner is None or volumes.at_hand(owner, depsgraph) is None:
+        return ""
+    try:
+        volume, matrix, _window = slices.content(one, depsgraph)
+    except RleSplatError:
+        return ""
+    right, up, _ahead, middle = (volume.affine @ matrix)[:3].T
+    axis = int(np.abs(np.cross(right, up)).argmax())
+    return f"{translate(SLICE_NAMES[axis].title())}, {probe.position_text(middle, volume, [axis])}"
 
 
 def under(context, mouse):

@@ -16,7 +16,7 @@ from ...rle_splat.scene.color import decode_srgb
 from ...rle_splat.volume import slices as plain
 from .. import linked, presence, versions
 from ..data.settings import scene_scale_of
-from ..loop import index
+from ..loop import index, store
 from ..pictures import images
 from ..volumes import volumes
 from ..volumes.attached import attach, is_attached, volume_frame, world_matrix
@@ -25,8 +25,6 @@ from . import slice_window
 CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 LAMPS = ("visible_diffuse", "visible_volume_scatter", "visible_shadow")  # rays by which a slice would light the scene
 LONGEST_NAME = 40  # characters of the volume's name in a slice's name
-
-_opaque: dict = {}  # session id of an image whose black is transparent -> (n, 3, 3) triangles of the rest
 
 
 def slice_objects(scene) -> list:
@@ -209,19 +207,22 @@ def show(one, rgba: np.ndarray) -> None:
     images.write_color(images.ensure_image(image, image.name, width, height), rgba)
 
 
-def remember_opaque(one, values: np.ndarray, inside: np.ndarray, window) -> None:
-    """Find the part of a slice that is not transparent, from what ``sampled_steps`` and ``content`` return."""
-    uid = one.rle_splat.slice_image.session_uid
-    low, high, clears = window
-    _opaque.pop(uid, None)
-    if clears:
-        levels = np.where(inside & np.isfinite(values), (values - low) / (high - low), -1.0)
-        part = plain.positive_part(levels)
-        _opaque[uid] = np.concatenate((part, np.zeros((*part.shape[:2], 1))), axis=2)
+def opaque_part(values: np.ndarray, inside: np.ndarray, window) -> np.ndarray:
+    """The part of a slice with transparent black that is not transparent, from ``sampled_steps`` and ``content``.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3), float64
+        Triangles in the slice's own space.
+    """
+    low, high, _ = window
+    part = plain.positive_part(np.where(inside & np.isfinite(values), (values - low) / (high - low), -1.0))
+    return np.concatenate((part, np.zeros((*part.shape[:2], 1))), axis=2)
 
 
-def forget_opaque() -> None:
-    _opaque.clear()
+def opaque_key(volume, matrix: np.ndarray, window) -> tuple:
+    """The key in the store of ``opaque_part``, from what ``content`` returns."""
+    return "opaque", volume.key, matrix.tobytes(), window
 
 
 def outlines(depsgraph) -> dict:
@@ -238,12 +239,12 @@ def outlines(depsgraph) -> dict:
         if owner is None or volumes.at_hand(owner, depsgraph) is None:
             continue
         try:
-            volume, matrix, (_, _, clears) = content(one, depsgraph)
+            volume, matrix, window = content(one, depsgraph)
         except RleSplatError:
             continue
-        image = one.rle_splat.slice_image
-        if clears and image is not None and image.session_uid in _opaque:
-            found[one] = _opaque[image.session_uid]
+        opaque = store.find(opaque_key(volume, matrix, window))
+        if opaque is not None:
+            found[one] = opaque
             continue
         polygon = plain.cut_polygon(volume.shape_xyz, matrix)
         corners = np.column_stack((polygon, np.zeros(len(polygon))))

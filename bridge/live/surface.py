@@ -42,17 +42,19 @@ def request_of(context, volumes: tuple) -> Request:
         Of ``shown.visible_volumes``.
     """
     space, region, view = context.space_data, context.region, context.region_data
-    matrices = Matrices(
-        tuple(value for row in view.view_matrix for value in row),
-        tuple(value for row in view.window_matrix for value in row),
-        region.width, region.height, clip_of(context, space, view),
-    )  # fmt: skip
     shading = space.shading
     drawn = (
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
         shading.show_xray_wireframe,
     )  # fmt: skip
-    return Request(matrices, volumes, drawn, Habits(*preferences.live_habits()), _draws_floor(space.overlay))
+    matrices, habits = matrices_of(context, space, region, view), Habits(*preferences.live_habits())
+    return Request(matrices, volumes, drawn, habits, _draws_floor(space.overlay))
+
+
+def matrices_of(context, space, region, view) -> Matrices:
+    """The view of a region; ``view``: its bpy.types.RegionView3D."""
+    both = (tuple(value for row in matrix for value in row) for matrix in (view.view_matrix, view.window_matrix))
+    return Matrices(*both, region.width, region.height, clip_of(context, space, view))
 
 
 def _draws_floor(overlay) -> bool:

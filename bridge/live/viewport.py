@@ -225,16 +225,16 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        self._advance(now + BITE, foresees=False)  # since a draft is to be seen at once
+        self._advance(now + BITE)
 
     def work(self) -> bool:
-        """Work for a bite, from a timer; return whether there is a new picture to draw."""
+        """Do one step, from a timer; return whether there is a new picture to draw."""
         before = self.version, self.problem
         try:
             if self._work is None and self._due is not None and self._now() >= self._due:
                 self._due = None
                 self._start(None)
-            self._advance(self._now() + BITE)
+            self._advance(self._now())
             self._drop_outdated()
         except Exception as problem:
             self._fail(problem)
@@ -283,8 +283,8 @@ class Viewport:
             self._work.close()
             self._work = None
 
-    def _advance(self, until: float, *, foresees: bool = True) -> None:
-        """Work until a time, or until the pictures are made; ``foresees``: begin no step that may end after it."""
+    def _advance(self, until: float) -> None:
+        """Work until a time, and at least one step, or until the pictures are made."""
         while self._work is not None:
             began = self._now()
             try:
@@ -294,8 +294,7 @@ class Viewport:
                 self._finish(finished.value)
             else:
                 self._spent += self._now() - began
-            now = self._now()
-            if now >= until or (foresees and 2.0 * now - began >= until):
+            if self._now() >= until:
                 break
 
     def _finish(self, pictures: list[RegionPicture]) -> None:

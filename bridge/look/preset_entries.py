@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...rle_splat.classify.presets import PRESETS
+from ...rle_splat.volume.volume import PATIENT
 from ..translations import filled
 from . import own_presets, preset_items
 
 MODALITY = "Modality: "  # line of a volume's facts
 NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Smoke"}
 OWN = "OWN"
+OF_THINGS = ("ct-botanical", "ct-industrial")  # not offered first for a patient
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ def groups(properties) -> list[PresetGroup]:
     suits, others = [Entry(*suggested)], []
     for name, label, description in items:
         of = PRESETS[name].modality
-        if of in (modality, None):
+        is_odd = name in OF_THINGS and properties.space == PATIENT
+        if of in (modality, None) and not is_odd:
             suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
         else:
             others.append(Entry(name, _short(label), description))

@@ -191,15 +191,16 @@ def value_text(value: float, low: float, high: float, unit: str = "") -> str:
     return f"{text} {unit}" if unit else text
 
 
-def position_text(position, volume) -> str:
-    """A point of a volume's own space; in patient space with the letters of the sides it lies on, such as "L 12.3"."""
+def position_text(position, volume, axes=(0, 1, 2)) -> str:
+    """A point of a volume's own space, some of its axes; a patient's with letters of the sides, such as "L 12.3 mm"."""
     position = [float(value) for value in position]
     if volume.space == PATIENT:
         signed = [(letters[value >= 0.0], abs(value)) for letters, value in zip(LETTERS, position)]
     else:
         signed = list(zip("xyz", position))
     # Adding zero takes the minus from a zero.
-    return " ".join(f"{name} {round(value, 1) + 0.0:.1f}" for name, value in signed) + f" {volume.unit}"
+    texts = [f"{name} {round(value, 1) + 0.0:.1f}" for name, value in signed]
+    return " ".join(texts[axis] for axis in axes) + f" {volume.unit}"
 
 
 _hovered: dict = {}  # address of an area -> what lies under the mouse in it

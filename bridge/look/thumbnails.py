@@ -8,7 +8,6 @@ or once the tab is not shown.
 
 from __future__ import annotations
 
-import time
 import zipfile
 from contextlib import suppress
 from dataclasses import dataclass
@@ -35,8 +34,8 @@ from ..volumes import volumes
 from . import preset_entries
 from .preset_entries import Entry
 
-BUDGET = 0.005  # seconds of work after which a call of the timer begins no further step; a step takes up to 25 ms
-TICK, BUSY = 0.02, 0.3  # seconds between calls, and while other work is done
+BITE = 0.005  # seconds after which the timer begins no further step; a step takes up to 25 ms
+BUSY = 0.3  # seconds until it is looked again whether others work
 CACHE_BYTES = 1 << 28  # of stages that thumbnails of one volume share
 MOST_FILES = 600  # about 10 kB each
 FOLDER, PIXELS = "thumbnails", "pixels"  # in the user's cache; the array in a file
@@ -114,27 +113,23 @@ def icon(owner, entry: Entry) -> int:
             return collection[name].icon_id
         if key not in _failed and key not in _wanted:
             _wanted[key] = WantedThumbnail(key, Held(owner), entry)
-            timer.start(_tick, TICK)
+            timer.start(_tick, timer.PAUSE, BITE)
     return 0
 
 
 def _tick():
-    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    """Timer function: do one step."""
     if not _tab_is_shown():
         _rest()
         return None
     if _others_work():
         return BUSY
-    until = time.perf_counter() + BUDGET
-    while time.perf_counter() < until:
-        if not _work:
-            if not _begin():
-                _rest()
-                return None
-        elif _advance():
-            redraw_sidebars(bpy.context)  # it asks for more
-            return TICK
-    return TICK
+    if not _work and not _begin():
+        _rest()
+        return None
+    if _advance():
+        redraw_sidebars(bpy.context)  # it asks for more
+    return timer.AT_ONCE
 
 
 def _rest() -> None:

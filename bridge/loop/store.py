@@ -1,4 +1,4 @@
-"""Everything that was read of files: voxels, label maps, channels on the grid of a volume, and the light of images.
+"""All that was read of files: voxels, label maps, channels on a volume's grid, values of slices, the light of images.
 
 Entries are keyed by their content.  For each purpose and in each scene an object wants the entry that it asked for
 last, and an entry stays in memory while an object wants it.  Beyond MOST_BYTES objects that no window shows lose
@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ...rle_splat.pipeline.stage_cache import LEAST_BYTES, SHARE
@@ -28,7 +29,8 @@ class Wish(NamedTuple):
     owner, scene : int
         Session ids of the object or the world that shows the entry, and of the scene whose time it is read for.
     purpose : object
-        "voxels", "labels", "light", "thumbnails", or the session id of a channel's object.
+        "voxels", "labels", "light", "thumbnails", "opaque", ("slice", whether with all pixels), or the session id of a
+        channel's object.
     """
 
     owner: int
@@ -116,8 +118,9 @@ def nbytes() -> int:
 
 def _bytes_of(value) -> int:
     volume = getattr(value, "volume", value)  # of a label map
-    if not hasattr(volume, "holds_values"):  # the light of an image: a few numbers
-        return 0
+    if not hasattr(volume, "holds_values"):  # of slices; the light of an image is a few numbers
+        arrays = value if isinstance(value, tuple) else (value,)
+        return sum(one.nbytes for one in arrays if isinstance(one, np.ndarray))
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
     return volume.nbytes

@@ -1,7 +1,8 @@
 """The one timer: calls functions later, and again after the seconds that they return.
 
-One function is called at a time, the one that is due longest, so that a window draws and handles events between any two
-of them.  In background mode, where Blender runs no timers, nothing is called: the work is done at once there.
+A function does one step of its work.  One that returns AT_ONCE is called again until its bite of time is over, and
+between two bites a window draws and handles events.  The function that is due longest comes first.  In background mode,
+where Blender runs no timers, nothing is called: the work is done at once there.
 """
 
 from __future__ import annotations
@@ -15,25 +16,33 @@ import bpy
 from . import jobs
 
 BUSY = 0.2  # seconds until work that must wait looks again
+BITE = 0.02  # seconds after which no further step is begun
+PAUSE = 0.005  # seconds between bites
+AT_ONCE = 0.0
 
 _due: dict = {}  # function -> when it is called, on the performance counter
+_bites: dict = {}  # function -> seconds, where they are not BITE
 _next = [0.0]  # when Blender calls ``_tick``
 _called: list = []  # the function that is being called
 
 
-def start(function: Callable, after: float = 0.0) -> None:
+def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
     """Call a function after some seconds, unless it is to be called already.
 
     Parameters
     ----------
     function : callable
-        Without arguments; returns the seconds after which it is called again, or None.
+        Without arguments; returns the seconds after which it is called again, AT_ONCE, or None.
     after : float
         Seconds.
+    bite : float
+        Seconds after which it is not called again at once.
     """
     if bpy.app.background or function in _due:
         return
     _due[function] = time.perf_counter() + after
+    if bite != BITE:
+        _bites[function] = bite
     if _called:
         return  # ``_tick`` looks at it when that function has returned
     if bpy.app.timers.is_registered(_tick):
@@ -42,11 +51,6 @@ def start(function: Callable, after: float = 0.0) -> None:
         bpy.app.timers.unregister(_tick)
     _next[0] = min(_due.values())
     bpy.app.timers.register(_tick, first_interval=max(_next[0] - time.perf_counter(), 0.0))
-
-
-def is_waiting(function: Callable) -> bool:
-    """Whether a function is to be called, or is being called."""
-    return function in _due or function in _called
 
 
 def stop(function: Callable) -> None:
@@ -67,20 +71,22 @@ def must_wait() -> bool:
 
 
 def _tick():
-    """Timer function: call the function that is due longest."""
-    function = min(_due, key=_due.get, default=None)
-    if function is not None and _due[function] <= time.perf_counter():
+    """Timer function: call the function that is due longest, for a bite."""
+    function, now = min(_due, key=_due.get, default=None), time.perf_counter()
+    if function is not None and _due[function] <= now:
         del _due[function]
         _called.append(function)
-        again = None
+        again, began, end = AT_ONCE, now, now + _bites.get(function, BITE)
         try:
-            again = function()
+            while again == AT_ONCE and 2.0 * now - began < end:  # no step that, as long as the last, ends after it
+                began, again, now = now, function(), time.perf_counter()
         except Exception:  # the others are called all the same
             traceback.print_exc()
+            again = None
         finally:
             _called.clear()
         if again is not None:
-            _due[function] = time.perf_counter() + again
+            _due[function] = time.perf_counter() + (again or PAUSE)
     if not _due:
         return None
     _next[0] = min(_due.values())

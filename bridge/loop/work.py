@@ -1,4 +1,4 @@
-"""A queue that reads files from a timer, a slice of work at a time, so that a window never waits for them.
+"""A queue that reads files from a timer, a step at a time, so that a window never waits for them.
 
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
 the queue until it is read, or until the object shows something else.  When nothing is asked for, the next frame of one
@@ -7,7 +7,6 @@ volume in time is read ahead.  Scripts and background mode do not wait for timer
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -18,10 +17,9 @@ from ...rle_splat.scene import RleSplatError
 from ..held import Held
 from ..pictures.canvas import redraw_sidebars
 from ..volumes import loading, volumes
-from . import jobs, store, timer
+from . import store, timer
 
 PURPOSE = "picture"  # of a wish, see ``store.Wish``
-PAUSE = 0.01  # seconds between slices
 LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: the user may drag on
 
 
@@ -75,7 +73,7 @@ def want(owner, depsgraph=None) -> bool:
     if waits:
         if key not in _queue:
             _queue[key] = ReadingWork(loading.load_steps(owner, depsgraph))
-            timer.start(_tick, PAUSE)
+            timer.start(_tick)
         _queue[key].waiting[wish] = Held(owner)
     return waits
 
@@ -108,18 +106,17 @@ def _drop(key: tuple) -> ReadingWork:
 
 
 def _tick():
-    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    """Timer function: do one step."""
     if timer.must_wait():
         return timer.BUSY
     if not _queue and _is_due[0]:
         _is_due[0] = False
         _queue.update(_next_frame())
-    until = time.perf_counter() + jobs.READ_BUDGET
-    while _queue and time.perf_counter() < until:
+    if _queue:
         _advance(next(iter(_queue)))
     if progress() is not None:
         redraw_sidebars(bpy.context)
-    return PAUSE if _queue or _is_due[0] else None
+    return timer.AT_ONCE if _queue or _is_due[0] else None
 
 
 def _advance(key: tuple) -> None:

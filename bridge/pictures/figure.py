@@ -9,18 +9,17 @@ import bpy
 import numpy as np
 
 from ...rle_splat.classify.presets import fit_preset
-from ...rle_splat.cli.output import check_outputs
-from ...rle_splat.cli.report import write_report
 from ...rle_splat.figure.files import CONTENTS, PageCanvas, check_suffix, sidecar_path
 from ...rle_splat.figure.make import MadeFigure
 from ...rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from ...rle_splat.figure.sidecar import sidecar_of
 from ...rle_splat.figure.sources import DataSource, Sources
+from ...rle_splat.runtime.outputs import check_outputs, write_report
 from ...rle_splat.runtime.whole_files import whole_files
 from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ..data.playback import shown_frame
-from ..live.surface import clip_of
-from ..live.view import Matrices, view_of
+from ..live.surface import matrices_of
+from ..live.view import view_of
 from ..translations import filled
 from ..volumes import box, channels, labels, volumes
 from ..volumes.source_paths import check_is_no_scan
@@ -58,15 +57,10 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
     space = area.spaces.active
     view = space.region_3d
     region = next(one for one in area.regions if one.type == "WINDOW")
-    matrices = Matrices(
-        tuple(value for row in view.view_matrix for value in row),
-        tuple(value for row in view.window_matrix for value in row),
-        region.width, region.height, clip_of(context, space, view),
-    )  # fmt: skip
     corners = box.world_corners(volume_object)
     ahead = -(np.column_stack((corners, np.ones(len(corners)))) @ np.array(view.view_matrix, np.float64).T)[:, 2]
     nearest = float(ahead.min()) if len(corners) else -np.inf  # somebody may have removed the box
-    found = view_of(matrices, nearest)
+    found = view_of(matrices_of(context, space, region, view), nearest)
     return replace(found.camera, pixel_aspect=(1.0, 1.0)), region.width, region.height
 
 

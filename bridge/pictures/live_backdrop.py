@@ -7,7 +7,6 @@ picture is done or something changes.  Scripts that set a frame, and background 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator
 from typing import NamedTuple
 
@@ -24,8 +23,7 @@ from . import backdrop, images, outdated, pictures
 from .canvas import redraw
 from .drafts import Draft
 
-BITE = 0.02  # seconds of work per tick of the timer; short, so that scrubbing stays smooth
-PAUSE, WAIT = 0.01, 0.2  # seconds between ticks, and between checks whether playback has ended
+WAIT = 0.2  # seconds between checks whether playback has ended
 HIDDEN = outdated.MadeFrom("hidden", "", False)  # the volume is hidden from renders
 FAILED = outdated.MadeFrom("failed", "", False)
 
@@ -142,22 +140,21 @@ def _begin(one: _Work) -> None:
     while (step := _advance(one)) is not None:
         if isinstance(step, Draft):
             _unfinished.append(one)
-            timer.start(_tick, PAUSE)
+            timer.start(_tick)
             return
 
 
 def _tick():
-    """Timer function: Blender calls it again after the returned seconds, and stops after None."""
+    """Timer function: do one step."""
     if _unfinished and is_playing():
         return WAIT
-    until = time.perf_counter() + BITE
-    while (works := _unfinished[:1]) and time.perf_counter() < until:
-        step = _advance(works[0])
+    for one in _unfinished[:1]:
+        step = _advance(one)
         if step is None:
             stop()
         if step is None or isinstance(step, Draft):
             redraw(bpy.context)
-    return PAUSE if _unfinished else None
+    return timer.AT_ONCE if _unfinished else None
 
 
 def _advance(one: _Work):

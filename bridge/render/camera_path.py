@@ -47,9 +47,7 @@ def turning_camera(context, owner, *, is_perspective: bool, elevation: float):
     RleSplatError
         If the volume's box was changed, or has no size.
     """
-    corners = box.world_corners(owner)
-    if len(corners) == 0:
-        raise RleSplatError(f"The box of {owner.name} was changed or removed; import the volume again.")
+    corners = box.checked_corners(owner)
     middle = corners.mean(axis=0)
     axes = _axes(owner, corners)
     pivot = _made_before(context.scene, owner) or _new_pivot(context.scene, owner)

@@ -34,10 +34,9 @@ class KeptOutput:
         self._backdrop = None
         self._markers = [(marker.name, marker.frame, _held(marker.camera)) for marker in scene.timeline_markers]
 
-    def adopt_camera(self, camera, always: bool) -> None:
-        """Have ``restore`` set this camera if there was none, or ``always``."""
-        if always or self._camera is None:
-            self._camera = Held(camera)
+    def adopt_camera(self, camera) -> None:
+        """Have ``restore`` set this camera."""
+        self._camera = Held(camera)
 
     def show_before(self, color: float) -> None:
         """Have renders show the volume before black (0) or white (1), with the colors as they are.

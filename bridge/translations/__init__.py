@@ -48,22 +48,6 @@ COMPOSED = (
     "The {knob} {removed} was removed; {used} is used instead.",
 )
 REASONS = ("reason", "side", "work")
-# Those that it says as they stand.
-WHOLE = (
-    "the values are Hounsfield units and include bone", "the values are Hounsfield units and include little bone",
-    "the values are Hounsfield units and include little but fat", "above", "below",
-    "The values are signed distances, so the inside of the surface is shown.",
-    "The file states no unit of length; mm is assumed.",
-    "The file does not say where the patient's left and right are.",
-    "The file does not say how it lies in the patient, so left and right are not known.",
-    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.",
-    "The world's light is not rendered yet, so it is left out; press Update World Light.",
-    "rendering the world's light",
-    "Looking through the voxels", "Shading", "Splatting", "Warping", "Mixing volumes",
-    "counting the values", "adding the volume",
-    "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
-    "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",
-)  # fmt: skip
 CONTEXTS = ("*", "Operator", OURS)  # Blender looks the labels of operators up in a context of their own
 
 

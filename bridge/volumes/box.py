@@ -9,6 +9,7 @@ and without faces it is never rendered.  The object's matrix remains the volume'
 import bpy
 import numpy as np
 
+from ...rle_splat.scene import RleSplatError
 from .attached import rescale_attached
 
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=np.float64)
@@ -93,6 +94,14 @@ def world_corners(volume_object) -> np.ndarray:
     holder = collection.objects[0]
     matrix = np.array(volume_object.matrix_world @ holder.matrix_basis)
     return np.array([vertex.co[:] for vertex in holder.data.vertices]) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def checked_corners(volume_object) -> np.ndarray:
+    """As ``world_corners``; RleSplatError where somebody has changed or removed the box."""
+    corners = world_corners(volume_object)
+    if len(corners) == 0:
+        raise RleSplatError(f"The box of {volume_object.name} was changed or removed; import the volume again.")
+    return corners
 
 
 def rescale_box(volume_object, scene_scale: float) -> None:

@@ -95,11 +95,6 @@ def hash_of(volume) -> str:
     return volume.voxel_key if volume.holds_values else volume.key
 
 
-def read_file(path: str, options: dict):
-    """``file_steps`` without the steps."""
-    return drain(file_steps(path, options))
-
-
 def source_of(owner, frame: int) -> VolumeSource:
     """Where the voxels of a volume object are.
 

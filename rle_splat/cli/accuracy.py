@@ -6,6 +6,7 @@ from time import perf_counter
 
 from ..accuracy.metrics import ERRORS
 from ..accuracy.probes import PROBES
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
@@ -23,9 +24,7 @@ from .options import (
     read_input,
     scene_inputs,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 REPEATS = 5

@@ -19,12 +19,12 @@ from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
+from ..runtime.outputs import write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from .cluster_worker import Command, cover, finish_tile, forget, list_jobs, make_frame, make_section, make_tile
 from .dask_option import LOCAL
 from .made import delete_abandoned, find_scene_hash, mark_of, outputs_of, report_kept, source_hash, write_mark
-from .report import write_report
 from .rows import row_writer_for
 
 SECONDS = 5  # for an answer from the scheduler

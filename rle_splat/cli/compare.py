@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from time import perf_counter
 
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from ..volume.checks import check_values
@@ -19,9 +20,7 @@ from .options import (
     remark_on_removed,
     scene_inputs,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 PROBES = 256

@@ -8,12 +8,12 @@ from time import perf_counter
 
 from ..read.formats import format_named, read_steps, suffixes, write_steps
 from ..runtime.memory import bytes_text
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
 from .options import add_report_options, add_volume_argument, add_volume_options, volume_options
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import number_text, write_report
+from .report import number_text
 
 
 def add_arguments(parser) -> None:

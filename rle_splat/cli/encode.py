@@ -7,6 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..runtime.memory import bytes_text
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import CLASSIFICATIONS, Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
@@ -24,9 +25,7 @@ from .options import (
     remark_on_removed,
     scene_inputs,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 SUFFIX = ".rle"

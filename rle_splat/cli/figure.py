@@ -10,6 +10,7 @@ from ..figure.plan import CM_TO_MM, MM_PER_INCH, Figure, tile_size
 from ..read.channels import level_options, read_channel_steps
 from ..read.formats import format_named, read_steps
 from ..read.labels import read_label_steps
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
@@ -32,9 +33,7 @@ from .options import (
     scene_inputs,
     volume_options,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
 # Options that count when a figure is made again; its sidecar holds all others.

@@ -9,6 +9,7 @@ from ..pipeline.quick_estimate import count_in_planes, estimate_visible, likely_
 from ..read.dicom.grouping import SeveralSeries
 from ..read.dicom.titles import series_info
 from ..runtime.memory import available_bytes, bytes_text
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RECORDS, Quality
 from ..volume.axes import AXES
@@ -26,9 +27,8 @@ from .options import (
     add_volume_options,
     read_input,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import number_text, write_report
+from .report import number_text
 
 PERCENTS = (1.0, 25.0, 50.0, 75.0, 99.0, 99.9)
 # Bins of the histogram in the JSON report: one per value of 8-bit data, enough to show the peaks of other types.

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from time import perf_counter
 
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from .options import add_report_options
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 
 
 def add_arguments(parser) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
 from ..volume.checks import check_values
@@ -43,9 +44,7 @@ from .options import (
     scene_inputs,
     volume_options,
 )
-from .output import check_outputs
 from .progress import ProgressLine
-from .report import write_report
 from .rows import ROW_WRITERS
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement

@@ -1,16 +1,4 @@
-"""Writing reports as strict JSON."""
-
-from __future__ import annotations
-
-import json
-from pathlib import Path
-
-from ..scene.plain import plain
-
-
-def write_report(path, report: dict) -> None:
-    """Write a report to a file as indented UTF-8 JSON."""
-    Path(path).write_text(json.dumps(plain(report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+"""Numbers in lines for people."""
 
 
 def number_text(value: float) -> str:

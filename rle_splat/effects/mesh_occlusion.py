@@ -12,7 +12,7 @@ from ..view.eye import IndexView, index_view
 from ..view.projection import depth_row
 from ..view.ray_intervals import pixels_read
 from .camera_clip import find_volume_depths
-from .depth_layers import HALO, DepthLayers, depth_layers
+from .depth_layers import HALO, DepthLayers, depth_layers_steps
 from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
 from .kind import Kind
 from .mesh_depth import mesh_depth
@@ -43,9 +43,9 @@ class MeshSurfaces(RayEffect):
         """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
         return cls(scene, view, quality) if scene.hides_volume else None
 
-    def inspect(self, planes: list[BasePlane]) -> str | None:
-        """See ``RayEffect.inspect``."""
-        self._layers = mesh_layers(self._scene, self._view, self._quality, planes)
+    def inspect_steps(self, planes: list[BasePlane]):
+        """See ``RayEffect.inspect_steps``."""
+        self._layers = yield from mesh_layers_steps(self._scene, self._view, self._quality, planes)
         return BEHIND if self._layers is None else None
 
     def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:
@@ -78,8 +78,8 @@ class MeshSurfaces(RayEffect):
         return picture
 
 
-def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]) -> DepthLayers | None:
-    """The depth layers of a scene's meshes.
+def mesh_layers_steps(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]):
+    """Generator of fractions done: the depth layers of a scene's meshes.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def mesh_layers(scene: Scene, view: IndexView, quality: Quality, planes: list[Ba
         surface = samples[..., 0]
         return DepthLayers(surface, surface, None, region[:2])
     voxel = float(np.linalg.norm(view.to_world, axis=0).min())
-    return depth_layers(samples, 0.5 * voxel, first_pixel=region[:2], threads=quality.threads)
+    return (yield from depth_layers_steps(samples, 0.5 * voxel, region[:2], threads=quality.threads))
 
 
 def _depth_samples(scene: Scene, quality: Quality, region) -> np.ndarray:

@@ -63,7 +63,7 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 LABELS = Kind(
-    "gives each label its own transfer function, or hides it", _labels_called_for,
+    "gives each segment its own transfer function, or hides it", _labels_called_for,
     lambda scene: change(scene, labels=None), stage="mixing",
 )  # fmt: skip
 CHANNELS = Kind(

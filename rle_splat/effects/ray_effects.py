@@ -48,11 +48,11 @@ class RayEffects:
 
     @property
     def shorten_rays(self) -> bool:
-        """Whether any rays may be shortened; known before ``leave_out_idle``."""
+        """Whether any rays may be shortened; known before ``leave_out_idle_steps``."""
         return any(effect.shortens_rays for effect in self._chain)
 
-    def leave_out_idle(self, planes: list[BasePlane]) -> None:
-        """Drop the effects that do nothing to the rays of some base planes.
+    def leave_out_idle_steps(self, planes: list[BasePlane]):
+        """Generator of fractions done: drop the effects that do nothing to the rays of some base planes.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class RayEffects:
         left = []
         for effect in self._chain:
             with self._clock.stage(effect.stage):
-                idle = effect.inspect(planes)
+                idle = yield from effect.inspect_steps(planes)
             if idle is None:
                 left.append(effect)
             elif effect.name is not None:

@@ -49,7 +49,7 @@ class RayEffect:
     Attributes
     ----------
     name : str or None
-        Name in the table of effects, of an effect that ``inspect`` may find idle.
+        Name in the table of effects, of an effect that ``inspect_steps`` may find idle.
     stage : str
         The stage that its work is timed as.
     shortens_rays : bool
@@ -79,8 +79,8 @@ class RayEffect:
         """
         return self.stage
 
-    def inspect(self, planes: list[BasePlane]) -> str | None:
-        """Find out whether the effect does anything to the rays of some base planes.
+    def inspect_steps(self, planes: list[BasePlane]):
+        """Generator of fractions done: find out whether the effect does anything to the rays of some base planes.
 
         Parameters
         ----------
@@ -91,6 +91,7 @@ class RayEffect:
         str or None
             Why it does nothing; None where it does something.
         """
+        yield from ()
         return None
 
     def passes(self, passes: list[RayPass], reach: int) -> list[RayPass]:

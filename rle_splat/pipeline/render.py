@@ -151,8 +151,8 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
 
 def splat_and_warp_steps(picture: Picture, medium: Medium, tables: dict):
     """Generator of Progress: splat and warp each fade of the view and blend them; returns (rgba, depth)."""
-    picture.ray_effects.leave_out_idle(picture.view.planes)  # such as a mesh that is behind the whole volume
-    yield Progress(BEFORE, "Splatting")  # since looking for silhouettes of meshes takes long
+    # Such as a mesh that is behind the whole volume.
+    yield from announce(picture.ray_effects.leave_out_idle_steps(picture.view.planes), BEFORE, BEFORE, "Splatting")
     fades, blended = picture.view.fades, None
     for n, fade in enumerate(fades):
         begin, share = BEFORE + SPLATS * n / len(fades), SPLATS / len(fades)

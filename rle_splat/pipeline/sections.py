@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.exposure import list_exposures
-from ..runtime.steps import Clock, Progress
+from ..runtime.steps import Clock, Progress, drain
 from ..scene import Quality, Rendering, RleSplatError, Scene
 from ..scene.changed import change
 from ..splat.intermediate_image import IntermediateImage
@@ -125,7 +125,7 @@ def _section_steps(picture: Picture, number: int, count: int):
     medium = yield from picture.source.medium_steps(picture.work)
     tables = yield from medium.encode_steps(picture.view.axes)
     effects, clock, pixels = picture.ray_effects, picture.work.clock, []
-    effects.leave_out_idle(picture.view.planes)
+    drain(effects.leave_out_idle_steps(picture.view.planes))
     for fade in picture.view.fades:
         for ray_pass in effects.passes(fade.planes):
             for plane_number, whole in ray_pass.planes:

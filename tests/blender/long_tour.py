@@ -3,7 +3,8 @@
     python3 dev.py blender --photograph tests/blender/long_tour.py --size 1600x1000
 
 A job of its own, which takes RLE_SPLAT_TOUR minutes, ten if that is not set.  Nothing may print a traceback.  It prints
-the memory after each round, and the parts of each redraw that took us longer than 30 ms of processor time.
+the memory after each round with the types of objects that have become more, and the parts of each redraw that took us
+longer than 30 ms of processor time.  Its own notes are arrays, so that they do not count as blocks of Python.
 """
 
 import gc
@@ -12,6 +13,8 @@ import resource
 import sys
 import tempfile
 import time
+from array import array
+from collections import Counter
 from importlib import import_module
 from pathlib import Path
 
@@ -45,8 +48,9 @@ PARTS = (
     ("viewport", "shot_of", "cut"), ("viewport", "Viewport._advance", "draft"),
     ("drawing", "texture_of", "upload"), ("drawing", "draw", "quads"),
 )  # fmt: skip
-_redraws: list = []  # (seconds of processor time that are ours, and the driver's, parts, what the user does) of each
-_steps: list = []  # (seconds of processor time, function) of each call of the one timer
+_redraws, _with_driver = array("d"), array("d")  # seconds of processor time that are ours, and with the driver's
+_steps = array("d")  # seconds of processor time of each call of the one timer
+_longest_step = [0.0, ""]  # and its function
 _parts: dict = {}  # of the redraw that runs: name -> seconds of processor time
 _doing = [""]  # what the user does
 
@@ -74,17 +78,20 @@ def watch_redraws():
         after()
         if live.calls["drawn"] > drawn:
             driver = _parts.get("depth", 0.0) - _parts.get("ray ends", 0.0)
-            _redraws.append((_parts["before"] + _parts["after"] - driver, driver, dict(_parts), _doing[0]))
+            _with_driver.append(_parts["before"] + _parts["after"])
+            _redraws.append(_with_driver[-1] - driver)
+            if _redraws[-1] > SLOW:
+                listed = ", ".join(f"{name} {1e3 * part:.1f}" for name, part in _parts.items())
+                print(f"slow: {1e3 * _redraws[-1]:.0f} ms and the driver {1e3 * driver:.0f}, {_doing[0]}: {listed}",
+                      flush=True)  # fmt: skip
 
     for module, name, called in PARTS:
         place = import_module(f"{MODULE}.bridge.live.{module}")
         *owner, name = name.split(".")
         place = getattr(place, owner[0]) if owner else place
         setattr(place, name, timed(getattr(place, name), called))
-    live.unregister()
     before, after = timed(live._before, "before"), timed(live._after, "after")
     live._before, live._after = begin_redraw, note_redraw
-    live.register()
 
 
 def watch_steps():
@@ -137,7 +144,8 @@ def watch_steps():
         again = tick()
         spent, wall = time.thread_time() - began, time.perf_counter() - start
         name = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
-        _steps.append((spent, name))
+        _steps.append(spent)
+        _longest_step[:] = max(_longest_step, [spent, name])
         if spent > SLOW:
             parts = sorted(longest.items(), key=lambda part: -part[1])[:3]
             listed = [f"{part} {1e3 * seconds:.0f}" for part, seconds in (*parts, *shares.items())]
@@ -193,6 +201,15 @@ def memory() -> tuple:
     held = import_module(f"{MODULE}.bridge.scene.render_scene").KEPT.nbytes
     held += import_module(f"{MODULE}.bridge.loop.store").nbytes()
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, held / 2.0**20
+
+
+def grown(before: Counter) -> str:
+    """Types of which there are more objects than before, the most first; ``before`` becomes the counts of now."""
+    now = Counter(type(one).__name__ for one in gc.get_objects())
+    more = (now - before).most_common(4) if before else []
+    before.clear()
+    before.update(now)
+    return ", ".join(f"{count} {name}" for name, count in more)
 
 
 def add_volume(name: str, radius: float, labels: int):
@@ -310,7 +327,7 @@ def scenario():
     yield from time_driver()
     watch_redraws()
     watch_steps()
-    until_then, number, seen = time.monotonic() + 60.0 * MINUTES, 0, 0
+    until_then, number, objects = time.monotonic() + 60.0 * MINUTES, 0, Counter()
     while time.monotonic() < until_then or number < 1:
         yield from new_file()
         region_of(area_of("VIEW_3D"), "WINDOW")
@@ -329,18 +346,13 @@ def scenario():
         number += 1
         gc.collect()
         resident, held = memory()
-        ours = np.array([one[0] for one in _redraws])
-        slow = [one for one in _redraws if one[0] > SLOW]
-        for spent, driver, parts, doing in slow[seen:]:
-            listed = ", ".join(f"{name} {1e3 * part:.1f}" for name, part in parts.items())
-            print(f"slow: {1e3 * spent:.0f} ms and the driver {1e3 * driver:.0f}, {doing}: {listed}", flush=True)
-        seen = len(slow)
+        ours, all_of, steps = (np.array(one) for one in (_redraws, _with_driver, _steps))
         print(f"round {number}: {resident:.0f} MiB at most, {held:.0f} held by us, "
-              f"{sys.getallocatedblocks()} blocks of Python; {len(ours)} redraws, {seen} above {1e3 * SLOW:.0f} ms, "
-              f"median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
-              f"with the driver {sum(one[0] + one[1] > SLOW for one in _redraws)} above; {len(_steps)} steps, "
-              f"{sum(spent > SLOW for spent, _ in _steps)} above, longest {1e3 * max(_steps)[0]:.0f} ms, "
-              f"{max(_steps)[1]}", flush=True)  # fmt: skip
+              f"{sys.getallocatedblocks()} blocks of Python; {len(ours)} redraws, {np.sum(ours > SLOW)} above "
+              f"{1e3 * SLOW:.0f} ms, median {1e3 * np.median(ours):.1f}, longest {1e3 * ours.max():.0f} ms; "
+              f"with the driver {np.sum(all_of > SLOW)} above; {len(steps)} steps, {np.sum(steps > SLOW)} above, "
+              f"longest {1e3 * steps.max():.0f} ms, {_longest_step[1]}; more objects: {grown(objects)}",
+              flush=True)  # fmt: skip
     passed("the tour")
 
 

@@ -262,10 +262,6 @@ def tick(following, most=5000):
 def test_a_scrubbed_backdrop_shows_a_draft_and_refines(timeline, monkeypatch):
     scene, settings = bpy.context.scene, bpy.context.scene.rle_splat
     first = backdrop_pixels()
-    done, advance = [], timeline._advance
-    monkeypatch.setattr(timeline.time, "perf_counter", lambda: float(len(done)))  # each step takes a second,
-    monkeypatch.setattr(timeline, "_advance", lambda work: done.append(work) or advance(work))
-    monkeypatch.setattr(timeline, "BITE", 0.5)  # so that each tick is one step
     scene.frame_set(2)
     settings.last_report_json = ""
     shown = tick(timeline)

@@ -167,3 +167,23 @@ def test_undo_of_an_import_and_of_a_deletion_is_noticed(volume_object, index):
     assert len(index.of(bpy.context.scene).volumes) == 1
     bpy.ops.ed.redo()
     assert not index.of(bpy.context.scene).volumes
+
+
+def test_the_timer_begins_no_step_that_may_end_after_its_bite(bridge, monkeypatch):
+    """A function that has more to do is called again, as long as another step like its last one fits."""
+    timer, now, began = bridge("loop.timer"), [0.0], []
+    monkeypatch.setattr(timer.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(timer, "_due", {})
+    for step, times in ((0.001, 20), (0.008, 2), (0.011, 1), (0.05, 1)):
+
+        def work(step=step):
+            began.append(now[0])
+            now[0] += step
+            return timer.AT_ONCE
+
+        began.clear()
+        timer._due[work] = now[0]
+        assert timer._tick() == pytest.approx(timer.PAUSE) and abs(len(began) - times) <= 1, step
+        assert len(began) == 1 or now[0] - began[0] <= timer.BITE + 1e-9
+        timer.stop(work)
+    assert timer._tick() is None

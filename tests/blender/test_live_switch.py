@@ -149,14 +149,14 @@ def test_edits_frames_and_undo_are_noticed(volume_object, shown):
 
 
 def test_nothing_runs_in_background_mode(volume_object, live, bridge):
-    assert bpy.app.background and not live._handles, "draw handlers are registered without a window"
+    assert bpy.app.background and not live.DRAW_HANDLERS._handles, "draw handlers are registered without a window"
     assert not live.is_allowed()
     with bpy.context.temp_override(area=area_of_view()):
         before = live.calls.copy()
         live._before()
         live._after()
     assert live.calls["before"] == before["before"] + 1 and live.calls["drawn"] == before["drawn"]
-    assert not live._lives and not bridge("loop.timer").is_waiting(live._tick)
+    assert not live._lives and live._tick not in bridge("loop.timer")._due
 
 
 def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):

@@ -65,6 +65,20 @@ def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
     assert bridge("live.letters").placed_letters(volume_object) == []
 
 
+def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner = active()
+    owner.location = (1.0, 2.0, 3.0)  # of the object, not of the patient
+    bpy.ops.rle_splat.add_slice(kind="axial")
+    one, middle = active(), (AFFINE @ (2.5, 3.0, 4.0, 1))[:3]  # a layer of voxels
+    for layers in (0.0, -40.0):
+        one.location.z += 0.001 * layers * np.linalg.norm(AFFINE[:3, 2])  # along the voxels
+        bpy.context.view_layer.update()
+        text = bridge("live.slice_places").place_text(one, bpy.context.evaluated_depsgraph_get())
+        height = middle[2] + 3.0 * layers
+        assert text == f"Axial, {'S' if height > 0.0 else 'I'} {abs(height):.1f} mm"
+
+
 def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridge, tmp_path):
     bpy.ops.rle_splat.import_volume(filepath=str(nifti))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))

@@ -172,6 +172,15 @@ def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, m
     assert {"AUTO", "x-ray"} <= {entry.name for entry in suits.entries}, "those for any modality suit"
 
 
+def test_a_patient_is_offered_no_plants_or_machines(volume_object, bridge):
+    properties = volume_object.rle_splat
+    properties.value_unit = "HU"
+    for space, group in (("patient", -1), ("voxel", 0)):
+        properties.space = space
+        found = bridge("look.preset_entries").groups(properties)[group]
+        assert {"ct-botanical", "ct-industrial"} <= {entry.name for entry in found.entries}, space
+
+
 def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volume_object, bridge):
     volume_object.rle_splat.value_unit = "HU"
     first = bridge("look.preset_entries").groups(volume_object.rle_splat)[0]

@@ -122,7 +122,7 @@ def test_changes_beside_a_file_and_deep_in_a_folder_are_noticed(study, bridge, p
 def test_what_the_chooser_shows(study, bridge, core):
     series, reading = bridge("volumes.series"), bridge("volumes.import_source")
     with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
-        bridge("volumes.volumes").read_file(str(study), {})
+        core("runtime.steps").drain(bridge("volumes.volumes").file_steps(str(study), {}))
     several = caught.value
     thumbnails = core("runtime.steps").drain(reading.thumbnail_steps(several))
     assert [picture.dtype for picture in thumbnails] == [np.uint8, np.uint8]
@@ -150,7 +150,7 @@ def test_an_import_is_undone(study, bridge, core, name, options):
     bpy.ops.ed.undo_push(message="start")
     if name == "choose_series":
         with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
-            bridge("volumes.volumes").read_file(str(study), {})
+            core("runtime.steps").drain(bridge("volumes.volumes").file_steps(str(study), {}))
         bridge("volumes.series").offer(caught.value, [None, None], "import_volume", {"filepath": str(study)})
     else:
         options = {"directory": str(study / "first")}
@@ -166,7 +166,7 @@ def test_a_series_is_chosen_for_a_channel(study, bridge, core, refused):
     owner = active()
     refused(bpy.ops.rle_splat.import_channel, "There are 2 series", filepath=str(study))
     with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
-        bridge("volumes.volumes").read_file(str(study), {})
+        core("runtime.steps").drain(bridge("volumes.volumes").file_steps(str(study), {}))
     bridge("volumes.series").offer(
         caught.value, [None, None], "import_channel", {"filepath": str(study), "use_dialog": False}
     )

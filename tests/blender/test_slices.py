@@ -426,3 +426,26 @@ def test_a_hidden_slice_has_the_window_of_now_when_it_is_shown(owner, voxels):
     one.hide_set(False)
     scenes.update()
     np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2), 40.0, 80.0), atol=1e-6)
+
+
+def test_values_of_a_slice_are_in_memory_as_long_as_it_is(owner, voxels, bridge):
+    """Another window takes them from there; they go with their place, and with the slice."""
+    store, name = bridge("loop.store"), owner.name
+
+    def values():
+        return [key for key in store._entries if key[0] == "slice"]
+
+    one = add(owner)
+    scenes.update()
+    (first,) = values()
+    assert store.nbytes() == voxels.nbytes + NX * NY * (8 + 1), "float64, and whether inside"
+    one.parent.rle_splat.window_width *= 0.5
+    scenes.update()
+    assert values() == [first]
+    one.location.z += 1.0
+    scenes.update()
+    assert len(values()) == 1 and values() != [first]
+    scenes.activate(one)
+    bpy.ops.object.delete()
+    scenes.update()
+    assert values() == [] and store.nbytes() == voxels.nbytes, name

@@ -116,7 +116,7 @@ def test_old_thumbnails_are_forgotten(bridge, cache, monkeypatch):
 def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
     for entry in entries(bridge, ball).values():
         assert thumbnails.icon(ball, entry) == 0
-    assert not bridge("loop.timer").is_waiting(thumbnails._tick)
+    assert thumbnails._tick not in bridge("loop.timer")._due
     assert not thumbnails.rendered and not cache.exists()
 
 
@@ -131,7 +131,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     busy[0] = False
     ticks = 0
     while thumbnails._wanted and ticks < 1000:
-        assert thumbnails._tick() == thumbnails.TICK
+        assert thumbnails._tick() == thumbnails.timer.AT_ONCE
         ticks += 1
     assert bridge("loop.store").has_any(thumbnails.COARSE)
     (collection,) = thumbnails._collections

@@ -73,7 +73,7 @@ def test_sentences_of_the_renderer_are_translated(bridge, german, monkeypatch):
     """Templates that no source composes any more would translate nothing."""
     translations = bridge("translations")
     said = ui_strings.said_by_the_renderer()
-    ours = *translations.COMPOSED, *translations.WHOLE
+    ours = *translations.COMPOSED, *ui_strings.WHOLE
     stale = [text for text in ours if re.sub(r"\{\w+\}", "{}", text) not in said]
     assert not stale, "\n".join(stale)
     monkeypatch.setattr(translations, "pgettext_iface", lambda text, *_: german.get(text, text))

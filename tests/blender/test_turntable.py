@@ -223,13 +223,13 @@ def test_a_size_that_no_movie_has_is_said_in_the_dialog_which_proposes_pictures(
     assert chosen.output == "MP4" and not bridge("render.output_settings").why_no_movie(scene.render)
 
 
-@pytest.mark.parametrize("end", ["canceled", "refused"])
-def test_an_animation_that_did_not_come_about_leaves_no_camera(end, cube, tmp_path, monkeypatch):
+@pytest.mark.parametrize("end", ["rendered", "canceled", "refused"])
+def test_a_render_leaves_no_camera_however_it_ends(end, cube, tmp_path, monkeypatch):
     operator = import_module(f"{MODULE}.operators.turntable")
     scene, before = bpy.context.scene, set(bpy.data.objects)
     cameras, camera = len(bpy.data.cameras), scene.camera
-    if end == "canceled":
-        bpy.app.handlers.render_pre.append(lambda *_: operator._canceled.append(True))
+    if end in ("rendered", "canceled"):
+        bpy.app.handlers.render_pre.append(lambda *_: end == "canceled" and operator._canceled.append(True))
         turn(tmp_path, output="PNG", frames=1)
         bpy.app.handlers.render_pre.pop()
     else:
@@ -240,18 +240,20 @@ def test_an_animation_that_did_not_come_about_leaves_no_camera(end, cube, tmp_pa
     assert made == set() and len(bpy.data.cameras) == cameras and scene.camera == camera
 
 
-def test_undo_removes_the_camera_and_its_empty(cube, tmp_path):
+def test_undo_removes_the_camera_and_its_empty(cube):
     bpy.ops.ed.undo_push(message="before")
     before = {one.name for one in bpy.data.objects}
-    turn(tmp_path, output="PNG", frames=1)
+    turn()
     bpy.ops.ed.undo_push(message="Turntable")
     bpy.ops.ed.undo()
     assert {one.name for one in bpy.data.objects if one.type in ("CAMERA", "EMPTY")} <= before
 
 
-def test_a_scene_without_a_camera_gets_the_new_one(cube, tmp_path):
+def test_a_scene_gets_the_new_camera_if_nothing_is_rendered(cube, tmp_path):
     bpy.context.scene.camera = None
     turn(tmp_path, frames=1, output="PNG")
+    assert bpy.context.scene.camera is None
+    turn()
     assert bpy.context.scene.camera.name.endswith("Turntable Camera")
 
 

@@ -25,6 +25,22 @@ POSITIONAL = {
     "report": 1, "poll_message_set": 0, "refuse": 1, "RleSplatError": 0, "paragraph": 2, "tell": 0, "pgettext_tip": 0,
     "pgettext_iface": 0, "with_unit": 0, "filled": 0,
 }  # fmt: skip
+# Sentences of the renderer that users meet most and that ``translate`` finds as they stand.
+WHOLE = (
+    "the values are Hounsfield units and include bone", "the values are Hounsfield units and include little bone",
+    "the values are Hounsfield units and include little but fat", "above", "below",
+    "The values are signed distances, so the inside of the surface is shown.",
+    "The file states no unit of length; mm is assumed.",
+    "The file does not say where the patient's left and right are.",
+    "The file does not say how it lies in the patient, so left and right are not known.",
+    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light.",
+    "The world's light is not rendered yet, so it is left out; press Update World Light.",
+    "rendering the world's light", "Right", "Left", "Front", "Back", "Feet", "Head",
+    "Looking through the voxels", "Shading", "Splatting", "Warping", "Mixing volumes",
+    "counting the values", "adding the volume",
+    "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
+    "The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.",
+)  # fmt: skip
 OF_CLASS = ("bl_label", "bl_description")  # also of a tool, which is no registered class
 LAYOUT_TEXT = "text"  # the keyword argument of layout functions
 BLENDERS = "Unique name used in the code and scripting"  # how a description begins that Blender gives
@@ -77,7 +93,7 @@ def of_the_renderer(module: str) -> dict:
     """Text -> file, of the sentences of the renderer that the interface translates."""
     path = "bridge/translations/__init__.py"
     known = import_module(f"{module}.bridge.translations")
-    return dict.fromkeys((*known.COMPOSED, *known.WHOLE), path)
+    return dict.fromkeys((*known.COMPOSED, *WHOLE), path)
 
 
 def said_by_the_renderer(root: Path = ROOT) -> set:

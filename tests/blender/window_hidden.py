@@ -118,7 +118,7 @@ def check_world_light():
     scene.world = bpy.data.worlds.new("World")
     sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    scene.world.node_tree.links.new(sky.outputs[0], background.inputs["Color"])
+    link_color(scene.world, sky)
     state = import_module(f"{MODULE}.bridge.scene.world").state
     yield from settled()
     assert "press Update World Light" in state(scene), state(scene)
@@ -206,8 +206,202 @@ def check_another_label_file():
     passed("another label file")
 
 
+def link_color(world, node):
+    tree = world.node_tree
+    background = next(one for one in tree.nodes if one.type == "BACKGROUND")
+    tree.links.new(node.outputs["Color"], background.inputs["Color"])
+
+
+def check_panels_read_no_image():
+    """A world of 2^23 floats: the panel has its words, and neither reads pixels nor renders them."""
+    yield from new_file()
+    space = area_of("VIEW_3D").spaces.active
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+    shown = import_module(f"{MODULE}.bridge.live.shown")
+    setattr(space, shown.SWITCH, False)
+    read = []
+    nodes, rendered = (import_module(f"{MODULE}.bridge.scene.{name}") for name in ("world_nodes", "world_render"))
+    before = nodes._pixels_of, rendered.render_light
+    nodes._pixels_of = lambda image: read.append("pixels") or before[0](image)
+    rendered.render_light = lambda *arguments, **named: read.append("rendered") or before[1](*arguments, **named)
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    texture = scene.world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = bpy.data.images.new("studio", 2048, 1024, float_buffer=True)
+    texture.image.colorspace_settings.name = "Linear Rec.709"
+    texture.image.generated_type, texture.image.generated_color = "BLANK", (0.2, 0.3, 0.6, 1.0)
+    link_color(scene.world, texture)
+    yield from photograph("world of an image, nothing shown")
+    state = import_module(f"{MODULE}.bridge.scene.world").state
+    assert state(scene) == "World: its image, by direction", state(scene)
+    assert read == [], read
+    setattr(space, shown.SWITCH, True)
+    yield from settled()
+    yield from photograph("world of an image")
+    assert read == ["pixels"], read
+    nodes._pixels_of, rendered.render_light = before
+    passed("panels read no image")
+
+
+def check_selecting_restarts_nothing():
+    """A viewport that Cycles renders goes on, and its samples with it, while objects beside a slice are selected."""
+    yield from new_file()
+    with in_the_view():
+        bpy.ops.mesh.primitive_monkey_add(size=3.0, location=(-3.0, 0.0, 0.0))
+        mesh = bpy.context.object
+        owner = panel_states.add_volume(FOLDER)
+        panel_states.make_active(owner)
+        bpy.ops.rle_splat.add_slice(kind="axial")
+    scene = scenes.use_cycles((48, 36), transparent=False)
+    scene.cycles.preview_samples = 8
+    area_of("VIEW_3D").spaces.active.shading.type = "RENDERED"
+    yield from settled()
+    one = next(one for one in bpy.data.objects if one.rle_splat.is_slice)
+    changed = []
+
+    def note(_scene, depsgraph):
+        changed.extend(type(update.id).__name__ for update in depsgraph.updates)
+
+    bpy.app.handlers.depsgraph_update_post.append(note)
+    for chosen in (mesh, one, owner, mesh):
+        with in_the_view():
+            panel_states.make_active(chosen)
+            bpy.ops.ed.undo_push(message="select")
+        yield
+    yield from photograph("selected beside a slice")
+    assert "Image" not in changed, changed
+    one.location.z += 1.0
+    yield from until(lambda: "Image" in changed)
+    bpy.app.handlers.depsgraph_update_post.remove(note)
+    passed("selecting restarts nothing")
+
+
+def check_memory_is_freed():
+    """Another file, and disabling the extension, leave no voxels and no labels."""
+    store = import_module(f"{MODULE}.bridge.loop.store")
+    for end in ("another file", "disabled"):
+        yield from new_file()
+        with in_the_view():
+            panel_states.add_labels(FOLDER, panel_states.add_volume(FOLDER))
+            bpy.ops.rle_splat.add_slice(kind="axial")
+        yield from settled()
+        assert {key[0] for key in store._entries} >= {"slice"} and store.nbytes() >= 2 * panel_states.SIDE**3
+        if end == "disabled":
+            bpy.ops.preferences.addon_disable(module=MODULE)
+        else:
+            yield from new_file()
+        yield
+        assert store.nbytes() == 0 and not store._entries, end
+        yield from photograph(f"nothing is left, {end}")
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    yield
+    passed("memory is freed")
+
+
+def check_an_animated_sky():
+    """Each frame has the light of its own sky after Update World Light, and before it a sentence."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 1, 2
+    scene.world = bpy.data.worlds.new("World")
+    sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
+    link_color(scene.world, sky)
+    for frame, height in ((1, 1.4), (2, 0.05)):
+        sky.sun_elevation = height
+        sky.keyframe_insert("sun_elevation", frame=frame)
+    scene.frame_set(1)
+    yield from settled()
+    with in_the_view():
+        assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    state = import_module(f"{MODULE}.bridge.scene.world").state
+    yield from until(
+        lambda: state(scene) == "World: rendered, by direction" and scene.rle_splat.world_light.count("\n")
+    )
+    colors = []
+    for frame in (1, 2):
+        scene.frame_set(frame)
+        yield from settled()
+        yield from photograph(f"sky of frame {frame}")
+        assert state(scene) == "World: rendered, by direction", state(scene)
+        (picture,) = viewport().pictures
+        colors.append(picture.rgba[..., :3].sum(axis=(0, 1)) / picture.rgba[..., 3].sum())
+    print(f"mean colors by frame: {colors}", flush=True)
+    assert colors[0].min() > 2.0 * colors[1].max(), "the low sun is darker"
+    passed("an animated sky")
+
+
+def check_behind_glass():
+    """A volume behind a pane of green glass is seen through it, in the viewport and by F12."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+        bpy.ops.rle_splat.frame_volume(side="NONE")
+    side = panel_states.SIDE
+    pane = scenes.add_mesh([(-9, -9, 12), (3.5, -9, 12), (3.5, 16, 12), (-9, 16, 12)], [(0, 1, 2, 3)], name="pane")
+    glass = bpy.data.materials.new("glass")
+    shader = glass.node_tree.nodes.new("ShaderNodeBsdfGlass")
+    shader.inputs["Color"].default_value = (0.3, 0.9, 0.4, 1.0)
+    glass.node_tree.links.new(shader.outputs[0], glass.node_tree.get_output_node("ALL").inputs["Surface"])
+    pane.data.materials.append(glass)
+    scene = scenes.use_cycles((240, 180), transparent=False)
+    scene.world = bpy.data.worlds.new("World")
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    yield from settled()
+    done = []
+    bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
+    bpy.context.preferences.view.render_display_type = "NONE"
+    with in_the_view():
+        bpy.ops.render.render("INVOKE_DEFAULT")
+    yield from until(lambda: done and not bpy.app.is_job_running("RENDER"))
+    bpy.app.handlers.render_complete.pop()
+    path = FOLDER / "glass.png"
+    scene.render.image_settings.file_format = "PNG"
+    bpy.data.images["Render Result"].save_render(str(path))
+    picture = scenes.load_pixels(path)
+    row, middle_of, apart = 90, 120, int(240 / (2.0 * side))
+    behind, beside = picture[row, middle_of - apart, :3], picture[row, middle_of + apart, :3]
+    print(f"behind glass {behind}, beside it {beside}", flush=True)
+    assert behind[1] > 0.1 and behind[0] < 0.85 * behind[1] and beside[0] > beside[1], (behind, beside)
+    area_of("PROPERTIES").type = "IMAGE_EDITOR"
+    area_of("IMAGE_EDITOR").spaces.active.image = bpy.data.images["Render Result"]
+    yield from photograph("behind glass")
+    passed("behind glass")
+
+
+def check_scale_bar():
+    """In perspective it is the length in the middle of the volume, and its line is drawn with words; without any it is
+    that of all the view."""
+    yield from new_file()
+    with in_the_view():
+        panel_states.add_volume(FOLDER)
+        bpy.ops.rle_splat.frame_volume()
+    bars = import_module(f"{MODULE}.bridge.live.bars")
+    bpy.context.scene.rle_splat.show_scale_bar = True
+    written, write = [], bars._write
+    bars._write = lambda text, *place: written.append(text) or write(text, *place)
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    for kind, words in (("PERSP", " at the middle of the volume"), ("ORTHO", "")):
+        view.view_perspective = kind
+        yield from settled()
+        written.clear()
+        yield from photograph(f"scale bar, {kind.lower()}")
+        assert written and all(text.endswith(f"mm{words}") for text in written), written
+    bars._write = write
+    passed("scale bar")
+
+
 def scenario():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_render", "RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_labels")
+    yield from check_panels_read_no_image()
+    yield from check_selecting_restarts_nothing()
+    yield from check_memory_is_freed()
+    yield from check_an_animated_sky()
+    yield from check_behind_glass()
+    yield from check_scale_bar()
     yield from check_a_bad_volume_in_f12()
     yield from check_local_view()
     yield from check_value_goes_with_the_mouse()

@@ -162,7 +162,7 @@ def check_other_tab(owner):
             thumbnails.icon(owner, entry)
     for _ in range(4):
         yield
-    assert not pictures() and not thumbnails._wanted and not module("loop.timer").is_waiting(thumbnails._tick)
+    assert not pictures() and not thumbnails._wanted and thumbnails._tick not in module("loop.timer")._due
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "RLE Splat"
     yield
 

@@ -78,6 +78,7 @@ def set_up():
     voxels = np.where(inside, GRAY + 2 * x + y, 0).astype(np.uint8)
     with in_the_view():
         owner = scenes.import_raw(FOLDER, voxels, name="head")
+        assert bpy.ops.rle_splat.reload(orientation="LPS") == {"FINISHED"}
         scenes.load_color(FOLDER, (0.8, 0.45, 0.3), alpha=0.5)
     bpy.ops.ed.undo_push(message="start")
     yield from settled()
@@ -94,7 +95,14 @@ def check_four_up(name):
     bpy.data.objects[name].rle_splat.slice_width = 255.0
     scenes.activate(bpy.data.objects[name])
     yield from settled()
+    letters = import_module(f"{MODULE}.bridge.live.letters")
+    drawn, draw = [], letters.blf.draw
+    letters.blf.draw = lambda font, text: drawn.append(text) or draw(font, text)
     yield from photograph("four_up")
+    letters.blf.draw = draw
+    print(f"texts of the views: {sorted(set(drawn))}", flush=True)
+    assert {"Right", "Left", "Front", "Back", "Head", "Feet", *"RLAPSI"} <= set(drawn), "words beside slices"
+    assert {"Axial, S 12.0 mm", "Coronal, P 12.0 mm", "Sagittal, L 12.0 mm"} <= set(drawn)
     assert set(regions()) == set(KINDS) and len(slices()) == 3
     # None lies under the sidebar.
     area, owner = area_of("VIEW_3D"), bpy.data.objects[name]

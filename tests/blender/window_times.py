@@ -92,12 +92,6 @@ class Meter:
             self.now.clear()
 
         ours._before, ours._after = self.timing("handler", before), timed_after
-        for handle in ours._handles:
-            bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
-        ours._handles[:] = [
-            bpy.types.SpaceView3D.draw_handler_add(ours._before, (), "WINDOW", "PRE_VIEW"),
-            bpy.types.SpaceView3D.draw_handler_add(ours._after, (), "WINDOW", "POST_VIEW"),
-        ]
 
     def table(self, title: str, counts, wanted) -> None:
         """Print the medians and the least of those calls since the last table for which ``wanted(call)``."""

@@ -71,14 +71,30 @@ def scenario():
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 64, 48
     camera = scenes.add_camera()
-    before = settings()
+    scene.render.resolution_x, scene.render.resolution_y = 643, 361
+    with in_the_view():
+        bpy.ops.rle_splat.turntable("INVOKE_DEFAULT", filepath=str(FOLDER / "odd"))
+    yield from until(file_browser)
+    yield
+    yield from photograph("odd size")
+    place, area = file_browser()
+    chosen = area.spaces.active.active_operator
+    assert chosen.output == "PNG", "no movie has so odd a size, and the dialog says so before it is filled in"
+    with bpy.context.temp_override(window=place, area=area):
+        bpy.ops.file.cancel()
+    yield from until(lambda: file_browser() is None)
+    passed("an odd size is refused at once")
+
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    before, names = settings(), {one.name for one in bpy.data.objects if one.type in ("CAMERA", "EMPTY")}
     yield from confirmed("turn", frames=6)
     yield from until(lambda: (FOLDER / "turn.mp4").exists() and not rendering())
     yield from until(lambda: settings() == before)
     yield from settled()
     yield from photograph("ended")
     assert bpy.data.movieclips.load(str(FOLDER / "turn.mp4")).frame_duration == 6
-    assert scene.camera == camera
+    assert scene.camera == camera, "the scene's own"
+    assert {one.name for one in bpy.data.objects if one.type in ("CAMERA", "EMPTY")} == names, "nothing is left"
     passed("a movie")
 
     (FOLDER / "turn_0002.png").write_bytes(b"of another volume")

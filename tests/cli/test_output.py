@@ -11,14 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rle_splat.cli import output
-from rle_splat.cli.output import check_outputs
 from rle_splat.cli.progress import ProgressLine
-from rle_splat.cli.report import plain, write_report
+from rle_splat.runtime import outputs
 from rle_splat.runtime import whole_files as whole_files_module
 from rle_splat.runtime.memory import bytes_text
+from rle_splat.runtime.outputs import check_outputs, write_report
 from rle_splat.runtime.whole_files import part_of, whole_file, whole_files
 from rle_splat.scene import RleSplatError
+from rle_splat.scene.plain import plain
 
 
 def test_all_outputs_appear_together(tmp_path):
@@ -111,7 +111,7 @@ def test_two_outputs_whose_names_differ_by_case(tmp_path, monkeypatch):
     def part_of(path):
         return whole_files_module.part_of(path.with_name(path.name.lower()))
 
-    monkeypatch.setattr(output, "part_of", part_of)
+    monkeypatch.setattr(outputs, "part_of", part_of)
     with pytest.raises(RleSplatError, match=r"A\.png is named twice"):
         check_outputs(both)
     assert not list(tmp_path.iterdir())

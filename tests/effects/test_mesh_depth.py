@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.rays import camera_rays
-from rle_splat.effects import mesh_occlusion
-from rle_splat.effects.depth_layers import HALO, REACH, depth_layers
+from rle_splat.effects import depth_layers, mesh_occlusion
+from rle_splat.effects.depth_layers import HALO, REACH, depth_layers_steps
 from rle_splat.effects.mesh_depth import SAMPLE_COLUMNS, SAMPLE_ROWS, mesh_depth
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.eye import index_view
 from rle_splat.view.principal_axis import candidate_pyramids
 from rle_splat.view.ray_intervals import ray_intervals
 from tests.ways import both
+
+
+def layers_of(*arguments, **named):
+    return drain(depth_layers_steps(*arguments, **named))
 
 
 def intersect(origins, directions, triangles, ahead):
@@ -87,7 +92,7 @@ def test_silhouette_pixels_hold_both_depths_and_the_covered_part():
     samples = np.full((9, 9, 16), 7.0)
     samples[:, :4] = 3.0
     samples[:, 4, :5] = 3.0  # the silhouette: 5 of 16 samples on the near surface
-    layers = depth_layers(samples, 0.5)
+    layers = layers_of(samples, 0.5)
     assert layers.has_silhouettes
     np.testing.assert_allclose(layers.near[:, 4], 3.0)
     np.testing.assert_allclose(layers.far[:, 4], 7.0)
@@ -101,14 +106,24 @@ def test_silhouette_pixels_hold_both_depths_and_the_covered_part():
 
 def test_a_slanted_surface_is_one_surface():
     slope = np.linspace(2.0, 2.3, 16)
-    layers = depth_layers(np.broadcast_to(slope, (5, 5, 16)), 0.5)
+    layers = layers_of(np.broadcast_to(slope, (5, 5, 16)), 0.5)
     assert not layers.has_silhouettes
     np.testing.assert_allclose(layers.near, slope.mean(), rtol=1e-6)
 
 
 def test_no_mesh_at_all():
-    layers = depth_layers(np.full((4, 4, 16), np.inf), 0.5)
+    layers = layers_of(np.full((4, 4, 16), np.inf), 0.5)
     assert not layers.has_silhouettes and np.isinf(layers.near).all() and (layers.coverage == 1).all()
+
+
+def test_bands_of_rows_give_the_layers_of_the_whole(monkeypatch, way):
+    samples = torn_surfaces(np.random.default_rng(8), 90, 30)
+    whole = layers_of(samples, 0.3)
+    monkeypatch.setattr(depth_layers, "PIXELS_A_STEP", 1)
+    assert len(list(depth_layers_steps(samples, 0.3))) == -(-90 // (4 * HALO)) > 1
+    banded = layers_of(samples, 0.3)
+    for name in ("near", "far", "coverage"):
+        np.testing.assert_array_equal(getattr(banded, name), getattr(whole, name))
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
@@ -117,7 +132,7 @@ def test_a_part_of_the_picture_has_the_depths_and_the_layers_of_the_whole(kind, 
     whole = mesh_depth(TRIANGLES, camera(kind), 60, 44)
     part = mesh_depth(TRIANGLES, camera(kind), 60, 44, region=region)
     np.testing.assert_array_equal(part, whole[top:bottom, left:right])
-    one, two = depth_layers(whole, 0.1), depth_layers(part, 0.1, first_pixel=(left, top))
+    one, two = layers_of(whole, 0.1), layers_of(part, 0.1, first_pixel=(left, top))
     assert one.has_silhouettes and two.has_silhouettes
     inner = (left + HALO, top + HALO, right - HALO, bottom - HALO)
     np.testing.assert_array_equal(two.coverage_of(inner), one.coverage_of(inner))
@@ -159,7 +174,7 @@ def test_references_find_the_same_layers():
     silhouettes = 0
     for _ in range(40):
         samples = torn_surfaces(rng, *rng.integers(1, 40, 2))
-        one, two = both(partial(depth_layers, samples, 0.3))
+        one, two = both(partial(layers_of, samples, 0.3))
         silhouettes += one.has_silhouettes
         for name in ("near", "far", "coverage"):
             np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-6, err_msg=name)
@@ -172,7 +187,7 @@ def test_references_end_rays_at_the_same_places_for_any_number_of_threads(kind, 
     view = index_view(camera(kind), np.eye(4), 44, 40)
     layer = None
     if with_layer:
-        layer = depth_layers(torn_surfaces(np.random.default_rng(3), 40, 44), 0.3).near
+        layer = layers_of(torn_surfaces(np.random.default_rng(3), 40, 44), 0.3).near
     for axis, sign in candidate_pyramids(view):
         plane = base_plane(view, (6, 7, 4), axis, sign, "slice", 1.5)
         if plane is None:

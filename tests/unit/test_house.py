@@ -141,7 +141,9 @@ def floor_breaks(path: Path, source: str) -> list[str]:
         other = package_of(imported)
         if other == package:
             continue
-        if other is None or FLOORS[other] >= FLOORS[package] or other not in ONLY.get(package, {other}):
+        is_other_end = package in BLENDER_PACKAGES and other == "rle_splat.cli"  # two ways to use the same renderer
+        is_above = other is None or FLOORS[other] >= FLOORS[package]
+        if is_above or is_other_end or other not in ONLY.get(package, {other}):
             found.append(f"{path} ({package or 'root'}) may not import {imported}")
     return found
 
@@ -209,6 +211,7 @@ def test_shipped_code_passes(gate, sources):
         (floor_breaks, "rle_splat/accuracy/lighting.py", "from ..volume.gradient import unit_normals"),
         (floor_breaks, "rle_splat/encode/encode.py", "def f():\n    from ...bridge import images"),
         (floor_breaks, "bridge/images.py", "from ..operators import render_image"),
+        (floor_breaks, "bridge/images.py", "from ..rle_splat.cli.report import number_text"),
         (floor_breaks, "rle_splat/attic/old.py", ""),
         (zip_breaks, "rle_splat/cli/accuracy.py", "def f():\n    from ..comparison.compare import compare_steps"),
         (zip_breaks, "rle_splat/cli/main.py", "from . import compare"),

@@ -95,6 +95,6 @@ def test_the_texts_of_licenses_come_from_the_wheels(tmp_path):
 
 def test_the_sentence_on_diagnosis_is_on_the_site_and_in_the_panel():
     sentence = "It is not a medical device and not for diagnosis"
-    names = "README.md", "docs/index.md", "docs/reference/licenses.md", "bridge/data/about.py", "devtools/listing.md"
+    names = "README.md", "docs/index.md", "docs/reference/licenses.md", "panels/about.py", "devtools/listing.md"
     for name in names:
         assert sentence in (places.ROOT / name).read_text(encoding="utf-8"), name

@@ -1,13 +1,15 @@
-"""Output files that are checked before any work is done."""
+"""Output files: checked before any work is done, and reports as strict JSON."""
 
 from __future__ import annotations
 
+import json
 import os
 from contextlib import ExitStack
 from pathlib import Path
 
-from ..runtime.whole_files import part_of, writing
 from ..scene import RleSplatError
+from ..scene.plain import plain
+from .whole_files import part_of, writing
 
 
 def check_outputs(paths, inputs=()) -> None:
@@ -50,3 +52,8 @@ def _check_place(path: Path) -> None:
         raise RleSplatError(f"Cannot write {path}: it is a folder; give a file name.")
     if path.exists() and not path.is_file():
         raise RleSplatError(f"Cannot write {path}: it is not an ordinary file; give another name.")
+
+
+def write_report(path, report: dict) -> None:
+    """Write a report to a file as indented UTF-8 JSON."""
+    Path(path).write_text(json.dumps(plain(report), indent=2, allow_nan=False) + "\n", encoding="utf-8")
