@@ -18,6 +18,7 @@ BONE_SHARE = 0.003  # share of the voxels; less is the table or calcium, and sof
 FAINT = 0.02  # alpha below which a voxel is hardly visible
 VISIBLE_SHARE = 1e-5  # share of the voxels that must be more than faint for a preset to be accepted
 CROWDED_SHARE = 0.9  # share of the voxels; a preset that shows more shows a solid block
+FLUORESCENT = 0.2  # of usual opacities, of channels of one file: what lies behind and within shows, and colors add
 OUTLIER_FACTOR = 1000.0  # a value this many times the spread of the bulk away from the median is an outlier
 BINS = 1024
 
@@ -72,7 +73,9 @@ def default_transfer_function_steps(volume: Volume):
     if volume.value_unit == "signed distance":
         return _inside(volume), "The values are signed distances, so the inside of the surface is shown."
     if volume.color is not None:
-        function = replace(_from_histogram(volume, spread)[0], color=((0.0, *volume.color),), shade=None)
+        function, _ = _from_histogram(volume, spread)
+        opacity = tuple((value, FLUORESCENT * alpha) for value, alpha in function.opacity)
+        function = replace(function, opacity=opacity, color=((0.0, *volume.color),), shade=None)
         return function, "The volume is a channel of several, so it is shown in the channel's color."
     has_contrast = yield from _contrast_steps(volume)
     for name, reason in _proposals(volume, spread, has_contrast):

@@ -88,17 +88,19 @@ class LabelCells:
 
     def of_rows(self, row_start, column) -> np.ndarray:
         """(n,) function number of voxels listed by rows, as of VisibleVoxels."""
-        rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int64), np.diff(row_start))
-        return self.numbers[rows * self.shape_xyz[0] + column] & NO_KIND
+        return self.numbers[self._places(row_start, column)] & NO_KIND
 
-    def records_of(self, row_start, column) -> np.ndarray:
-        """(n,) which of the voxels at boundaries each voxel is, listed by rows; -1 for none."""
-        rows = np.repeat(np.arange(len(row_start) - 1, dtype=np.int64), np.diff(row_start))
-        mine = np.repeat(np.arange(len(self.row_start) - 1, dtype=np.int64), np.diff(self.row_start))
-        own, asked = (row * self.shape_xyz[0] + x for row, x in ((mine, self.column), (rows, column)))
-        found, at_boundary = np.full(len(asked), -1), np.flatnonzero(self.numbers[asked] & BESIDE)
-        found[at_boundary] = np.searchsorted(own, asked[at_boundary])
-        return found
+    def look_up(self, row_start, column) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of n voxels listed by rows: (n,) function numbers; (b,) which of them are at boundaries, ascending; and (b,)
+        which of the voxels at boundaries each of these is."""
+        asked = self._places(row_start, column)
+        found = self.numbers[asked]
+        at = np.flatnonzero(found & BESIDE)
+        return found & NO_KIND, at, np.searchsorted(self._places(self.row_start, self.column), asked[at])
+
+    def _places(self, row_start, column) -> np.ndarray:
+        """(n,) int64 indices into ``numbers`` of voxels listed by rows."""
+        return np.repeat(np.arange(len(row_start) - 1) * self.shape_xyz[0], np.diff(row_start)) + column
 
 
 def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
@@ -288,5 +290,10 @@ def _blurred(values) -> np.ndarray:
     for axis in range(3):
         moved = np.moveaxis(values, axis, 0)
         count = len(moved) - 2 * RADIUS
-        values = np.moveaxis(sum(tap * moved[i : i + count] for i, tap in enumerate(TAPS)), 0, axis)
+        total = TAPS[RADIUS] * moved[RADIUS : RADIUS + count]
+        for i in range(RADIUS):  # taps are alike on both sides
+            both = moved[i : i + count] + moved[2 * RADIUS - i : 2 * RADIUS - i + count]
+            both *= TAPS[i]
+            total += both
+        values = np.moveaxis(total, 0, axis)
     return values

@@ -26,6 +26,7 @@ from ..shade.surface_points import place_steps, shown_ranges
 from ..volume.blocks import cut_chunks
 from ..volume.counts import counts_values
 
+BOUNDARY = -1  # in place of a function's number
 FLAT = 0.02  # of the largest density, in two voxels: less is no boundary that light shows
 CLEAR = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 0.0, 0.0, 0.0),))  # of a hidden label
 SOLID = TransferFunction(opacity=((0.0, 1.0),), color=((0.0, 0.0, 0.0, 0.0),))
@@ -150,17 +151,15 @@ class ScalarLabels:
     def extinction(self, voxels: VisibleVoxels, kind, infinite) -> np.ndarray:
         """(m,) float32 of voxels, each by its own function, 1 / world length; see ``extinction_of``."""
         numbers, found = self.cells.of_rows(voxels.row_start, voxels.column), np.empty(len(voxels), np.float32)
-        for number in np.unique(numbers):
+        for number in np.flatnonzero(np.bincount(numbers)):
             own = numbers == number
             found[own] = extinction_of(self.tables[number], voxels.stored[own], kind, infinite)
         return found
 
     def mean_extinction(self, voxels: VisibleVoxels, nearby: np.ndarray) -> np.ndarray:
         """(m,) float32 as ``shown_nearby.mean_extinction``, of the function at each voxel that shows most."""
-        rows = voxels.row_start, voxels.column
-        numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
-        found, at = np.zeros(len(voxels), np.float32), np.flatnonzero(records >= 0)
-        kinds = self.cells.kinds[records[at]]
+        numbers, at, records = self.cells.look_up(voxels.row_start, voxels.column)
+        found, kinds = np.zeros(len(voxels), np.float32), self.cells.kinds[records]
         for number, table in enumerate(self.tables):
             mine = numbers == number
             mine[at] |= (kinds == number).any(axis=1)
@@ -175,42 +174,44 @@ class ScalarLabels:
         two organs meet that are equally dense.  Elsewhere a voxel is turned to where its own function shows less.
         ``extinction``: (m,), of the voxels.
         """
-        rows = voxels.row_start, voxels.column
-        numbers, records = self.cells.of_rows(*rows), self.cells.records_of(*rows)
-        count = len(self.tables)
-        dense = np.bincount(numbers, extinction, count) / np.maximum(np.bincount(numbers, minlength=count), 1)
-        at = np.flatnonzero(records >= 0)
-        kinds = self.cells.kinds[records[at]]
+        numbers, at, records = self.cells.look_up(voxels.row_start, voxels.column)
+        count, kinds = len(self.tables), self.cells.kinds[records]
+        sizes = np.bincount(numbers, minlength=count)
+        dense = np.bincount(numbers, extinction, count) / np.maximum(sizes, 1)
         shares = np.where(kinds == NO_KIND, 0.0, dense[np.minimum(kinds, count - 1)] / max(dense.max(), 1e-30))
-        slopes = (shares[..., None] * self.cells.slopes[records[at]]).sum(axis=1) / SLOPE_OF_ONE
+        slopes = (shares[..., None] * self.cells.slopes[records]).sum(axis=1) / SLOPE_OF_ONE
         steep = np.linalg.norm(slopes, axis=1) > FLAT
         at, slopes = at[steep], np.sign(volume.slope) * slopes[steep] @ np.linalg.inv(volume.affine[:3, :3])
         slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
         vectors = np.array(surfaces.vectors)
         vectors[at] = np.rint(slopes * ONE)
-        turned = replace(surfaces, vectors=read_only(vectors))
-        alike = self._alike(numbers)
-        alike[at] = -1
+        first = self._first_alike()
+        alike = first[numbers]
+        alike[at] = BOUNDARY
+        sizes = np.bincount(first, sizes)
+        groups = [int(group) for group in np.argsort(-sizes, kind="stable") if sizes[group] > 0]
         codes = offsets = None
-        groups = np.unique(alike)
-        for n, group in enumerate(groups):
-            function = SOLID if group < 0 else self.functions.functions[group]
-            steps = place_steps(turned, voxels, volume, function, matrix, faces, with_points=with_points,
-                                threads=threads)  # fmt: skip
-            found = yield from map_steps(steps, lambda done, n=n: (n + done) / len(groups))
+        for n, group in enumerate([*groups, BOUNDARY]):  # the largest is placed everywhere
+            function, mine, own = SOLID if group == BOUNDARY else self.functions.functions[group], slice(None), voxels
+            if n > 0:
+                mine = np.flatnonzero(alike == group)
+                own = replace(voxels, row_start=np.searchsorted(mine, voxels.row_start), column=voxels.column[mine],
+                              stored=voxels.stored[mine], bits=None)  # fmt: skip
+            turned = Surfaces(read_only(vectors[mine]), read_only(surfaces.steepness[mine]))
+            steps = place_steps(turned, own, volume, function, matrix, faces, with_points=with_points, threads=threads)
+            found = yield from map_steps(steps, lambda done, n=n: (n + done) / (len(groups) + 1))
             if n == 0:
                 codes, offsets = (None if one is None else np.array(one) for one in found)
                 continue
-            mine = alike == group
             for to, one in zip((codes, offsets), found):
                 if to is not None:
-                    to[mine] = one[mine]
+                    to[mine] = one
         return codes, offsets
 
-    def _alike(self, numbers) -> np.ndarray:
-        """(m,) int64: of each voxel's function the first one that shows the same values."""
+    def _first_alike(self) -> np.ndarray:
+        """(functions,) int16: of each function the first one that shows the same values."""
         first, known = {}, []
         for number, function in enumerate(self.functions.functions):
             key = shown_ranges((function or self.functions.functions[0]).opacity).tobytes()
             known.append(first.setdefault(key, number if function is not None else 0))
-        return np.array(known)[numbers]
+        return np.array(known, np.int16)
