@@ -132,11 +132,12 @@ def rows_of(path: Path, panel: str) -> list[tuple[str, str, list[str], str]]:
     list of (str, str, list of str, str)
         "operator" or "property", its name, the labels that are drawn ("" is its own), and the menu that it is in.
     """
-    found, rows = [], {}
+    found: list[tuple] = []
+    rows: dict[tuple, list[str]] = {}
     _follow_class(*_names(path)[panel], found, "")
     for kind, name, labels, menu in found:  # one row for what is drawn in several places of a panel
         known = rows.setdefault((kind, name, menu), [])
-        known += [label for label in labels or ("",) if label not in known]
+        known += [label for label in (("",) if labels is None else labels) if label not in known]
     return [(kind, name, labels, menu) for (kind, name, menu), labels in rows.items()]
 
 
@@ -154,7 +155,7 @@ def _follow_class(path: Path, node: ast.ClassDef, found: list, menu: str) -> Non
 
 def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, menu: str) -> None:
     """Follow the calls of a function in their order; ``local`` has what its names can be, as nodes."""
-    local = dict(local)
+    local, headings = dict(local), {}  # headings: text of a row or column that stands before what is drawn in it
     for node in _ordered(function):
         if isinstance(node, (ast.For, ast.comprehension)):
             items = _items(path, node.iter, local)
@@ -170,8 +171,35 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
                 used = {one.id for one in ast.walk(value) if isinstance(one, ast.Name)}
                 if isinstance(target, ast.Name) and target.id not in used:
                     local[target.id] = [value]
+                if isinstance(target, ast.Name) and isinstance(value, ast.Call):
+                    texts = _texts(path, _keyword(value, "heading"), local)
+                    headings[target.id] = texts[0] if texts else headings.get(_root(value), "")
         elif isinstance(node, ast.Call):
+            if isinstance(node.func, ast.Attribute) and node.func.attr == "label" and _root(node) != "layout":
+                headings[_root(node)] = next(iter(_texts(path, _keyword(node, "text"), local)), "")
+            begin = len(found)
             _read_call(path, node, local, found, menu)
+            if heading := headings.get(_root(node)):
+                found[begin:] = [(*one[:2], _headed(heading, one[2]), one[3]) for one in found[begin:]]
+
+
+def _root(call: ast.Call) -> str:
+    """The name of the layout that a call draws into, also through ``row.row()``."""
+    node = call.func
+    while isinstance(node, (ast.Attribute, ast.Call)):
+        node = node.value if isinstance(node, ast.Attribute) else node.func
+    return getattr(node, "id", "")
+
+
+def _keyword(call: ast.Call, name: str):
+    return next((word.value for word in call.keywords if word.arg == name), None)
+
+
+def _headed(heading: str, labels: list[str] | None) -> list[str]:
+    """Labels after the heading of their row, which stands for an empty one; "Show: " goes on with the own name."""
+    if labels is None:
+        return [f"{heading}: "]
+    return [f"{heading}: {label}" if label else heading for label in labels if label != heading]
 
 
 def _ordered(function: ast.FunctionDef):
@@ -183,10 +211,12 @@ def _ordered(function: ast.FunctionDef):
 def _read_call(path: Path, call: ast.Call, local: dict, found: list, menu: str) -> None:
     """Add what one call draws."""
     method = call.func.attr if isinstance(call.func, ast.Attribute) else ""
-    text = next((word.value for word in call.keywords if word.arg == "text"), None)
+    text = _keyword(call, "text")
     labels = None if text is None else [one.strip() for one in _texts(path, text, local)] or [A_NAME]
-    if labels == [""]:
-        labels = [AN_ICON] if method == "operator" else None  # a tooltip begins with a property's name
+    if labels == [""] and method == "operator":
+        labels = [AN_ICON]
+    if _keyword(call, "expand") is not None:  # only the choices are drawn
+        labels = [""]
     if method == "operator":
         found += [("operator", name, labels, menu) for name in _texts(path, call.args[0], local)]
     elif method in ("prop", "prop_enum") and len(call.args) > 1:

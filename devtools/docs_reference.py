@@ -315,7 +315,8 @@ def panels() -> str:
 
 def _drawn(name: str, labels: list[str], menu: str) -> str:
     """How a button or a setting is drawn: its label, or its name and that it is an icon."""
-    texts = [f"{name} {label}" if label == AN_ICON else label or name for label in labels]
+    texts = [f"{name} {label}" if label == AN_ICON else label + name if label.endswith(": ") else label or name
+             for label in labels]  # fmt: skip
     return (f"{menu} > " if menu else "") + ", ".join(text if text == A_NAME else f"*{text}*" for text in texts)
 
 
