@@ -131,8 +131,10 @@ def python() -> str:
         value = getattr(rle_splat, name)
         is_class = isinstance(value, type)
         is_exception = is_class and issubclass(value, Exception)
-        parts += [f"## {name}", f"`rle_splat.{name}{'' if is_exception else _parameters(value)}`"]
-        parts.append(_docstring(inspect.getdoc(value) or ""))
+        text = inspect.getdoc(value) or ""
+        is_returned = is_class and "\nAttributes\n---" in text  # a user makes none
+        typed = "" if is_exception or is_returned else _parameters(value)
+        parts += [f"## {name}", f"`rle_splat.{name}{typed}`", _docstring(text)]
         members = _members(value) if is_class and not is_exception else []
         parts += [_table(("member", "what it is"), members)] if members else []
     return "\n\n".join(parts)
@@ -154,7 +156,7 @@ def _members(cls) -> list[tuple[str, str]]:
         function = getattr(member, "__func__", member)
         if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
             typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
-            rows.append((f"`{typed}`", _sentence((inspect.getdoc(member) or "").partition("\n\n")[0])))
+            rows.append((f"`{typed}`", _sentence(_prose((inspect.getdoc(member) or "").partition("\n\n")[0]))))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""The tutorial "From a DICOM folder to a rendered figure", step by step: a photograph of each for its page.
+"""The tutorial "From a scan to a figure", step by step: a photograph of each for its page, and the figure.
 
     python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x1100
 
@@ -17,7 +17,7 @@ from pathlib import Path
 import bpy
 from mathutils import Euler
 
-from tests.blender.user_steps import drag, middle, press, settled
+from tests.blender.user_steps import middle, press, settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -50,19 +50,6 @@ def look_from(tilt: float, turn: float, nearer: float = 1.0) -> None:
     view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
 
 
-def light_and_floor(volume):
-    """The lamp and the floor of step 6."""
-    with in_the_view():
-        bpy.ops.object.light_add(type="AREA", location=(0.6, -0.6, 0.5), rotation=[radians(a) for a in (60, 0, 45)])
-        bpy.context.object.data.energy, bpy.context.object.data.size = 15.0, 0.3
-        bpy.ops.mesh.primitive_plane_add(size=2.0, location=(0.0, 0.0, -0.09))
-    floor = bpy.data.materials.new("Floor")
-    floor.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.03, 0.035, 0.045, 1.0)
-    bpy.context.object.data.materials.append(floor)
-    bpy.context.view_layer.objects.active = volume
-    volume.rle_splat.lighting = "SCENE"
-
-
 def camera_to_view():
     scene = bpy.context.scene
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -91,10 +78,6 @@ def scenario():
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
     yield from new_file()
     scene = bpy.context.scene
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
-    scene.cycles.use_denoising = False
-    scene.view_settings.view_transform = "Standard"
-    scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
 
     began = time.perf_counter()
@@ -116,21 +99,25 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        bpy.ops.rle_splat.use_window_tool()
-    yield from drag("LEFTMOUSE", middle(), [(6, 4)] * 5)
-    yield from settled()
-    yield from keep("tutorial-4-window", began)
-    with in_the_view():
-        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
-        bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-
-    began = time.perf_counter()
-    with in_the_view():
         assert bpy.ops.rle_splat.frame_volume(side="L") == {"FINISHED"}
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+    scene.rle_splat.ambient_occlusion = 1.0
+    scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
+    yield from settled()
+    passed("cut and shaded")
+
+    began = time.perf_counter()
+    figure = Path(os.environ[SHOTS]) / "tutorial-figure.png"
+    with in_the_view():
+        assert bpy.ops.rle_splat.save_figure(filepath=str(figure), view="VIEWPORT") == {"FINISHED"}
+    assert figure.is_file()
+    subprocess.run(["convert", str(figure), "-resize", "1004x", str(figure)], check=True)
+    passed(f"tutorial-figure, {time.perf_counter() - began:.1f} s,")
+
+    began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
     bpy.context.view_layer.objects.active = volume
@@ -139,20 +126,20 @@ def scenario():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
     look_from(62.0, 55.0, 0.42)
     yield from settled()
-    yield from keep("tutorial-5-cut", began)
+    yield from keep("tutorial-4-cut", began)
 
     began = time.perf_counter()
+    scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
-    light_and_floor(volume)
     camera_to_view()
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     yield from settled()
-    yield from keep("tutorial-6-camera", began)
+    yield from keep("tutorial-5-camera", began)
 
     began = time.perf_counter()
     yield from rendered(volume)
-    yield from keep("tutorial-7-rendered", began)
+    yield from keep("tutorial-6-rendered", began)
 
 
 drive(scenario)
