@@ -72,7 +72,7 @@ OF_ALL_PYTHONS = {
     "PyTuple_GetItem", "PyTuple_Pack", "PyTuple_Size", "Py_DecRef", "Py_IncRef", "PyUnicode_FromKindAndData",
     "_Py_NoneStruct",
 }  # fmt: skip
-OF_OTHERS = "Kernels of this installation are of other sources"
+OF_OTHERS = "The compiled code of this installation is of other sources"
 LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
 
 
