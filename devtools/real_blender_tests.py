@@ -57,7 +57,7 @@ WINDOW_SCRIPTS = {
     "window_world.py": USUAL_SCREEN,
     "window_after_render.py": USUAL_SCREEN,
     "window_times.py": USUAL_SCREEN,
-    "window_tutorial.py": (1280, 1100),
+    "window_tutorial.py": (1280, 900),
 }
 
 

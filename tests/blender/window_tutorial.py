@@ -1,11 +1,12 @@
 """The tutorial "From a scan to a figure", step by step: a photograph of each for its page, and the figure.
 
-    python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x1100
+    python3 dev.py blender --photograph tests/blender/window_tutorial.py --size 1280x900
 
 keeps them in build/window-shots/window_tutorial as JPEG, and prints how long each step took.  The scan is the DICOM
 series in tests/blender/data/scan, if there is such a folder, else the practice CT.
 """
 
+import json
 import os
 import subprocess
 import tempfile
@@ -30,6 +31,7 @@ from tests.blender.window_driver import (
     until,
 )
 
+SHOWN = 10  # steps, until the window shows what the compositor has made
 THUMBNAILS = 90  # steps, until the pictures of presets are there
 SCAN = Path(__file__).parent / "data" / "scan"
 
@@ -59,13 +61,17 @@ def camera_to_view():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
 
 
-def rendered(_volume):
+def rendered(scene):
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
-    yield
-    yield
+    for _ in range(SHOWN):
+        yield
+    assert not scene.rle_splat.render_problem, scene.rle_splat.render_problem
+    scene.render.image_settings.file_format = "PNG"
+    path = Path(os.environ[SHOTS]) / "tutorial-render.png"
+    bpy.data.images["Render Result"].save_render(str(path))
 
 
 def scenario():
@@ -78,11 +84,12 @@ def scenario():
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
     yield from new_file()
     scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
     yield from keep("tutorial-1-empty", time.perf_counter())
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(folder), at_cursor=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_folder(directory=str(folder)) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
@@ -106,14 +113,16 @@ def scenario():
     scene.rle_splat.ambient_occlusion = 1.0
     scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
+    area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
+    look_from(90.0, 90.0, 0.42)
     yield from settled()
-    passed("cut and shaded")
+    yield from keep("tutorial-4-cut", began)
 
     began = time.perf_counter()
     figure = Path(os.environ[SHOTS]) / "tutorial-figure.png"
     with in_the_view():
         assert bpy.ops.rle_splat.save_figure(filepath=str(figure), view="VIEWPORT") == {"FINISHED"}
-    assert figure.is_file()
+    assert figure.is_file() and json.loads(figure.with_suffix(".figure.json").read_text())
     subprocess.run(["convert", str(figure), "-resize", "1004x", str(figure)], check=True)
     passed(f"tutorial-figure, {time.perf_counter() - began:.1f} s,")
 
@@ -124,22 +133,23 @@ def scenario():
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = 700.0, 800.0
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
-    look_from(62.0, 55.0, 0.42)
+    look_from(62.0, 55.0)
     yield from settled()
-    yield from keep("tutorial-4-cut", began)
+    yield from keep("tutorial-5-slice", began)
 
     began = time.perf_counter()
     scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
+    look_from(62.0, 55.0, 1.7)  # a camera sees half of what a viewport does
     camera_to_view()
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     yield from settled()
-    yield from keep("tutorial-5-camera", began)
+    yield from keep("tutorial-6-camera", began)
 
     began = time.perf_counter()
-    yield from rendered(volume)
-    yield from keep("tutorial-6-rendered", began)
+    yield from rendered(scene)
+    yield from keep("tutorial-7-rendered", began)
 
 
 drive(scenario)
