@@ -132,7 +132,7 @@ def python() -> str:
         is_class = isinstance(value, type)
         is_exception = is_class and issubclass(value, Exception)
         text = inspect.getdoc(value) or ""
-        is_returned = is_class and "\nAttributes\n---" in text  # a user makes none
+        is_returned = is_class and "\nAttributes\n---" in text and "\nParameters\n---" not in text  # a user makes none
         typed = "" if is_exception or is_returned else _parameters(value)
         parts += [f"## {name}", f"`rle_splat.{name}{typed}`", _docstring(text)]
         members = _members(value) if is_class and not is_exception else []
