@@ -71,9 +71,9 @@ def render_within(
     Returns
     -------
     Rendering
-        The report's ``error`` holds the error that was predicted and the one that was measured, the reference (``truth``),
-        the number of sample pixels (``probes``), whether the tolerance is ``kept``, the ``floor`` if it is not, and the milliseconds of the picture
-        and of planning and measuring.
+        The report's ``error`` holds the predicted and the measured error, the reference (``truth``), the number of
+        sample pixels (``probes``), whether the tolerance is ``kept``, the ``floor`` if it is not, and the milliseconds
+        of the picture and of planning and measuring.
 
     Raises
     ------
