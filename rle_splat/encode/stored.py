@@ -162,7 +162,7 @@ class _ChunkCounts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StoredVolume:
-    """A volume that is run-length encoded: what a `.rle` file or folder holds, or the result of ``encode_scene``.
+    """A volume that is run-length encoded: what a `.rle` file or folder holds, or the result of ``encode``.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ class Scene:
         alpha, which is 1 for clear or colored glass and less for a surface that hides a part by itself.
     crop : (4,) tuple of int or None
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
-        rendered, with the same bits as in the whole frame. None for the whole frame.
+        rendered, bit-identical to those of the whole frame. None for the whole frame.
     effects : dict of str to bool
         Effect name -> forced on or off, whatever the rest of the scene needs.
     motion : tuple of Pose
