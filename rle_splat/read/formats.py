@@ -213,8 +213,8 @@ def read_volume(path, **options) -> Volume:
     ----------------
     spacing : (3,) sequence of float
         Distance between voxel centers along the voxel axes x, y, z, in the volume's unit.
-    unit : {"um", "mm", "cm", "m", "world"}
-        Unit of lengths.
+    unit : str
+        Unit of lengths, such as "mm" or "um".
     orientation : str
         The directions of a patient in which x, y and z grow, such as "LPS".
     flip : str
