@@ -387,20 +387,24 @@ def main(arguments) -> int:
 
 
 def write_page(options, views, knobs, names, circumstances_said) -> None:
-    """Fill the page's tables in place."""
-    page = options.output / "accuracy.md"
-    text = (page if page.exists() else DOCS / "accuracy.md").read_text(encoding="utf-8")
+    """Fill the tables of both pages in place."""
     first = next(iter(views.values()))
     probes = first["probes"]
     how = (
         f"{options.size} x {options.size} pixels, {first['threads']} threads; the median of {options.repeats} frames; "
-        f"{probes['random']} random probe pixels, {probes['steep']} steep ones and a crop of each view."
+        f"{probes['random']} random sample pixels, {probes['steep']} steep ones and a crop of each view."
     )
-    blocks = {
-        "plans": plans_table(views), "tolerances": tolerance_table(views), "knobs": knobs_table(knobs, names),
-        "losses": losses_table(knobs, names), "circumstances": " ".join([how, *circumstances_said]),
+    pages = {
+        "accuracy.md": {
+            "tolerances": tolerance_table(views), "knobs": knobs_table(knobs, names),
+            "losses": losses_table(knobs, names), "circumstances": " ".join([how, *circumstances_said]),
+        },
+        "accuracy-measured.md": {"plans": plans_table(views)},
     }  # fmt: skip
-    page.write_text(fill(text, blocks), encoding="utf-8")
+    for name, blocks in pages.items():
+        page = options.output / name
+        text = (page if page.exists() else DOCS / name).read_text(encoding="utf-8")
+        page.write_text(fill(text, blocks), encoding="utf-8")
 
 
 def compact(record: dict) -> str:

@@ -23,6 +23,7 @@ from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS
 from rle_splat.read.formats import FORMATS
 
+from .docs_panels import A_NAME, AN_ICON, rows_of
 from .licenses import bundled
 from .places import ROOT
 
@@ -31,6 +32,14 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
     ("VIEW_3D", "RLE Splat"): "3D View > Sidebar > RLE Splat",
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
+}
+BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
+    "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
+    "location": ("Position", "Where the slice is along its normal, in mm from the middle of the scan."),
+    "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
+    "hide_render": ("Hide in Renders", "Hide this object in renders; a hidden clip object cuts nothing."),
+    "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),
+    "On Meshes": ("On Meshes", "Whether the volume casts shadows on meshes."),
 }
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -122,8 +131,10 @@ def python() -> str:
         value = getattr(rle_splat, name)
         is_class = isinstance(value, type)
         is_exception = is_class and issubclass(value, Exception)
-        parts += [f"## {name}", f"`rle_splat.{name}{'' if is_exception else _parameters(value)}`"]
-        parts.append(_docstring(inspect.getdoc(value) or ""))
+        text = inspect.getdoc(value) or ""
+        is_returned = is_class and "\nAttributes\n---" in text and "\nParameters\n---" not in text  # a user makes none
+        typed = "" if is_exception or is_returned else _parameters(value)
+        parts += [f"## {name}", f"`rle_splat.{name}{typed}`", _docstring(text)]
         members = _members(value) if is_class and not is_exception else []
         parts += [_table(("member", "what it is"), members)] if members else []
     return "\n\n".join(parts)
@@ -145,7 +156,7 @@ def _members(cls) -> list[tuple[str, str]]:
         function = getattr(member, "__func__", member)
         if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
             typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
-            rows.append((f"`{typed}`", _sentence((inspect.getdoc(member) or "").partition("\n\n")[0])))
+            rows.append((f"`{typed}`", _sentence(_prose((inspect.getdoc(member) or "").partition("\n\n")[0]))))
     return rows
 
 
@@ -283,26 +294,37 @@ def operators() -> str:
 
 
 def panels() -> str:
-    """Every panel: where it is, its buttons and its settings."""
-    labels = {_text(one, "bl_idname"): _text(one, "bl_label") for one in _of_kind("RLE_SPLAT_")}
+    """Every panel: where it is, and what it draws, from the top."""
     files: dict[str, list[Declared]] = {}
     for one in _of_kind("RLE_SPLAT_PT_"):
         files.setdefault(one.file, []).append(one)
     parts = []
-    for file, ours in files.items():
-        known = _settings_of(file)
-        strings = dict.fromkeys(
-            node.value for node in ast.walk(ours[0].module)
-            if isinstance(node, ast.Constant) and isinstance(node.value, str)
-        )  # fmt: skip
-        buttons = [f"*{labels[text]}*" for text in strings if text.startswith("rle_splat.") and text in labels]
-        rows = dict.fromkeys((known[text]["name"], _meaning(known[text])) for text in strings if text in known)
+    for file, ours in sorted(files.items(), key=lambda entry: _place_in_tab(*entry)):
+        known = BLENDERS | {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
+        known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), _sentence(_text(one, "bl_description") or one.doc))
+                  for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
+        rows: dict[str, str] = {}
+        for _, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
+            if name in known:
+                label, meaning = _drawn(known[name][0], drawn, menu), known[name][1]
+                rows[label] = meaning if rows.get(label, meaning) == meaning else f"{rows[label]} Or: {meaning}"
         parts.append(f"## {_text(ours[0], 'bl_label')}")
-        parts.append(_sentence(ast.get_docstring(ours[0].module)))
-        parts.append(f"Where: {'; '.join(_where(one, labels) for one in ours)}.")
-        parts += [f"Buttons: {', '.join(buttons)}."] if buttons else []
-        parts += [_table(("setting", "what it does"), rows)] if rows else []
+        parts.append(_sentence(ast.get_docstring(ours[0].module).partition(": ")[2] or ours[0].doc))
+        parts.append(f"Where: {'; '.join(map(_where, ours))}.")
+        parts += [_table(("button or setting", "what it does"), rows.items())] if rows else []
     return "\n\n".join(parts)
+
+
+def _drawn(name: str, labels: list[str], menu: str) -> str:
+    """How a button or a setting is drawn: its label, or its name and that it is an icon."""
+    texts = [f"{name} {label}" if label == AN_ICON else label + name if label.endswith(": ") else label or name
+             for label in labels]  # fmt: skip
+    return (f"{menu} > " if menu else "") + ", ".join(text if text == A_NAME else f"*{text}*" for text in texts)
+
+
+def _place_in_tab(file: str, ours: list[Declared]) -> tuple:
+    """Panels in the order of the tab; those inside others after them."""
+    return bool(_text(ours[0], "bl_parent_id")), _text(ours[0], "bl_order") or 0, file
 
 
 def _settings_of(file: str) -> dict[str, dict]:
@@ -315,10 +337,11 @@ def _settings_of(file: str) -> dict[str, dict]:
     }  # fmt: skip
 
 
-def _where(one: Declared, labels: dict) -> str:
+def _where(one: Declared) -> str:
+    """Where a panel is, by the labels that lead to it."""
+    parent = {_text(other, "bl_idname"): other for other in _of_kind("RLE_SPLAT_PT_")}.get(_text(one, "bl_parent_id"))
     place = PLACES[_text(one, "bl_space_type"), _text(one, "bl_category") or _text(one, "bl_context")]
-    parent = _text(one, "bl_parent_id")
-    return f"{place} > {labels[parent] + ' > ' if parent else ''}{_text(one, 'bl_label')}"
+    return f"{_where(parent) if parent else place} > {_text(one, 'bl_label')}"
 
 
 def settings() -> str:

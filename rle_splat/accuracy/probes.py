@@ -169,7 +169,7 @@ def statement(failed: int, count: int, tolerance: float) -> str:
     """A sentence about all pixels, from ``failed`` of ``count`` random probes; ``tolerance`` in levels."""
     how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
-        f"{how_many} random probes {'differ' if failed > 1 else 'differs'} from the truth by more than {tolerance:g} "
-        f"level{'' if tolerance == 1 else 's'}: at 95 % confidence at most {share_above(failed, count):.2%} of the "
-        "pixels do."
+        f"{how_many} random sample pixels {'differ' if failed > 1 else 'differs'} from the reference by more than "
+        f"{tolerance:g} level{'' if tolerance == 1 else 's'}: at 95 % confidence at most "
+        f"{share_above(failed, count):.2%} of the pixels do."
     )

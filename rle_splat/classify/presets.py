@@ -80,7 +80,7 @@ def preset(name: str) -> TransferFunction:
     Parameters
     ----------
     name : str
-        A key of PRESETS.
+        Name of a built-in transfer function, such as "ct-bone".
 
     Returns
     -------
@@ -121,7 +121,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     Parameters
     ----------
     name : str
-        A key of PRESETS.
+        Name of a built-in transfer function, such as "ct-bone".
     volume : Volume
 
     Returns

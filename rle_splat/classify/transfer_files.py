@@ -32,7 +32,8 @@ def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     Returns
     -------
     tuple of FileFunction
-        At least one, their names all different.  A unit RELATIVE or MAXIMUM asks for ``fit_function``.
+        At least one, their names all different.  One of the unit "relative" or "maximum" has to go
+        through ``fit_function``.
 
     Raises
     ------
@@ -116,5 +117,18 @@ def choose_function(found: tuple[FileFunction, ...], name: str | None, path, opt
 
 
 def fit_function(function: TransferFunction, volume: Volume) -> TransferFunction:
-    """``function``, moved to the values of a volume if its unit is RELATIVE or MAXIMUM."""
+    """Move a transfer function to the values of a volume, if its points are relative.
+
+    Parameters
+    ----------
+    function : TransferFunction
+        Points of the unit "relative" are from 0 to 1, over the values of a volume; those of "maximum" are shares of the
+        largest value.
+    volume : Volume
+
+    Returns
+    -------
+    TransferFunction
+        In the unit of the volume's values; any other function as it is.
+    """
     return drain(fit_steps(function, volume))[0] if function.unit in (RELATIVE, MAXIMUM) else function

@@ -131,7 +131,7 @@ def _run_folder(args, axes: list[int], start: float) -> None:
     except KeyboardInterrupt:
         if not can_go_on(output):
             raise
-        raise Cancelled("Stopped; the planes that are done are kept, and the same command goes on with them.") from None
+        raise Cancelled("Stopped; finished planes stay, and the same command goes on after them.") from None
     _say_folder(report)
 
 
@@ -175,7 +175,7 @@ def _say_folder(report: dict) -> None:
         print(remark)
     function, volume, folder = report["transfer_function"], report["volume"], report["folder"]
     print(f"Transfer function {function['name']}: {function['reason']}")
-    print(f"{volume['visible_voxels']} of the voxels are kept ({volume['visible_fraction']:.2%}).")
+    print(f"{volume['visible_voxels']} voxels are visible ({volume['visible_fraction']:.2%}).")
     if folder["resumed_at_plane"]:
         print(f"Planes up to {folder['resumed_at_plane']} were there from a run that was stopped.")
     print(f"Wrote the folder {report['output']['path']} ({bytes_text(folder['bytes'])}).")

@@ -124,8 +124,8 @@ def add_report_options(parser) -> None:
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
         help="the most memory of its own to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a "
-             "command that needs more is refused; mapped files do not count, though the system may show them as memory "
-             "of the process",
+             "command that needs more ends with an error; mapped files do not count, though the system may show them "
+             "as memory of the process",
     )  # fmt: skip
 
 

@@ -34,9 +34,9 @@ def run(args) -> None:
             report = {"command": "prepare", "folder": KERNELS, "seconds": seconds, "new": new, "pictures": pictures}
             write_report(parts[0], report)
     if not new:
-        print(f"Nothing to do: the kernels of default pictures are in {KERNELS} already.")
+        print(f"Nothing to do: the compiled code of default pictures is in {KERNELS} already.")
         return
     for one in prepared:
         if one.kernels:
             print(f"{one.seconds:6.1f} s  {one.picture}: {', '.join(one.kernels)}")
-    print(f"Compiled {new} kernels in {seconds:.1f} s, kept in {KERNELS}.")
+    print(f"Compiled {new} functions in {seconds:.1f} s, stored in {KERNELS}.")

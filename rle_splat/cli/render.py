@@ -199,7 +199,7 @@ def _render_frames(args, frames, checked: Checked, line) -> list[dict]:
             series = FrameSeries(args, checked, line)
             reports = [series.make(own, perf_counter()) for own in frames]
     except KeyboardInterrupt:
-        raise Cancelled("Stopped; frames that were complete are kept.") from None
+        raise Cancelled("Stopped; complete frames stay.") from None
     if args.json:
         with whole_files([args.json]) as parts:
             write_report(parts[0], {"command": "render", "input": {"path": str(args.volume)}, "frames": reports})
@@ -414,7 +414,8 @@ def _say(report: dict) -> None:
     if report["plan"]["aim"] is not None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
-        print(f"{report['plan']['name']}: {report['error']['sentence']}, against {report['error']['truth']}.")
+        error = report["error"]
+        print(f"{report['plan']['name']}: {error['sentence']}, against the reference {error['truth']}.")
     for line in describe_rays(report["rays"]):
         print(line)
     _say_outputs(report)

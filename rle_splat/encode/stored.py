@@ -162,7 +162,7 @@ class _ChunkCounts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StoredVolume:
-    """A volume that is run-length encoded: what a `.rle` file or folder holds, or the result of ``encode_scene``.
+    """A volume that is run-length encoded: what a `.rle` file or folder holds, or the result of ``encode``.
 
     Attributes
     ----------
@@ -190,22 +190,9 @@ class StoredVolume:
     space : {"patient"} or None
         See Volume.
     visible_voxels, nan_voxels : int
-    values : Values or None
-        Of post-classified tables.
-    most_color : float
-        Largest channel of any color of pre-classified tables.
-    decoding : ndarray or None
-        See RunLengthVolume.
-    mapped : MappedTables or None
-        The stored members; None in memory.
+        Number of voxels that are not transparent, and that are not a number.
     key : str or None
         Hash of what is stored; None of what was not read from a file or folder.
-    opened : dict
-        Principal axis -> the tables that were checked already, and the planes that are read.
-    planes : (int, int) or None
-        First plane z and the end of those that pictures along z are made of; None for all.
-    coarse : StoredVolume or None
-        The same volume in larger voxels, for drafts; only a large one has it.
     """
 
     path: Path | None
@@ -224,14 +211,14 @@ class StoredVolume:
     space: str | None
     visible_voxels: int
     nan_voxels: int
-    values: Values | None
-    most_color: float
-    decoding: np.ndarray | None
-    mapped: MappedTables | None
+    values: Values | None  # of post-classified tables
+    most_color: float  # largest channel of any color of pre-classified tables
+    decoding: np.ndarray | None  # see RunLengthVolume
+    mapped: MappedTables | None  # the stored members; None in memory
     key: str | None
-    opened: dict = field(default_factory=dict)
-    planes: tuple[int, int] | None = None
-    coarse: StoredVolume | None = None
+    opened: dict = field(default_factory=dict)  # principal axis -> the tables checked already, and the planes read
+    planes: tuple[int, int] | None = None  # first plane z and the end of those that pictures along z are made of
+    coarse: StoredVolume | None = None  # the same volume in larger voxels, for drafts; only of a large one
 
     holds_values: ClassVar[bool] = False
 

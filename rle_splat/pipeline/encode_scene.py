@@ -37,7 +37,7 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
 
 
 def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
-    """Generator form of ``encode_scene``: yields Progress, returns (StoredVolume, report)."""
+    """Generator form of ``encode``: yields Progress, returns (StoredVolume, report)."""
     quality = quality.classified("pre")
     scene = analyze_effects(scene, quality)[1]
     clock = Clock()

@@ -171,11 +171,24 @@ def memory_table(found: VoxelCount, tables: PlannedTables) -> tuple[MemoryRow, .
 
 @dataclass(frozen=True)
 class MemoryEstimate:
-    """Bytes, by what they are for.
+    """Memory that a picture takes.
 
-    ``volume``: the voxels themselves, already in memory or mapped from their file.  ``visible``: which voxels are
-    shown, and their optical properties.  ``normals``: for shading.  ``runs`` and ``records``: the tables of all
-    principal axes.  ``work``: while records are made.  ``picture``: sheets and finished pixels.
+    Attributes
+    ----------
+    visible_voxels, voxels : int
+        Number of voxels that are not transparent, and of all.
+    volume : int
+        Bytes of the voxels themselves, already in memory or mapped from their file.
+    visible : int
+        Bytes for which voxels are shown, and their optical properties.
+    normals : int
+        Bytes for shading.
+    runs, records : int
+        Bytes of the tables of all principal axes.
+    work : int
+        Bytes while records are made.
+    picture : int
+        Bytes of sheets and finished pixels.
     """
 
     visible_voxels: int
@@ -187,7 +200,7 @@ class MemoryEstimate:
     records: int
     work: int
     picture: int
-    tables: PlannedTables
+    tables: PlannedTables  # what they hold
 
     @property
     def needed(self) -> int:

@@ -28,7 +28,7 @@ WIDTH, HEIGHT = 32, 24  # pixels
 # The stored types of most scans: CT is int16 or uint16, converted scans and phantoms are uint8, VDB grids float32.
 STORED_TYPES = ("uint8", "int16", "uint16", "float32")
 NOT_KEPT = (
-    "Kernels cannot be prepared, since compiled ones cannot be kept: RLE_SPLAT_CACHE has to name a folder that can be "
+    "Nothing is compiled, since it could not be stored: RLE_SPLAT_CACHE has to name a folder that can be "
     "written to, and numba has to be of the version that RLE Splat is made for."
 )
 

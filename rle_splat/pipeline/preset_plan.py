@@ -28,7 +28,7 @@ EQUAL_COSTS = 1.05
 # other scenes, under lamps, err up to 3 times as much.
 EXPECTED_SHARE = 0.4
 OF_999 = "at 999 of 1000 pixels"
-AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is kept."
+AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is used."
 BY_PRE = "The qualities of classified voxels have one plan for all scenes."
 
 

@@ -109,10 +109,10 @@ def _remarks(source: Source, view: View, medium: Medium) -> list[str]:
         remarks.append(f"{medium.nan_voxels} voxels are not numbers (NaN) and were left transparent.")
     if not compiled():
         reason = f" ({NUMBA_PROBLEM})" if NUMBA_PROBLEM else ""
-        remarks.append(f"Rendered without compiled kernels{reason}: slow, but the same picture.")
+        remarks.append(f"Rendered without compiled code{reason}: slow, but the same picture.")
     elif PLAIN_NUMBA:
         remarks.append(
-            f"{PLAIN_NUMBA}: kernels run on one thread and are not kept on disk, so each session compiles them again."
+            f"{PLAIN_NUMBA}: compiled code runs on one thread and is not stored, so each session compiles again."
         )
     elif shipped_problem():
         remarks.append(shipped_problem())

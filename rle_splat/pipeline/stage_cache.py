@@ -28,20 +28,20 @@ MOST_RESULTS = {
 
 
 class StageCache:
-    """Results of stages that are kept between pictures; the least recently used leave first.
+    """Results of stages, reused between pictures; the least recently used are dropped first.
 
-    Pass one cache to ``render`` for all pictures of a volume.  Each result is kept under all that it was made from, so
-    that a picture makes anew only what changed, and is the same to the bit as without the cache.
+    Pass one cache to ``render`` for all pictures of a volume.  The key of a result is all that it was made from, so a
+    picture computes only what changed, and is bit-identical to one without the cache.
 
     Parameters
     ----------
     most_bytes : int, optional
-        Bytes that are kept at most; 0 keeps nothing.  Left out, a quarter of the machine's memory, one GiB at least.
+        Most bytes to store; 0 stores nothing.  Left out, a quarter of the machine's memory, one GiB at least.
 
     Attributes
     ----------
     made : dict
-        Name of a stage -> how often it really ran.
+        Name of a stage -> how often it ran.
     """
 
     def __init__(self, most_bytes: int | None = None):
@@ -52,12 +52,12 @@ class StageCache:
 
     @property
     def keeps(self) -> bool:
-        """Whether results are kept at all; a cache without room needs no keys."""
+        """Whether results are stored at all; a cache without room needs no keys."""
         return self.most_bytes > 0
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all results that are kept."""
+        """Bytes of all stored results."""
         return sum(size for _, size in self._results.copy().values())
 
     @property
@@ -70,21 +70,21 @@ class StageCache:
         return Job(self)
 
     def has(self, stage: str, key) -> bool:
-        """Whether a result of a stage is kept under a key."""
+        """Whether a result of a stage is stored under a key."""
         return (stage, key) in self._results
 
     def clear(self) -> None:
-        """Forget all results, and give their memory back."""
+        """Drop all results and free their memory."""
         self._results.clear()
         forget()
 
     def make_room(self, needed: int) -> None:
-        """Forget everything where the machine has fewer than ``needed`` bytes free: a picture comes first."""
+        """Drop everything where the machine has fewer than ``needed`` bytes free: a picture comes first."""
         if needed > available_bytes():
             self.clear()
 
     def has_plenty(self, needed: int) -> bool:
-        """Whether ``needed`` bytes are so few that nobody need look how many are free just now.
+        """Whether ``needed`` bytes are so few that the free memory need not be asked for again.
 
         The system was asked at most FRESH seconds ago, and had many times as many.  (Asking it takes 0.4 ms in a
         container, a tenth of a quick frame.)

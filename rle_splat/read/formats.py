@@ -207,20 +207,36 @@ def read_volume(path, **options) -> Volume:
         A file or a folder. The format follows from the content, or else from the suffix. A file of an unknown format
         is read as raw voxels if ``shape`` is given.
     **options
-        An option that is None counts as not given.
+        Those below. An option that is None counts as not given.
 
-        Raw voxels: ``shape`` (nx, ny, nz), ``dtype``, ``byte_order``, ``header_bytes``, ``spacing`` (sx, sy, sz).
-        OpenVDB: ``grid``, the name of a grid.
-        Several series in one place: ``series``, the number of one, from 1; ``series_key``, the ``Volume.series`` of one
-        that was read before, to find it again.
-        OME-Zarr: ``level`` of the pyramid, 0 for the finest, by default the finest that fits into memory; ``scratch``,
-        a file to be made, in which the voxels are kept and mapped; ``quick``, for a level that is read at once.
-        All other formats: ``level`` L, of which every 2^L-th voxel along each axis is kept, by default all.
-        Several volumes in time, in one file or in numbered files such as smoke_0001.vdb: ``frame``, the number of one,
-        from 1.
-        All formats: ``slope`` and ``intercept`` (physical = slope * stored + intercept), ``unit`` of length,
-        ``value_unit`` ("HU"), ``modality``; and ``spacing``, ``orientation`` ("LPS") and ``flip`` ("xz"), which
-        ``volume.placement.place_volume`` describes.
+    Other Parameters
+    ----------------
+    spacing : (3,) sequence of float
+        Distance between voxel centers along the voxel axes x, y, z, in the volume's unit.
+    unit : str
+        Unit of lengths, such as "mm" or "um".
+    orientation : str
+        The directions of a patient in which x, y and z grow, such as "LPS".
+    flip : str
+        Voxel axes to mirror, such as "x" or "xz".
+    slope, intercept : float
+        A value is slope * stored + intercept.
+    value_unit, modality : str
+        Such as "HU" and "CT".
+    frame : int
+        Of several volumes in time, in one file or in files such as smoke_0001.vdb: which one, from 1.
+    level : int
+        Of OME-Zarr the level of the pyramid, 0 for the finest, by default the finest that fits into memory. Of other
+        formats every 2^level-th voxel along each axis is read, by default all.
+    shape, dtype, byte_order, header_bytes
+        Of raw voxels: (nx, ny, nz), such as "uint16", "little" or "big", and the bytes before the first voxel.
+    grid : str
+        Of OpenVDB: name of a grid.
+    series, series_key
+        Of several DICOM series: the number of one, from 1, or the ``Volume.series`` of one that was read before.
+    scratch, quick
+        Of OME-Zarr: a file to which the voxels are written and from which they are mapped; whether the level is read
+        at once.
 
     Returns
     -------

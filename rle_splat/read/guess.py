@@ -136,9 +136,9 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
         if value is None and name.get(what) is not None and what != "byte_order":
             known[what] = name[what]
             text = " x ".join(map(str, name[what])) if what == "shape" else name[what]
-            reasons.append(f"The name says {what.replace('_', ' ')} {text}.")
+            reasons.append(f"The file name gives {what.replace('_', ' ')} {text}.")
     if name.get("spacing"):
-        reasons.append("The name says spacing " + " x ".join(f"{s:g}" for s in name["spacing"]) + ".")
+        reasons.append("The file name gives spacing " + " x ".join(f"{s:g}" for s in name["spacing"]) + ".")
     if size is None:
         reasons.append(f"The file holds more than {limit} bytes, so its exact size is unknown.")
         candidates = ()
@@ -309,10 +309,11 @@ def _read_as(sample: bytes, skip: int, dtypes, given, named, reasons: list):
     dtype, order, clear_type, clear_order, is_clear = _smoothest(sample, skip, dtypes, orders)
     if given is None and named is not None and not is_clear:
         dtype, order, clear_type, clear_order, _ = _smoothest(sample, skip, dtypes, (named,))
-        reasons.append(f"The name says {named}-endian; the bytes are ambiguous.")
+        reasons.append(f"The file name gives {named}-endian; the bytes are ambiguous.")
     elif len(dtypes) * len(orders) > 1:
         smoothly = f"its values vary {'far' if clear_type and clear_order else 'slightly'} more smoothly than otherwise"
-        but = f"The name says {named}-endian, but read" if given is None and named not in (None, order) else "Read"
+        is_other = given is None and named not in (None, order)
+        but = f"The file name gives {named}-endian, but read" if is_other else "Read"
         reasons.append(f"{but} as {dtype}, {order}-endian, {smoothly}.")
     return dtype, order, clear_type and clear_order
 

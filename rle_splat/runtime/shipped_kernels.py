@@ -38,7 +38,8 @@ LEVEL, FEATURES = "x86-64-v3", (
 )  # fmt: skip
 if sys.platform == "darwin":
     LEVEL, FEATURES = "apple-m1", ()
-COMPILED_INSTEAD = "Kernels are compiled when a picture first needs them."
+OURS = "The compiled code of this installation"
+COMPILED_INSTEAD = "Code is compiled when a picture first needs it."
 
 
 def file_name() -> str:
@@ -93,10 +94,10 @@ class ShippedKernels:
             return
         path = folder / file_name()
         if not is_level_reached():
-            self.problem = f"The kernels of this installation need a processor with AVX2. {COMPILED_INSTEAD}"
+            self.problem = f"{OURS} needs a processor with AVX2. {COMPILED_INSTEAD}"
         elif not path.is_file():
             versions = f"Python {sys.version_info[0]}.{sys.version_info[1]} with numba {numba.__version__}"
-            self.problem = f"This installation has no kernels for {versions}. {COMPILED_INSTEAD}"
+            self.problem = f"This installation has no compiled code for {versions}. {COMPILED_INSTEAD}"
         else:
             self._open(path)
 
@@ -109,7 +110,7 @@ class ShippedKernels:
             self._report_damage()
 
     def _report_damage(self) -> None:
-        self.problem = f"Kernels of this installation are damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
+        self.problem = f"{OURS} is damaged ({file_name()}); install it again. {COMPILED_INSTEAD}"
 
     def load(self, name: str, digest: str):
         """Return what numba rebuilds a kernel's version from, or None.
@@ -125,9 +126,7 @@ class ShippedKernels:
             return None
         entry = self._archive.NameToInfo[name]
         if entry.comment != digest.encode():
-            self.problem = (
-                f"Kernels of this installation are of other sources or of other settings of numba. {COMPILED_INSTEAD}"
-            )
+            self.problem = f"{OURS} is of other sources or of other settings of numba. {COMPILED_INSTEAD}"
             return None
         try:
             content = self._archive.read(entry)

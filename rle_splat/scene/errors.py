@@ -10,4 +10,4 @@ class TooLargeError(RleSplatError):
 
 
 class Cancelled(Exception):
-    """The user stopped a long job. No partial result is left behind; if work is kept, the message says how to go on."""
+    """The user stopped a long job. No partial result is left; if finished parts stay, the message says how to go on."""

@@ -176,24 +176,24 @@ class Quality:
     Parameters
     ----------
     classification : {"post", "pre"}
-        "post" (post-classified) interpolates values and classifies in every sheet pixel, as a ray caster does; it
-        supports only the values of POST_ONLY. "pre" (pre-classified) classifies voxels and interpolates the result, as
-        the paper does. "post" shows the box spanned by the voxel centers; "pre" extends beyond it by the footprints of
-        the outer voxels.
+        "post" (post-classified) interpolates values and classifies in every sheet pixel, as a ray caster does; kernel,
+        minification, model, record and length_correction then have their defaults. "pre" (pre-classified) classifies
+        voxels and interpolates the result, as the paper does. "post" shows the box spanned by the voxel centers; "pre"
+        extends beyond it by the footprints of the outer voxels.
     refinement : int, optional
         Of the classification "refined" of earlier versions, for which "post" is used with a warning; without effect.
     depth_rule : str or None
-        How opacity and color are integrated between slices; one of DEPTH_RULES, midpoint-M, or, with "post",
-        preintegrated or preintegrated-M.
+        How opacity and color are integrated between slices: "slice", "slice-2" (every second slice), "simpson",
+        "gauss2", "midpoint-M" with M from 1 to 64, or, with "post", "preintegrated" or "preintegrated-M" with M to 8.
     sheet_density : float or None
         Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
     kernel : str
-        Reconstruction kernel of a voxel's footprint; one of FOOTPRINTS.
+        Reconstruction kernel of a voxel's footprint: "tent" (linear), "nearest", "bspline2", "bspline3" or "gaussian".
     minification : {"off", "widen"}
         "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "off" shows
         exactly what lies on each pixel's ray.
     warp_filter : str or None
-        Filter that resamples the intermediate image; one of WARP_FILTERS.
+        Filter that resamples the intermediate image: "bilinear", "keys" or "cubic".
     termination : float or None
         Transmittance below which a pixel counts as opaque; 0 to 0.5.
     axis_fade : float
@@ -217,9 +217,9 @@ class Quality:
         Name of the preset, for reports.
     exact_light : bool
         Whether what arrives of lamps and of ambient light is traced by rays beside each voxel, not read from a grid:
-        slower and exact. The presets of EXACT_LIGHT have it, and plans for a tolerance. Only "post".
+        slower and exact. The preset "strict" has it, and plans for a tolerance. Only "post".
     held : bool
-        Whether the knobs are the plan of an earlier picture, which is kept whatever the scene.
+        Whether the knobs are the plan of an earlier picture, which is used whatever the scene.
 
     Raises
     ------
@@ -320,10 +320,8 @@ class Quality:
 
         Parameters
         ----------
-        name : str
-            A key of QUALITY_PRESETS.
-        classification : str
-            One of CLASSIFICATIONS.
+        name : {"draft", "standard", "fine", "strict"}
+        classification : {"post", "pre"}
         **overrides
             Fields of Quality that differ from the preset.
 
@@ -336,7 +334,7 @@ class Quality:
 
     @property
     def is_preset(self) -> bool:
-        """Whether all of PRESET_KNOBS are those of the preset of this name, and none is kept."""
+        """Whether all that a preset sets is as the preset of this name has it."""
         if self.held or self.name not in QUALITY_PRESETS:
             return False
         mine = preset_knobs(self.name, self.classification)

@@ -95,7 +95,7 @@ class Scene:
         alpha, which is 1 for clear or colored glass and less for a surface that hides a part by itself.
     crop : (4,) tuple of int or None
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
-        rendered, with the same bits as in the whole frame. None for the whole frame.
+        rendered, bit-identical to those of the whole frame. None for the whole frame.
     effects : dict of str to bool
         Effect name -> forced on or off, whatever the rest of the scene needs.
     motion : tuple of Pose
@@ -103,8 +103,8 @@ class Scene:
         depth is that of the camera's and the volume's own matrices.
     clips : tuple of Clip
         The part of the volume that every clip object keeps is shown.
-    mode : str
-        What a pixel shows of the values along its ray; one of MODES.
+    mode : {"composite", "xray", "mip", "minip", "average"}
+        What a pixel shows of the values along its ray.
     mist : Mist or None
     volume_shadows : bool
         Whether lights that cast shadows cast them in the volume: shadows of the volume itself and of the meshes.
@@ -263,7 +263,7 @@ class Rendering:
         Scene-linear, premultiplied, without the background.
     depth : (H, W) ndarray of float32
         Planar distance along the camera's axis, in world units, at which the transmittance falls below one half;
-        ``NO_DEPTH`` where it never does.
+        1e10 where it never does.
     report : dict
         What was rendered and how; can be written as JSON.
     """

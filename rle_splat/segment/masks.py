@@ -126,7 +126,7 @@ def connect_steps(mask: np.ndarray, seed):
     x, y, z = (int(n) for n in seed)
     inside = all(0 <= n < count for n, count in zip((z, y, x), mask.shape))
     if not (inside and mask[z, y, x]):
-        raise RleSplatError("Nothing that could be kept is at this place; choose a voxel of a visible part.")
+        raise RleSplatError("Nothing is visible at this place; choose a voxel of a visible part.")
     yield Progress(0.0, "following what is connected")
     box = box_of(mask, (1, 1, 1))
     components = _components(mask[box])

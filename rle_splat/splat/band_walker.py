@@ -3,7 +3,7 @@
 The sheet buffer has shrunk to a band of a few rows per worker.  Slices land on the base plane scaled and moved but
 never rotated, so a row of the intermediate image depends on a few neighboring voxel scanlines per slice only; each
 band takes all its sheets front to back before the next band begins (algorithm.md 1.5 and 1.8).  Bands are independent:
-no races, and the same bits for any number of threads.
+no races, and bit-identical results for any number of threads.
 
 For each sheet, the voxel scanlines that a band reads are walked run by run and resampled along the scanline, once for
 all rows that share them; then each row interpolates between its scanlines and is composited.  Which blocks of pixels
@@ -13,11 +13,7 @@ What a sheet holds differs: classified voxels (``sheet_buffer``) or scalars (``s
 differ are given to the three factories below, each of which returns a compiled loop with its functions inlined.
 The loops are parts of the kernels ``splat_rows`` and ``splat_scalar_rows``, which alone are stored on disk.
 
-Measured against a loop written out for each kind of sheet (64 rows: CT engine and MRI head at 400 x 400, draft to
-strict, pre and post, orthographic and perspective, shaded or not; one thread, frames in turns, the best of seven each;
-without the eight of draft and post, whose plan is another one since): a frame takes 1.008 of its time in the median.
-Nine rows took 1.03 to 1.07.  Three of these are shaded ones whose light is made in the splat since.  Of the others five
-were measured again, with seventeen frames: four took 0.97 to 1.00, and ``standard`` of classified voxels 1.03.
+A frame takes 1.008 of the time of a loop that is written out for each kind of sheet (median, one thread).
 
 A plugged-in function that decides by what is None is called with that very argument: numba leaves a branch out only
 where an argument is None, not a member of a tuple.

@@ -45,7 +45,7 @@ class Volume:
     Parameters
     ----------
     voxels : (nz, ny, nx) ndarray
-        x is contiguous. One of STORED_TYPES in native byte order; may be memory-mapped.
+        x is contiguous. Integers of 8, 16 or 32 bits, float32 or float64, in native byte order; may be memory-mapped.
     affine : (4, 4) array_like
         Voxel index (x, y, z, 1) to the volume's own space, in ``unit``.
     unit : str

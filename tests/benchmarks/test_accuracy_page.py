@@ -51,7 +51,7 @@ def test_every_place_of_the_page_is_filled(subject, measured, tmp_path):
     report, names = measured[0].report, {"smoke": measured[1]}
     options = SimpleNamespace(output=tmp_path, **vars(OPTIONS))
     page.write_page(options, {"smoke, orthographic": report}, {"smoke": report}, names, ["On a machine."])
-    text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
+    text = "".join((tmp_path / name).read_text(encoding="utf-8") for name in ("accuracy.md", "accuracy-measured.md"))
     parts = text.split("<!-- begin ")[1:]
     assert len(parts) == 5 and all(len(part.split("<!-- end ")[0]) > 60 for part in parts)
     assert "On a machine." in text

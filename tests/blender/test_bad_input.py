@@ -175,7 +175,7 @@ def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings = bpy.context.scene.rle_splat
     for shown in (settings.last_report, settings.last_report_json):
-        assert "without compiled kernels (ImportError: no numba here)" in shown
+        assert "without compiled code (ImportError: no numba here)" in shown
     np.testing.assert_allclose(scenes.image_pixels(settings.image), compiled, atol=1e-5)
 
 

@@ -211,8 +211,8 @@ def test_export_writes_names_and_colors(owner, core, tmp_path, name):
 
 def test_bad_input_is_one_sentence_and_changes_nothing(owner, refused, tmp_path):
     ops = bpy.ops.rle_splat
-    refused(ops.keep_connected, "Nothing that could be kept is at this place", voxel=(0, 0, 0))
-    refused(ops.keep_connected, "Nothing that could be kept is at this place", voxel=(N, 0, 0))
+    refused(ops.keep_connected, "Nothing is visible at this place", voxel=(0, 0, 0))
+    refused(ops.keep_connected, "Nothing is visible at this place", voxel=(N, 0, 0))
     refused(ops.threshold_segment, "No voxel has a value from 230 to 240", low=230.0, high=240.0)
     refused(ops.threshold_segment, "exchange them", low=3.0, high=2.0)
     refused(ops.change_segment, "Choose a segment in the list", tool="GROW")

@@ -44,5 +44,5 @@ def test_zero_leaves_it_to_the_quality(settings):
 
 def test_a_quality_without_a_truth_is_refused_in_a_sentence(settings):
     settings.max_error, settings.quality = 1.0, "paper"
-    with pytest.raises(RuntimeError, match="A tolerance cannot be kept with model 'opacity'"):
+    with pytest.raises(RuntimeError, match="A tolerance cannot be met with model 'opacity'"):
         bpy.ops.rle_splat.render_image()

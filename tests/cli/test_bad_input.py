@@ -264,7 +264,7 @@ def test_numba_missing_is_said_beside_the_slow_picture(call, raw, raw_options, t
     with use_reference():
         result = call("render", raw, *raw_options, "--size", "12", "-o", tmp_path / "slow.npy")
     assert result.code == 0 and (tmp_path / "slow.npy").exists()
-    assert "without compiled kernels (ImportError: no numba here)" in result.out + result.err
+    assert "without compiled code (ImportError: no numba here)" in result.out + result.err
 
 
 # --- the command line itself --------------------------------------------------------------------------------------

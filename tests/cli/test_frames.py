@@ -257,7 +257,7 @@ def test_ctrl_c_says_that_whole_frames_are_kept(raw, call, raw_options, tmp_path
 
     monkeypatch.setattr(series, "render_prepared", stopped)
     done = call("render", raw, *raw_options, *QUICK, "--turn", 9, "-o", tmp_path / "k.npy", "--frames", 1, 9)
-    assert (done.code, done.err) == (130, "Stopped; frames that were complete are kept.\n")
+    assert (done.code, done.err) == (130, "Stopped; complete frames stay.\n")
     assert [path.name for path in tmp_path.glob("*.npy")] == ["k_0001.npy"]
 
 

@@ -101,5 +101,5 @@ def test_a_preparation_says_how_far_it_is(one_picture):
 @needs_numba
 def test_where_no_kernel_can_be_kept_none_is_prepared(monkeypatch):
     monkeypatch.setattr(jit, "KERNELS", Path(os.devnull, "kernels"))
-    with pytest.raises(RleSplatError, match="cannot be kept"):
+    with pytest.raises(RleSplatError, match="could not be stored"):
         drain(prepare.prepare_steps())

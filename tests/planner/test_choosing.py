@@ -173,7 +173,7 @@ def test_a_wish_that_is_none_is_refused(wish):
 
 @pytest.mark.parametrize("knobs", (dict(model="opacity"), dict(kernel="bspline2"), dict(minification="widen")))
 def test_knobs_without_a_truth_are_refused(knobs):
-    with pytest.raises(RleSplatError, match="A tolerance cannot be kept"):
+    with pytest.raises(RleSplatError, match="A tolerance cannot be met"):
         check_plannable(Quality(classification="pre", **knobs))
 
 

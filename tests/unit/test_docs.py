@@ -188,9 +188,16 @@ def test_the_reference_lists_every_panel_with_its_settings():
     assert len(panels) > 10
     for texts in panels.values():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
-    for setting in ("Maximum Error", "Ambient Occlusion", "Keep Up to Date", "Level", "Own Color"):
-        assert f"| {setting} | " in text
-    assert "*Show in Renders*, *Remove from Renders*, *Show in Camera View*" in text
+    for label in ("*Maximum Error*", "*Occlusion*", "*Keep Up to Date*", "*Level*", "*Add Box*, *Add Plane*",
+                  "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Remove Table*",
+                  "*Remove Channel (icon)*", "*Picture Is*", "*Meshes: Hide Volume*",
+                  "*White Background*, *Black Background*"):  # fmt: skip
+        assert f"| {label} | " in text, label
+    for label in ("Add Slice", "Add Clip Object", "Frame Volume", "Chosen Segment", "Ambient Occlusion"):
+        assert f"*{label}*" not in text, label  # names that no panel draws
+    for section in text.split("\n## "):
+        rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
+        assert len(rows) == len(set(rows)), section.partition("\n")[0]
 
 
 def test_the_reference_explains_every_setting():

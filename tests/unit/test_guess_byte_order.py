@@ -60,8 +60,9 @@ def test_a_name_that_the_bytes_contradict_is_said_to_be_wrong(tmp_path, order):
     path = written(tmp_path / f"head_40x32x24_uint16{wrong}.raw.gz", field(0, 900, 0.1).astype(order + "u2"))
     volume = read_volume(path)
     assert volume.voxels.max() == 900
-    told = f"The name says {ORDERS[{'<': '>', '>': '<'}[order]]}-endian, but read as uint16, {ORDERS[order]}-endian,"
-    assert any(told in remark for remark in volume.remarks), volume.remarks
+    other = ORDERS[{"<": ">", ">": "<"}[order]]
+    sentence = f"The file name gives {other}-endian, but read as uint16, {ORDERS[order]}-endian,"
+    assert any(sentence in remark for remark in volume.remarks), volume.remarks
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ OF_ALL_PYTHONS = {
     "PyTuple_GetItem", "PyTuple_Pack", "PyTuple_Size", "Py_DecRef", "Py_IncRef", "PyUnicode_FromKindAndData",
     "_Py_NoneStruct",
 }  # fmt: skip
-OF_OTHERS = "Kernels of this installation are of other sources"
+OF_OTHERS = "The compiled code of this installation is of other sources"
 LOADED, COMPILED = f"2 2 5 loaded {LEVEL} ", "2 2 5 compiled"
 
 
@@ -225,12 +225,12 @@ def test_kernels_of_another_python_or_numba_are_remarked(installation, tmp_path,
     file = package / "kernels" / file_name()
     file.rename(file.with_name(f"{other}-{LEVEL}.zip"))
     said = called(package, tmp_path / "cache")
-    assert said.startswith(COMPILED) and "has no kernels for Python" in said
+    assert said.startswith(COMPILED) and "has no compiled code for Python" in said
 
 
 def test_an_older_processor_compiles_and_says_so(installation, tmp_path):
     said = called(installation(), tmp_path / "cache", WITHOUT_AVX2 + CALL)
-    assert said.startswith(COMPILED) and "need a processor with AVX2" in said
+    assert said.startswith(COMPILED) and "needs a processor with AVX2" in said
 
 
 def test_for_a_processor_that_the_user_names_kernels_are_compiled(installation, tmp_path):

@@ -64,7 +64,7 @@ def check_plannable(quality: Quality) -> None:
         value = getattr(quality, name)
         if value != only:
             raise RleSplatError(
-                f"A tolerance cannot be kept with {name.replace('_', ' ')} {value!r}, because {why}; use {only!r}, or "
+                f"A tolerance cannot be met with {name.replace('_', ' ')} {value!r}, because {why}; use {only!r}, or "
                 "leave the tolerance out."
             )
 

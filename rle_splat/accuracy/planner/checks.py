@@ -34,21 +34,21 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         )
     scene = analyze_effects(scene, quality)[1]
     if scene.mode != MODES[0]:
-        raise RleSplatError(f"A tolerance cannot be kept in the mode {scene.mode}; choose a quality, or composite.")
+        raise RleSplatError(f"A tolerance cannot be met in the mode {scene.mode}; choose a quality, or composite.")
     if lacks_channels(scene, quality):
         raise RleSplatError(
             "A tolerance is measured against a reference without labels, and with channels only for the classification "
             "post; choose a quality for labels, and post for channels."
         )
     if scene.mist is not None:
-        raise RleSplatError("A tolerance cannot be kept in mist, for which there is no reference; turn the mist off.")
+        raise RleSplatError("A tolerance cannot be met in mist, for which there is no reference; turn the mist off.")
     if scene.ray_ends is not None:
-        raise RleSplatError("A tolerance cannot be kept where ray ends stand for meshes; give triangles.")
+        raise RleSplatError("A tolerance cannot be met where ray ends stand for meshes; give triangles.")
     if scene.transfer_function.gradient_opacity is not None:
-        raise RleSplatError("A tolerance cannot be kept with a gradient_opacity, for which there is no reference.")
+        raise RleSplatError("A tolerance cannot be met with a gradient_opacity, for which there is no reference.")
     if lacks_shadows(scene, quality):
         raise RleSplatError(
-            "A tolerance can only be kept without shadows with the classification pre, whose reference has none; turn "
+            "A tolerance can only be met without shadows with the classification pre, whose reference has none; turn "
             "off shadows and ambient occlusion, or choose the classification post or a quality."
         )
     if len(list_exposures(scene)) > 1:

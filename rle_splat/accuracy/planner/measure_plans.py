@@ -283,7 +283,7 @@ def _with_choices(plans, choices: dict[str, Choice]) -> tuple[list[Quality], lis
             slow.append(f"{name} ({choice.milliseconds / 1e3:.1f} s)")
         elif choice.rays or not any(same_plan(choice.plan, other) for other in found):
             found.append(choice.plan)
-    remarks = [f"No plan is expected to keep a tolerance {', '.join(hopeless)}."] if hopeless else []
+    remarks = [f"No plan is expected to meet a tolerance {', '.join(hopeless)}."] if hopeless else []
     if slow:
         remarks.append(f"Expected to take more than {LONGEST / 1e3:g} s a frame, and not measured: {', '.join(slow)}.")
     return [*found, *plans], remarks

@@ -61,24 +61,24 @@ def render_within(
     progress, cache : optional
         As ``render`` takes them.
     probes : int
-        Ordinary probe pixels at which the picture is measured; 0 for a prediction alone.
+        Random sample pixels at which the picture is measured; 0 for a prediction alone.
     seed : int
-        Of the random probe pixels.
+        Of the random sample pixels.
     leave_out_shadows : bool
-        With the classification ``pre``: render without shadows and ambient occlusion, which its truth does not have,
-        and say so in the report's ``remarks`` and ``effects``.  Otherwise a scene with them is refused.
+        With the classification ``pre``: render without shadows and ambient occlusion, which its reference lacks, and
+        list that in the report's ``remarks`` and ``effects``.  Otherwise a scene with them raises an error.
 
     Returns
     -------
     Rendering
-        The report's ``error`` holds the error that was predicted and the one that was measured, the truth, the number
-        of probes, whether the tolerance is ``kept``, the ``floor`` if it is not, and the milliseconds of the picture
-        and of planning and measuring.
+        The report's ``error`` holds the predicted and the measured error, the reference (``truth``), the number of
+        sample pixels (``probes``), whether the tolerance is ``kept``, the ``floor`` if it is not, and the milliseconds
+        of the picture and of planning and measuring.
 
     Raises
     ------
     RleSplatError
-        For a tolerance that is no number above zero, and for scenes and qualities that have no truth.
+        For a tolerance that is no number above zero, and for scenes and qualities that have no reference.
     """
     quality = quality or Quality(classification=default_classification())
     knobs = dict(probes=probes, seed=seed, leave_out_shadows=leave_out_shadows)
@@ -92,8 +92,8 @@ def tolerance_steps(
 ):  # fmt: skip
     """Generator form of ``render_within``: yields Progress, returns the Rendering.
 
-    ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is kept as long as it is expected
-    to keep the tolerance, so that plans do not change from frame to frame but to finer ones.
+    ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is used as long as it is expected
+    to meet the tolerance, so plans change from frame to frame only to finer ones.
     """
     return forward(_tolerance_steps(
         scene, tolerance, quality, StageCache() if cache is None else cache, refuse_empty_view, probes, seed,

@@ -11,8 +11,8 @@ from .choose import Choice
 from .session import PlannerSession
 from .single_rays import with_rays
 
-CHOSEN = "The fastest plan that is expected to keep the largest error that was asked for."
-KEPT = "The plan of the frame before is kept, because it is expected to keep the largest error that was asked for."
+CHOSEN = "The fastest plan that is expected to stay within the tolerance."
+KEPT = "The plan of the frame before, since it is expected to stay within the tolerance."
 BLURS = (
     "The classification pre interpolates classified voxels, which blurs and widens what the transfer function shows "
     "between the values of neighboring voxels; post shows it as it is."
@@ -155,11 +155,11 @@ def _error_report(
 def sentence(error: dict) -> str:
     """Prediction and measurement of an ``error`` report for people, in levels.
 
-    For example ``predicted 0.4, measured 0.31 on 1000 probes, 84 ms (planned and measured in 2.1 s)``.
+    For example ``predicted 0.4, measured 0.31 on 1000 sample pixels, 84 ms (planned and measured in 2.1 s)``.
     """
     parts = [f"predicted {figure_text(error['predicted'])}"]
     if error["measured"] is not None:
-        parts.append(f"measured {figure_text(error['measured'])} on {error['probes']} probes")
+        parts.append(f"measured {figure_text(error['measured'])} on {error['probes']} sample pixels")
     done = "planned" if error["measured"] is None else "planned and measured"
     return f"{', '.join(parts)}, {error['ms']:.0f} ms ({done} in {error['planning_ms'] / 1e3:.1f} s)"
 
@@ -177,7 +177,7 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float)
             found = f"was not reached in {len(error['rounds'])} ever finer pictures; their least error is"
         remarks.append(
             f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} "
-            f"{figure_text(error['floor'])}, {how} against {error['truth']}."
+            f"{figure_text(error['floor'])}, {how} against the reference {error['truth']}."
         )
     elif tolerance < STRICTEST:
         remarks.append(f"A tolerance below {STRICTEST:g} levels is finer than a picture of 32-bit numbers can show.")
