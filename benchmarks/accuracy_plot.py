@@ -94,7 +94,8 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
         color = COLORS[truth_name]
         mine = [entry for entry in plans if entry["truth"] == truth_name]
         on_front = [entry for name in front_names for entry in mine if entry["name"] == name]
-        axes.plot(*_places(on_front, key), "-", color=color, lw=1.6, alpha=0.7, label=f"front, against {truth_name}")
+        label = "no plan is faster and more accurate" + (f" against {truth_name}" if len(fronts) > 1 else "")
+        axes.plot(*_places(on_front, key), "-", color=color, lw=1.6, alpha=0.7, label=label)
         for entry in mine:
             (x,), (y,) = _places([entry], key)
             axes.plot(x, y, "o", ms=7, color=color, mfc=color if entry["on_front"] else "white")
@@ -103,8 +104,9 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
             if named is None or entry["name"] in named:
                 axes.free_labels.append((entry["name"], x, y, "black" if entry["on_front"] else FAINT))
     axes.plot([], [], "o", ms=7, color=FAINT, mfc="white", ls="none", label="another plan is faster and more accurate")
-    if any(entry["chosen"] for entry in plans):
-        axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label="the chosen plan")
+    for entry in plans:
+        if entry["chosen"]:
+            axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label=f"quality {entry['name']}")
     axes.set(xscale="log", yscale="log", xlabel="milliseconds per frame", ylabel=f"{ERRORS[key]}, levels")
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis, *(() if named is None else (FEW,)))

@@ -7,7 +7,9 @@ from).  Runs in an environment with numpy.
 from __future__ import annotations
 
 import gzip
+import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -53,10 +55,21 @@ def _asked_for(name: str) -> Path:
     return path
 
 
-def spine(folder: Path):
-    """A CT of the chest with contrast, slices 0.8 mm apart: the first file of its DICOM series."""
-    series = _asked_for("dicom_ct_chest_cta_512x512x95")
-    return min(series.iterdir()), {}, series.name
+def aorta(folder: Path):
+    """A CT angiography of a dissected aorta, with a folder of masks as TotalSegmentator writes them."""
+    import nibabel  # the extension brings it
+
+    source = _asked_for("cta_aorta_labels")
+    masks = folder / "segmentations"
+    masks.mkdir(exist_ok=True)
+    for path in source.glob("mask_*.nii.gz"):
+        shutil.copyfile(path, masks / path.name.removeprefix("mask_"))
+    both = nibabel.load(source / "labels_true_false_lumen_uint8.nii.gz")
+    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
+        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
+        nibabel.save(nibabel.Nifti1Image(one, both.affine), masks / f"{name}.nii.gz")
+    path = source / "cta_heart_aorta_120x126x164_int16.nii.gz"
+    return path, {}, path.name
 
 
 def skull(folder: Path):
@@ -65,11 +78,18 @@ def skull(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
-def nuclei(folder: Path):
-    """Nuclei in a confocal stack, whose file does not give the spacing."""
-    path = _asked_for("fluorescence/nuclei_256x256x60_uint16.tif")
-    return path, {"use_file_spacing": False, "spacing": (0.26, 0.26, 0.29), "length_unit_given": "um"}, path.name
+def cortex(folder: Path):
+    """Two channels of a mouse's cortex, labeled cells and background, and their transfer functions, as users draw
+    them."""
+    path = _asked_for("fluorescence/cortex_2ch_288x288x30_uint16.ome.tif")
+    for name, (opacity, color) in CHANNELS.items():
+        function = {"name": name, "unit": None, "opacity": opacity, "color": color, "shade": None}
+        (folder / f"{name}.json").write_text(json.dumps(function))
+    return path, {}, path.name
 
 
-def nuclei_labels() -> Path:
-    return _asked_for("fluorescence/nuclei_labels_256x256x60_uint32.tif")
+# Name -> (value, opacity of 2 um), (value, color): cells are green before a veil.
+CHANNELS = {
+    "signal": (((850, 0.0), (1300, 0.1), (2200, 0.4), (5094, 0.9)), ((850, 0.1, 0.9, 0.25), (3000, 0.7, 1.0, 0.6))),
+    "background": (((250, 0.0), (700, 0.012), (1200, 0.02)), ((250, 0.55, 0.15, 0.75), (1200, 0.9, 0.3, 1.0))),
+}

@@ -6,68 +6,35 @@ Every step is an operator or a setting that a user has, too.
 
 from __future__ import annotations
 
-import math
-
 import bpy
-from demo_scene import bevelled, material, named, rod
-from gallery_data import nuclei_labels
+from demo_scene import rod
 from gallery_skull import skull
-from gallery_studio import COLD, RENDER, Stage, emission, plain_world, softbox_world, view_transform
+from gallery_studio import (
+    COLD,
+    RENDER,
+    Stage,
+    emission,
+    letters,
+    plain_world,
+    scale_bar,
+    softbox_world,
+    view_transform,
+)
 from mathutils import Matrix, Vector
 
-CELLS = ((0.86, 0.28, 0.22), (0.95, 0.62, 0.2), (0.35, 0.7, 0.3), (0.2, 0.6, 0.75), (0.3, 0.4, 0.85),
-         (0.65, 0.35, 0.8), (0.9, 0.45, 0.6), (0.85, 0.8, 0.35))  # fmt: skip
 MM = 0.001
-# Of two vertebrae: the height of their pedicles, and where a screw enters on the left and on the right, in mm from the
-# middle of the scan.
-PEDICLES = ((14.8, -29.8, -2.3), (-16.8, -29.8, 0.2))
-ENTRY = 61.8
-BONE_VOXEL = (218, 345, 63)  # in the left pedicle
-AORTA_VOXEL = (264, 270, 90)
-PLATE = -34.6  # the height of the slice
-
-
-def _letters(body: str, place: Vector, size: float, coat) -> None:
-    """Text that lies flat, to be read from the patient's back."""
-    curve = bpy.data.curves.new(body, "FONT")
-    curve.body, curve.size, curve.align_x, curve.align_y = body, size, "CENTER", "CENTER"
-    curve.materials.append(coat)
-    made = bpy.data.objects.new(body, curve)
-    bpy.context.scene.collection.objects.link(made)
-    made.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(math.pi, 4, "Z")
-
-
-def _screw(entry: Vector, ahead: Vector, coat) -> Vector:
-    """A pedicle screw that enters at a point; returns where its head holds the rod."""
-    ahead = ahead.normalized()
-    turned = ahead.to_track_quat("Z", "Y").to_matrix().to_4x4()
-    for name, radius, length, along, sides in (
-        ("Screw", 2.6, 42.0, 16.0, 48), ("Head", 5.8, 12.0, -8.5, 64), ("Set Screw", 3.6, 3.5, -15.0, 6),
-    ):  # fmt: skip
-        bpy.ops.mesh.primitive_cylinder_add(radius=radius * MM, depth=length * MM, vertices=sides)
-        made = named(name, coat)
-        made.matrix_world = Matrix.Translation(entry + along * MM * ahead) @ turned
-        if name == "Head":
-            bevelled(made, 1.2 * MM)
-    return entry - 9.5 * MM * ahead
-
-
-def _keep_bones(stage: Stage) -> None:
-    """Remove Table; the aorta, then the bones, by Keep What Is Under the Mouse; Grow by two voxels."""
-    ours = stage.volume.rle_splat
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    bpy.ops.rle_splat.remove_table()
-    bpy.ops.rle_splat.keep_connected(voxel=AORTA_VOXEL, value=170.0)
-    for row in ours.labels:
-        row.show = row.label_name == "Body"
-    bpy.ops.rle_splat.keep_connected(voxel=BONE_VOXEL, value=190.0)
-    ours.active_label = next(n for n, row in enumerate(ours.labels) if row.show)
-    bones = ours.labels[ours.active_label].label
-    bpy.ops.rle_splat.change_segment(tool="GROW", length=1.6)
-    for row in ours.labels:
-        row.show = row.label == bones
-    ours.window_center, ours.smoothness, ours.two_sided = 470.0, 1.4, False
+PLATE = -112.0  # the height of the slice above the middle of the scan
+# Names, a place of each in mm from the middle of the scan, and the place of its text in the picture: from its middle,
+# in widths.
+NAMES = (
+    ("Brachiocephalic trunk", (-38.0, -18.0, 92.0), (-0.2, 0.24)),
+    ("Left common carotid artery", (-3.0, -14.0, 114.0), (-0.2, 0.3)),
+    ("Left subclavian artery", (52.0, -4.0, 116.0), (0.2, 0.3)),
+    ("True lumen", (-8.0, -36.0, 50.0), (-0.2, 0.12)),
+    ("False lumen", (18.0, 60.0, 20.0), (0.2, 0.08)),
+    ("Celiac trunk", (-20.0, -12.0, -114.0), (-0.2, -0.12)),
+    ("T12", (-2.0, 80.0, -97.0), (0.2, -0.12)),
+)
 
 
 def _lay_slice(stage: Stage) -> None:
@@ -75,38 +42,48 @@ def _lay_slice(stage: Stage) -> None:
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="axial")
     made = bpy.context.view_layer.objects.active
-    made.matrix_world = Matrix.Translation((0.0, -6.0 * MM, stage.middle.z + PLATE * MM
+    made.matrix_world = Matrix.Translation((0.0, 0.0, stage.middle.z + PLATE * MM
                                             - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
-    made.scale.y *= 0.79  # the table is beyond it
-    stage.volume.rle_splat.slice_center, stage.volume.rle_splat.slice_width = 60.0, 700.0
+    ours = stage.volume.rle_splat
+    ours.slices_follow_window = False
+    ours.slice_center, ours.slice_width = 150.0, 900.0
 
 
-def spine(stage: Stage):
-    """Bones of a chest on an axial slice, seen from the back, with screws and rods in two vertebrae."""
-    _keep_bones(stage)
+def _name(stage: Stage, camera, body: str, place: Vector, at: tuple[float, float], coat) -> None:
+    """A name in the plane half-way to the middle, and a line from it to what is seen at a place."""
+    data = camera.data
+    into = camera.matrix_world.inverted() @ place
+    depth = 0.5 * (camera.matrix_world.translation - stage.middle).length
+    width = depth * data.sensor_width / data.lens
+    end = into * (depth / -into.z)
+    begin = Vector((at[0] * width, at[1] * width, -depth))
+    side = -1.0 if at[0] < 0.0 else 1.0
+    text = camera.matrix_world @ Matrix.Translation(begin + Vector((side * 0.008 * width, 0.0, 0.0)))
+    letters(body, text, 0.024 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
+    rod(f"Line to {body}", camera.matrix_world @ begin, camera.matrix_world @ end, 0.0007 * width, coat)
+
+
+def aorta(stage: Stage):
+    """Segments of a dissected aorta, with their names, on an axial slice of the same scan."""
+    stage.read_labels(stage.folder / "segmentations")
+    bpy.ops.rle_splat.color_anatomy()
     _lay_slice(stage)
-    titanium = material("Titanium", (0.62, 0.62, 0.66), roughness=0.32, metallic=1.0)
-    at = stage.middle
-    for side in (1, 2):
-        inward = 0.18 if side == 1 else -0.18
-        upper, lower = (_screw(at + MM * Vector((row[side], ENTRY, row[0])), Vector((inward, -1.0, -0.05)), titanium)
-                        for row in PEDICLES)  # fmt: skip
-        beyond = 11.0 * MM * (lower - upper).normalized()
-        rod("Rod", upper - beyond, lower + beyond, 2.75 * MM, titanium)
     white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
-    for body, x, y, size in (("R", -130.0, 85.0, 22.0), ("L", 110.0, 85.0, 22.0), ("50 mm", 65.0, 108.0, 9.0)):
-        _letters(body, at + MM * Vector((x, y, ground)), MM * size, white)
-    bpy.ops.mesh.primitive_cube_add(size=1.0, location=at + MM * Vector((65.0, 118.0, ground)))
-    named("Scale Bar", white).scale = (50.0 * MM, 1.2 * MM, 0.6 * MM)
-    camera = stage.camera((0.6, 1.6, 1.05), lens=78.0, aim=(-0.05, 0.06, -0.03))
-    camera.data.shift_x, camera.data.shift_y = -0.03, -0.02
+    at = Matrix.Translation(stage.middle)
+    for body, x, y in (("R", -106.0, -62.0), ("L", 108.0, -30.0)):
+        letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))), 22.0 * MM, white)
+    scale_bar("50 mm", at @ Matrix.Translation(MM * Vector((-40.0, -118.0, ground))), 50.0 * MM, 13.0 * MM, white)
+    camera = stage.camera((1.2, -1.7, 0.5), lens=45.0, aim=(0.0, 0.0, -0.07))
+    bpy.context.view_layer.update()
+    for body, place, at in NAMES:
+        _name(stage, camera, body, stage.middle + MM * Vector(place), at, white)
     stage.without_background(12)
     bpy.context.scene.cycles.use_denoising = True
-    stage.key(3.0, (-1.2, 1.4, 2.0))
-    stage.area("Rim", 50.0, (1.6, -1.4, 1.0), COLD)
+    stage.key(3.0, (-0.8, -1.5, 1.4))
+    stage.area("Rim", 50.0, (-1.6, 1.4, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
-        (((-1.3, 1.6, 1.1), 24.0, (6.0, 5.5, 5.0)), ((1.6, 0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
+        (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
         0.6,
     )
     stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
@@ -114,20 +91,26 @@ def spine(stage: Stage):
     yield RENDER
 
 
-def nuclei(stage: Stage):
-    """Nuclei, each in a color of its own; one of them divides."""
-    stage.read_labels(nuclei_labels())
-    for row in stage.volume.rle_splat.labels:
-        row.show = row.label != 0
-        row.use_color, row.color = True, CELLS[row.label % len(CELLS)]
-    stage.camera((0.4, -1.45, 1.75), lens=62.0, aim=(0.0, 0.03, 0.0))
-    stage.without_background()
-    stage.key(3.6, (-1.2, -1.0, 1.6))
-    stage.area("Rim", 50.0, (1.2, 1.0, 0.8), COLD)
-    plain_world((0.05, 0.06, 0.08), 0.6)
-    stage.settings.ambient_occlusion = 0.8
+def cortex(stage: Stage):
+    """Two channels of a mouse's cortex from above, with their names and a scale bar."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.import_channel(of_file=True)
+    signal = stage.volume
+    other = next(one for one in bpy.context.view_layer.objects if one.type == "EMPTY" and one != signal)
+    for name, one in (("background", other), ("signal", signal)):
+        bpy.context.view_layer.objects.active = one
+        bpy.ops.rle_splat.load_transfer(filepath=str(stage.folder / f"{name}.json"))
+    camera = stage.camera((0.0, 0.0, 3.0))
+    camera.data.type, camera.data.ortho_scale, camera.data.shift_y = "ORTHO", 1.18 * stage.size, -0.04
+    size = 0.05 * stage.size
+    for body, x, color in (("signal", -0.5, (0.2, 0.9, 0.3)), ("background", -0.3, (0.65, 0.25, 0.85))):
+        letters(body, Matrix.Translation(stage.at(x, -0.545, 0.0)), size, emission(body, color), "LEFT")
+    length = 100.0 / 576.0 * stage.size
+    below = Matrix.Translation(stage.at(0.5, -0.59, 0.0) - Vector((0.5 * length, 0.0, 0.0)))
+    scale_bar("100 \u00b5m", below, length, size, emission("Letters", (0.85, 0.87, 0.9)))
+    plain_world((0.0, 0.0, 0.0), 0.0)
     view_transform("Standard")
     yield RENDER
 
 
-SETS = {"skull": skull, "spine": spine, "nuclei": nuclei}
+SETS = {"skull": skull, "aorta": aorta, "cortex": cortex}

@@ -9,7 +9,7 @@ import math
 
 import bpy
 from demo_scene import material, named
-from gallery_studio import COLD, RENDER, Stage, emission, softbox_world, view_transform
+from gallery_studio import COLD, RENDER, Stage, emission, letters, scale_bar, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 MM = 0.001
@@ -103,17 +103,6 @@ def _plate(stage: Stage, bone, coat) -> None:
         named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
 
 
-def _sign(body: str, place: Vector, size: float, coat, turn: float) -> None:
-    """Text that stands upright and faces a camera turned so many degrees from the patient's front."""
-    curve = bpy.data.curves.new(body, "FONT")
-    curve.body, curve.size, curve.align_x, curve.align_y = body, size, "CENTER", "CENTER"
-    curve.materials.append(coat)
-    made = bpy.data.objects.new(body, curve)
-    bpy.context.scene.collection.objects.link(made)
-    made.matrix_world = (Matrix.Translation(place) @ Matrix.Rotation(math.radians(turn), 4, "Z")
-                         @ Matrix.Rotation(math.radians(90.0), 4, "X"))  # fmt: skip
-
-
 def skull(stage: Stage):
     """A skull cut by a sagittal plane, the cut in plain gray, with a titanium plate on the forehead."""
     ours, at = stage.volume.rle_splat, stage.middle
@@ -145,12 +134,12 @@ def skull(stage: Stage):
     ours.opacity_unit_distance = THICKNESS
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
-    turn = 42.0
-    for body, x, y, size in (("R", -104.0, -70.0, 18.0), ("L", 75.0, 30.0, 18.0), ("50 mm", -20.0, -108.0, 9.0)):
-        _sign(body, at + Vector((x * MM, y * MM, floor - at.z + 0.5 * size * MM)), size * MM, white, turn)
-    bpy.ops.mesh.primitive_cube_add(size=1.0, location=(at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
-    bar = named("Scale Bar", white)
-    bar.scale, bar.rotation_euler.z = (50.0 * MM, 1.2 * MM, 1.2 * MM), math.radians(turn)
+    upright = Matrix.Rotation(math.radians(42.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
+    for body, x, y in (("R", -104.0, -70.0), ("L", 75.0, 30.0)):
+        place = Vector((at.x + x * MM, at.y + y * MM, floor + 9.0 * MM))
+        letters(body, Matrix.Translation(place) @ upright, 18.0 * MM, white)
+    place = Vector((at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
+    scale_bar("50 mm", Matrix.Translation(place) @ upright, 50.0 * MM, 9.0 * MM, white)
     toward = (1.18, -1.88, 0.66)
     stage.camera(toward, lens=74.0, aim=(-0.06, -0.11, -0.04))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from demo_scene import box_of, material
+from demo_scene import box_of, material, named
 from mathutils import Matrix, Vector
 
 WARM, COLD = (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
@@ -139,6 +139,23 @@ def _placed(name: str, data, spot, target):
     bpy.context.scene.collection.objects.link(holder)
     holder.matrix_world = Matrix.Translation(spot) @ (target - spot).to_track_quat("-Z", "Y").to_matrix().to_4x4()
     return holder
+
+
+def letters(body: str, place: Matrix, size: float, coat, align: str = "CENTER") -> None:
+    """Text in the plane of x and y of a place."""
+    curve = bpy.data.curves.new(body, "FONT")
+    curve.body, curve.align_x, curve.align_y = body, align, "CENTER"
+    curve.materials.append(coat)
+    made = bpy.data.objects.new(body, curve)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = place @ Matrix.Scale(size, 4)  # the size of a text has a minimum of 0.1 mm
+
+
+def scale_bar(body: str, place: Matrix, length: float, size: float, coat) -> None:
+    """A bar along x with its length above it, in letters of a size."""
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    named("Scale Bar", coat).matrix_world = place @ Matrix.Diagonal((length, 0.13 * size, 0.07 * size, 1.0))
+    letters(body, place @ Matrix.Translation((0.0, 0.9 * size, 0.0)), size, coat)
 
 
 def emission(name: str, color):

@@ -43,10 +43,10 @@ FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 HOLD = 8  # frames for which a step stands still
 TOWARD = (1.45, -1.6, 0.62)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.6  # than Frame, which shows the whole box
-HEAD, OPEN, VIEW, RESULT = "790x510+150+230", "690x540+300+200", "1230x660+50+80", "840x525+220+163"  # parts of a frame
+HEAD, OPEN, LIVE, RESULT = "790x510+150+230", "690x540+300+200", "560x420+220+255", "840x525+220+163"  # of a frame
 STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
     "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
-    "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((7, VIEW), (13, VIEW)), 348),
+    "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((12, LIVE), (13, LIVE)), 420),
     "gallery-strip": (((1, HEAD), (4, HEAD), (23, "740x510+200+230"), (25, "820x610+230+120")), 330),
 }  # fmt: skip
 shown = []  # of each photograph: how long it is shown, in frames, and its caption
