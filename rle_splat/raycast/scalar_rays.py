@@ -17,8 +17,7 @@ from ..runtime.bits import count_bits
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from ..shade.sample_light import ONE
-from ..splat.label_fields import crossing, label_at, refine_crossing
-from ..splat.scalar_scanline import columns_of
+from ..splat.label_fields import are_cells, crossing, label_at, refine_crossing
 from ..splat.scalar_slab import lookup_at
 from ..volume.stored_scalars import by_type
 from .ray_light import light_at
@@ -191,6 +190,8 @@ def _ends_of(labels, lookup):
     """Values that stand for those beyond them; with labels each function has its own."""
     if labels is None:
         return lookup.nearest, lookup.furthest
+    if not are_cells(labels):
+        return lookup.nearest, lookup.furthest
     return np.float32(-math.inf), np.float32(math.inf)
 
 
@@ -208,6 +209,8 @@ def _classify_labeled(labels, channels, lookup, before, here, start, step, begin
     ``start``, ``step``: voxels, a point and the way on which ``begin`` and ``end`` lie.
     """
     if labels is None:
+        return _classify_slab(lookup, before, here)
+    if not are_cells(labels):
         return _classify_slab(lookup, before, here)
     px, py, pz = start
     dx, dy, dz = step
@@ -328,13 +331,19 @@ def _composite_stretch(
 
 
 @inner_loop
+def _columns_of(codes):
+    """How many numbers a voxel has in an array that may be None."""
+    return 0 if codes is None else codes.shape[1]
+
+
+@inner_loop
 def _trace(begin, end, voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results):
     """Rays [begin, end); see ``trace_rays``."""
     bits, row_start, bricks, scalars, codes, shown, (n_z, n_y, n_x), further = voxels
     out, half, work = results
     if begin >= end:
         return
-    planes = columns_of(codes)
+    planes = _columns_of(codes)
     buffers = scratch[begin, :, :planes], scratch[begin, POWERS, :planes], scratch[begin, :, planes:]
     for ray in range(begin, end):
         transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..classify.lookup_table import LookupTable
-from ..runtime.jit import compiled, parallel_call
+from ..runtime.jit import compiled, parallel_call, read_only
 from ..scene import Quality
 from ..shade.sample_light import SampleLight
-from ..splat.label_fields import cell_field
-from ..splat.scalar_splat import LabelLook, channel_lookups, kernel_lookup
+from ..splat.label_fields import NO_CELLS, cell_field
+from ..splat.scalar_splat import LabelLook, channel_lookups, kernel_lookup, no_numbers
 from ..splat.splat import OPAQUE
 from ..volume.stored_scalars import StoredScalars
 from . import reference
 from .ray_light import ray_light
-from .rays import RayList, RowVoxels
+from .rays import ChannelVoxels, RayList, RowVoxels
 from .scalar_rays import POWERS, trace_rays
 
 
@@ -40,6 +40,9 @@ def trace(
     if not compiled():
         reference.trace_rays(voxels, rays, lookup, channels, field, light, slabs, least, results)
         return out, half
+    if channels is not None:  # one kernel is for channels, labels and both
+        field = field or NO_CELLS
+        voxels = voxels._replace(further=voxels.further or _no_channels(len(voxels.scalars)))
     planes = len(further) + (0 if light is None else voxels.codes.shape[1])
     scratch = np.empty((len(out), POWERS + 1, planes))
     falling = None if light is None else ray_light(light, rays)
@@ -47,3 +50,8 @@ def trace(
         voxels = voxels._replace(scalars=StoredScalars.of(voxels.scalars))
         trace_rays(voxels, rays, lookup, channels, field, falling, slabs, least, scratch, results)
     return out, half
+
+
+def _no_channels(count: int) -> ChannelVoxels:
+    """What stands for further channels of ``count`` voxels that have none."""
+    return ChannelVoxels(no_numbers(count, np.float32), read_only(np.empty((0, 2))), read_only(np.zeros(1, np.int64)))

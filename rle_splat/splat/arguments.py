@@ -195,17 +195,17 @@ class ScalarTables(NamedTuple):
         See ``Tables``.
     scalars : StoredScalars
         Stored values of the kept voxels.
-    codes : (m, channels) int16 or None
-        See ``encode.scalars.ScalarVolume``.
+    codes : (m, channels) int16
+        See ``encode.scalars.ScalarVolume``; without any, of no channels.
     values : (m, channels) float32 or None
-        Those of further channels.
+        Those of further channels.  None where neither channels nor labels classify.
     """
 
     pointers: np.ndarray
     data_starts: np.ndarray
     runs: np.ndarray
     scalars: StoredScalars
-    codes: np.ndarray | None
+    codes: np.ndarray
     values: np.ndarray | None
     width: int
 
@@ -285,9 +285,8 @@ class CodePlanes(NamedTuple):
 
     Attributes
     ----------
-    count : int or None
-        All planes of a sheet, the scalar's and those of further channels included; None where there is but the
-        scalar's.
+    count : int
+        All planes of a sheet, the scalar's and those of further channels included.
     stride : int
         Numbers from one plane of a voxel scanline to the next.
     thinning : int
@@ -296,7 +295,7 @@ class CodePlanes(NamedTuple):
         What samples are lit by, where light is wanted.
     """
 
-    count: int | None
+    count: int
     stride: int
     thinning: int
     lamps: SampleLamps | None

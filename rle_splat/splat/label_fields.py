@@ -51,6 +51,22 @@ class LabelField(NamedTuple):
     steepest: float
 
 
+# What stands for the cells and the field of a volume without labels, so that it shares a kernel with one with labels.
+NO_CELLS = CellField(
+    *(read_only(np.empty(0, kind)) for kind in ("uint16", "int8", "int64", "int32", "uint16", "int16")), 0, 0, 0
+)  # fmt: skip
+NO_LABELS = LabelField(
+    NO_CELLS, read_only(np.empty((2, 0))), read_only(np.empty((2, 0))), 1.0, 0,
+    read_only(np.empty(0, np.int64)), read_only(np.empty(0, np.int64)), 0.0,
+)  # fmt: skip
+
+
+@inner_loop
+def are_cells(cells):
+    """Whether a CellField is one of labels."""
+    return cells.n_x > 0
+
+
 def cell_field(cells: LabelCells) -> CellField:
     """The CellField of LabelCells."""
     flat = cells.kinds.reshape(-1), cells.weights.reshape(-1)

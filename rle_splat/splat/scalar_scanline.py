@@ -30,15 +30,15 @@ NOT_KEPT = np.float32(-3e38)
 
 @inner_loop
 def put_scanline(
-    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, codes, values, weight, run, voxel,
+    line, stride, reach, marks, slot, scale, shift, overhang, runs, scalars, codes, values, lamps, weight, run, voxel,
     far_weight, far_run, far_voxel, width, live, live_count,
 ):  # fmt: skip
     """Put scalar and codes of one scanline's voxels that lie in live spans on ``line``.
 
     ``line``: flat float32, planes of ``stride`` voxels, scalar first.  ``weight``, ``run``, ``voxel``: of the nearer
     slice, its scanline's first run and voxel; likewise the farther one, left out where its weight is 0.  ``scalars``:
-    StoredScalars.  ``codes``: (m, channels) int16, or None.  ``values``: (m, channels) float32 of further channels,
-    whose planes follow, or None.  ``overhang``: voxels beyond the first and the last from
+    StoredScalars.  ``codes``: (m, channels) int16.  ``values``: (m, channels) float32 of further channels, whose planes
+    follow, or None.  ``lamps``: None where codes are not lit.  ``overhang``: voxels beyond the first and the last from
     which samples are taken back to them.  The others: see ``voxel_scanline.add_runs``.
     """
     left = shift + (1.0 - SLACK) + BEFORE * BLOCK
@@ -81,7 +81,7 @@ def put_scanline(
             far_at = far_voxel + low - far_begin if pair else at
             reach[3] += high - low
             put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
-            put_codes(codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
+            put_codes(lamps, codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
             put_values(values, codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
             reach[0], reach[1] = min(reach[0], low), max(reach[1], high)
             from_pixel, to_pixel = low * scale + left, high * scale + right
@@ -159,28 +159,23 @@ _put_code, _put_normals, _put_shadowed = _putter(*MIX_CODES), _putter(*MIX_NORMA
 
 
 @inner_loop
-def put_codes(codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
+def put_codes(lamps, codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
     """The planes of codes of the same voxels, if there are any."""
-    if codes is not None:
+    if lamps is not None:
         if codes.shape[1] == NORMAL:
             _put_normals(codes, 0, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
-        elif codes.shape[1] == NORMAL + 1:
+            return
+        if codes.shape[1] == NORMAL + 1:
             _put_shadowed(codes, 0, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
-        else:
-            for channel in range(codes.shape[1]):
-                _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
-
-
-@inner_loop
-def columns_of(codes):
-    """How many numbers a voxel has in an array that may be None."""
-    return 0 if codes is None else codes.shape[1]
+            return
+    for channel in range(codes.shape[1]):
+        _put_code(codes, channel, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair)
 
 
 @inner_loop
 def put_values(values, codes, line, stride, to, count, weight, voxel, far_weight, far_voxel, pair):
     """The planes of further channels of the same voxels, behind those of their codes, if there are any."""
     if values is not None:
-        behind = line[stride * columns_of(codes) :]
+        behind = line[stride * codes.shape[1] :]
         for channel in range(values.shape[1]):
             _put_code(values, channel, behind, stride, to, count, weight, voxel, far_weight, far_voxel, pair)

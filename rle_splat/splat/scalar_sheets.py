@@ -27,7 +27,7 @@ from .sample_block import clear_light
 from .scalar_block import place_inside, resample_lit_planes, resample_plane
 from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
-from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab, plane_count
+from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab
 from .scratch import BAND
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD
 from .waiting_blocks import composite_waiting, look_up_waiting, marked_by_both
@@ -134,7 +134,7 @@ def _is_filled(medium, sheets, number, scanline):
 
 
 @inner_loop
-def _put(codes, values, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+def _put(values, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
@@ -142,7 +142,7 @@ def _put(codes, values, tables, box, planes, sheets, number, scanline, slot, shi
     line.reach[0] = tables.width
     put_scanline(
         line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, box.overhang,
-        tables.runs, tables.scalars, codes, values, weight, int(tables.pointers[near, scanline]),
+        tables.runs, tables.scalars, tables.codes, values, planes.lamps, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
     )  # fmt: skip
 
@@ -154,17 +154,16 @@ def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scal
     if not _is_filled(medium, sheets, number, scanline):
         return
     _put(
-        medium.tables.codes, medium.tables.values, medium.tables, medium.box, medium.planes, sheets, number, scanline,
+        medium.tables.values, medium.tables, medium.box, medium.planes, sheets, number, scanline,
         slot, shift_u, scale_u, line, live_count, marks,
     )  # fmt: skip
 
 
 @inner_loop
-def _fetch(codes, values, tables, ahead, scanline, count):
-    first = tables.data_starts[ahead, scanline]
+def _fetch(values, tables, ahead, scanline, count):
+    first, codes = tables.data_starts[ahead, scanline], tables.codes
     fetch_scalars(tables.scalars, first, count)
-    if codes is not None:
-        fetch_ahead(codes, first * codes.shape[1], count * codes.shape[1])
+    fetch_ahead(codes, first * codes.shape[1], count * codes.shape[1])
     if values is not None:
         fetch_ahead(values, first * values.shape[1], count * values.shape[1])
 
@@ -172,14 +171,14 @@ def _fetch(codes, values, tables, ahead, scanline, count):
 @inner_loop
 def _fetch_next(medium, ahead, scanline, count):
     """See ``band_walker.scanline_walker``."""
-    _fetch(medium.tables.codes, medium.tables.values, medium.tables, ahead, scanline, count)
+    _fetch(medium.tables.values, medium.tables, ahead, scanline, count)
 
 
 @inner_loop
 def _resample_block(medium, footprint, is_new, b, at, shift_u, scale_u, line, samples, block):
     """See ``band_walker.scanline_walker``."""
     voxels, _, _, cells, fractions, _ = line
-    planes, stride = plane_count(medium.planes.count), medium.planes.stride
+    planes, stride = medium.planes.count, medium.planes.stride
     if is_new:
         place_inside(cells, fractions, BLOCK * b, b * BLOCK - shift_u, scale_u, medium.tables.width - 1.0)
     to = BLOCK * planes * at
@@ -288,7 +287,7 @@ def _samples_of(sheet, slot, down, b, planes, blocks):
 def _composite_member(cut, medium, sheets, slab, member, row, slot, down, pixels, rays, here, there, own, half):
     """Composite a block of one sheet of a group, number ``member``; how many of its pixels are not opaque."""
     number = slab.first + member
-    planes, blocks = plane_count(medium.planes.count), own.rows.bright.shape[1]
+    planes, blocks = medium.planes.count, own.rows.bright.shape[1]
     begin, end, thickness = sheets.begin[number], sheets.end[number], np.float32(sheets.thickness[number])
     sample = _samples_of(here, slot, down, pixels.b, planes, blocks)
     sample_before = _samples_of(there, row.slot_before, row.down_before, pixels.b, planes, blocks)
@@ -343,7 +342,7 @@ def _composite(cut, grouped, medium, sheets, slab, row, window, r, b, queued, ra
     enters, leaves = max(box_blocks[1, b], row.enter), min(box_blocks[2, b], row.leave)
     if slab.together == GROUP and slab.front >= enters and slab.behind <= leaves:
         return LIVE, look_up_waiting(
-            queued, r, b, here, plane_count(medium.planes.count), own.rows.bright.shape[1], own.waiting, medium.lookup
+            queued, r, b, here, medium.planes.count, own.rows.bright.shape[1], own.waiting, medium.lookup
         )
     return _composite_in_turn(medium, sheets, slab, row, pixels, rays, here, there, own, half), queued
 
@@ -377,7 +376,7 @@ def _composite_queue(medium, sheets, slab, window, r, word, queued, here, own, i
 @inner_loop
 def _clear_scratch(medium, own):
     """See ``band_walker.band_walker``."""
-    planes, stride = plane_count(medium.planes.count), medium.planes.stride
+    planes, stride = medium.planes.count, medium.planes.stride
     clear_light(medium.planes.lamps, own.rows.light)
     line = own.line.line
     line[:stride] = NOT_KEPT

@@ -15,6 +15,7 @@ from .cut_slab import cut_ends
 from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
 from .label_block import even_number, find_numbers, keep_near, mix_ends, note_looks
+from .label_fields import are_cells
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
@@ -55,12 +56,6 @@ class Pixels(NamedTuple):
     v: int
     first: int
     count: int
-
-
-@inner_loop
-def plane_count(count):
-    """Numbers that a sheet holds of a pixel; ``count``: of CodePlanes."""
-    return 1 if count is None else count
 
 
 @inner_loop
@@ -213,12 +208,14 @@ def _mix_channels(
     """Classify a block of a slab by each channel's own table, the volume itself by those of labels if there are any,
     and add up, to ``block.samples`` and ``block.shares``; 0 where nothing is seen."""
     seen, first = 0, 0
-    if labels is not None:
+    if are_cells(labels.cells):
         seen, first = _mix_labels(
             labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
         ), channels.own  # fmt: skip
+        if first == channels.planes.size:
+            return seen
     block.mixed[:] = np.float32(0.0)
-    if labels is not None:
+    if first > 0:
         add_samples(block.samples, block.shares, block.mixed)
     for number in range(first, channels.planes.size):
         lookup, plane = lookup_at(channels, number), channels.planes[number]
@@ -234,31 +231,17 @@ def _mix_channels(
 
 
 @inner_loop
-def _mix(
-    values, labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
-):  # fmt: skip
-    if labels is not None:
-        if values is None:
-            return _mix_labels(
-                labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
-            )  # fmt: skip
-    return _mix_channels(
-        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
-    )  # fmt: skip
-
-
-@inner_loop
 def _classified(
-    values, labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there,
+    labels, channels, box, intervals, lamps, lookup, seen, kind, is_shortened, cut, begin, end, here, there,
     pixels, block,
 ):  # fmt: skip
     """Classify a block, by the volume's own table as ``_look_up`` has seen it, or by those of all channels and labels;
-    0 where nothing is seen.  ``values``: of further channels, or None."""
+    0 where nothing is seen."""
     if channels is None:
         _classify(lookup.table, lookup.sums, seen, block)
         return seen
-    return _mix(
-        values, labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
+    return _mix_channels(
+        labels, box, intervals, lamps, channels, kind, is_shortened, cut, begin, end, here, there, pixels, block
     )  # fmt: skip
 
 
@@ -322,10 +305,8 @@ def _light_samples(lamps, channels, kind, lookup, here, there, length, deep, thi
 
 
 @inner_loop
-def _thin(codes, thinning, here, there, length, deep, block):
-    """``thin_slab`` where a plane holds a factor of extinction; whether one does.  ``codes``: None where none can."""
-    if codes is None:
-        return False
+def _thin(thinning, here, there, length, deep, block):
+    """``thin_slab`` where a plane holds a factor of extinction; whether one does."""
     if thinning == 0:
         return False
     sheet, upper, lower, down = here
@@ -402,7 +383,7 @@ def composite_slab(
             block.samples, half,
         )  # fmt: skip
         return LIVE
-    if _thin(planes.count, planes.thinning, here, there, length, deep, block):
+    if _thin(planes.thinning, here, there, length, deep, block):
         length, deep = block.length_inside, 0
     if absorbs is not None:
         add_depths(
@@ -412,7 +393,7 @@ def composite_slab(
         )  # fmt: skip
         return LIVE
     seen = _classified(
-        medium.tables.values, labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin,
+        labels, channels, box, intervals, planes.lamps, lookup, seen, kind, shortened, cut, begin,
         end, here, there, pixels, block,
     )  # fmt: skip
     if seen == 0:

@@ -16,7 +16,7 @@ from ..view.depth_rules import Sheets
 from ..volume.stored_scalars import StoredScalars
 from .arguments import ChannelLookups, CodePlanes, Lookup, ScalarTables, box_of, rays_of
 from .intermediate_image import IntermediateImage
-from .label_fields import label_field
+from .label_fields import NO_LABELS, label_field
 from .mist_block import mist_rays
 from .pixel_block import BLOCK
 from .reference.scalar_sheets import splat_scalar_sheets_numpy
@@ -114,6 +114,11 @@ class LabelLook(NamedTuple):
     tables: tuple[LookupTable, ...]
 
 
+def no_numbers(count: int, kind) -> np.ndarray:
+    """(count, 0) of type ``kind``: what stands for codes or further values of voxels that have none."""
+    return read_only(np.empty((count, 0), kind))
+
+
 def _columns(array) -> int:
     return 0 if array is None else array.shape[1]
 
@@ -123,7 +128,8 @@ def _tables(encoded: ScalarVolume) -> ScalarTables:
     return ScalarTables(
         read_only(tables.scanline_pointers), read_only(tables.scanline_data_pointers), read_only(tables.runs),
         StoredScalars.of(encoded.scalars),
-        *(None if array is None else read_only(array) for array in (encoded.codes, encoded.values)), encoded.width,
+        no_numbers(len(encoded.scalars), np.int16) if encoded.codes is None else read_only(encoded.codes),
+        None if encoded.values is None else read_only(encoded.values), encoded.width,
     )  # fmt: skip
 
 
@@ -133,7 +139,7 @@ def _planes(encoded: ScalarVolume, light, plane: BasePlane, least, scratch: Scra
     planes = _planes_of(encoded)
     lamps = None if light is None else sample_lamps(light, plane, encoded.shape_xyz, least)
     thinning = encoded.codes.shape[1] if encoded.thinned else 0
-    return CodePlanes(planes if planes > 1 else None, line // planes, thinning, lamps)
+    return CodePlanes(planes, line // planes, thinning, lamps)
 
 
 def _planes_of(encoded: ScalarVolume) -> int:
@@ -162,6 +168,10 @@ def _steps(
             *arguments, encoded.thinned, light, plane, mist, channels, field, least, *image.arrays
         )
         return image
+    if channels is not None:  # one kernel is for channels, labels and both
+        field = field or NO_LABELS
+        if tables.values is None:
+            arguments = (tables._replace(values=no_numbers(len(encoded.scalars), np.float32)), *arguments[1:])
     workers = thread_count(quality.threads)
     held, group = 0 if light is None else HELD, GROUP if grouped else 1
     count = _planes_of(encoded)

@@ -37,9 +37,8 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
                 break
             count = int(tables.runs[run + 1])
             dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
-            if tables.codes is not None:
-                codes = tables.codes[voxel : voxel + count] / CODE_OF_ONE
-                dense[j, x : x + count, 1 : 1 + codes.shape[1]] = codes
+            codes = tables.codes[voxel : voxel + count] / CODE_OF_ONE
+            dense[j, x : x + count, 1 : 1 + codes.shape[1]] = codes
             if tables.values is not None:
                 dense[j, x : x + count, -tables.values.shape[1] :] = tables.values[voxel : voxel + count]
             x, voxel, run = x + count, voxel + count, run + 2
@@ -48,7 +47,7 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
 
 def _nothing(tables) -> np.ndarray:
     """(planes,) float32 of a voxel that is not kept."""
-    codes, values = (0 if array is None else array.shape[1] for array in (tables.codes, tables.values))
+    codes, values = tables.codes.shape[1], 0 if tables.values is None else tables.values.shape[1]
     return np.array([NOT_KEPT, *[0.0] * codes, *[NOT_KEPT] * values], np.float32)
 
 
