@@ -17,6 +17,8 @@ from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, 
 
 ONE = 32767.0  # of codes of components
 STEPS = 1024.0  # of a voxel, in which offsets are kept
+RISE = 2.0  # times what the slice before takes: more of a slice does not count at its own nodes
+REACH = 7  # eighths of the way to the point beside a surface, at which light is read between nodes
 BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
@@ -121,11 +123,13 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
     last, up = len(sweep.slices) - 1, int(np.sign(place[3, c]))
     layers = np.moveaxis(nodes, (2 - c, 2 - b, 2 - a), (0, 1, 2))
     added = [_slice_of_sheet(sweep, tables, starts, extinction, n, True) for n in range(last + 1)]
-    # Before the first slice there is as much less than nothing as that is nearer to the light than half a slice.
+    # Before the first slice there is as much less than nothing as that is nearer to the light than half a slice; it
+    # counts as if the medium went on before it.
     before = (sweep.whole[0] - 1.0) * added[0]
+    earlier = before - added[0]
     for n, k in enumerate([*sweep.slices, sweep.slices[-1] + up]):
-        # The medium ends in the middle of the last slice, so that the layer behind has the same mean.
-        after = before + added[n] if n <= last else before - added[last]
+        # The medium ends in the middle of the last slice, so that the layer behind has half of it.
+        after = before + added[n] if n <= last else earlier
         node = np.zeros((layers.shape[1], layers.shape[2], 3))
         node[..., b], node[..., a] = np.indices(node.shape[:2]) - 1.0
         node[..., c] = k
@@ -135,7 +139,8 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
         if sweep.source is not None:
             way = node - sweep.source
             own = np.argmax(np.abs(way), axis=2) == c
-        tau = np.maximum(0.5 * _interpolate(before + after, y, x), 0.0)
+        halved = 0.5 * np.minimum(after - before, RISE * (before - earlier))
+        tau = np.maximum(_interpolate(before + halved, y, x), 0.0)
         length = sweep.length
         square = length[0] + length[1] * x + length[2] * y
         square += length[3] * x * x + length[4] * x * y + length[5] * y * y
@@ -144,7 +149,7 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
             left = left * _interpolate((meshes > np.float32(n)).mean(axis=2), y, x)
         taken = ((1.0 - left) * share + 0.5).astype(np.uint16)
         layers[k + 1][own] -= taken[own]
-        before = after
+        earlier, before = before, after
 
 
 def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes, channel: int) -> None:
@@ -152,7 +157,7 @@ def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
-    at += pitch * offsets / STEPS
+    at += (REACH * pitch * offsets.astype(np.int32) >> 3) / STEPS
     # The last position is one step of the offsets before the last node.
     last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
     at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, last)

@@ -479,3 +479,27 @@ def test_codes_of_lamps_that_stay_are_those_of_a_picture_of_its_own():
     found = render(moved, quality, cache=cache)
     assert cache.made["shadows"] == before + 1
     np.testing.assert_array_equal(found.rgba, render(moved, quality).rgba)
+
+
+@pytest.mark.parametrize(("quality", "most"), (("draft", 0.006), ("standard", 0.005)))
+def test_a_ball_with_an_opacity_step_is_lit_as_evenly_as_without_shadows(quality, most):
+    """Where the sun faces the surface, at most at 60 degrees, nothing but the surface itself could shade it."""
+    index = np.stack(np.indices((60, 60, 60))[::-1], axis=-1) - 29.37
+    inside = np.clip(0.5 + 0.25 * (22.0 - np.linalg.norm(index, axis=-1)), 0.0, 1.0)
+    step = TransferFunction("step", None, ((0.0, 0.0), (0.5, 0.0), (0.5, 0.8)), ((0.0, 1.0, 1.0, 1.0),), 1.0, MATT)
+    volume = Volume(inside.astype(np.float32), np.eye(4))
+    camera, _ = turntable(volume, 25, 20, 0.8, False, 25.0, 240, 240)
+    axes = camera.matrix_world[:3, :3]
+    towards = axes @ (-0.35, 0.35, 0.87)
+    lit = Scene(volume, step, camera, 240, 240, lights=(sun(-towards),), headlight=False, volume_shadows=True)
+    shadowed, plain = (
+        render(one, Quality.preset(quality), cache=StageCache()).rgba[..., 0]
+        for one in (lit, replace(lit, volume_shadows=False))
+    )
+    across = (np.indices((240, 240))[::-1] + 0.5) / 240 * camera.ortho_scale - 0.5 * camera.ortho_scale
+    right, up = across[0] / 22.0, -across[1] / 22.0
+    normal = np.stack((right, up, np.sqrt(np.maximum(1.0 - right**2 - up**2, 0.0))))
+    facing = np.einsum("i,i...", (-0.35, 0.35, 0.87), normal) > 0.5
+    ratio = (shadowed / np.maximum(plain, 1e-9))[(normal[2] > 0.3) & facing]
+    assert len(ratio) > 5000 and ratio.mean() > 0.995
+    assert np.diff(np.quantile(ratio, (0.01, 0.99)))[0] < most
