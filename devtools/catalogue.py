@@ -44,8 +44,7 @@ Numbers at the edge are treated alike under every classification:
 SITUATIONS_HEAD = """
 ## Blender situations
 
-Tests in `tests/blender` carry the id of each line. `python3 dev.py test` runs all of them in Blender 5.3, and most in 4.5, 5.0
-and 5.2; with `--all`, all in each.
+Tests in `tests/blender` carry the id of each line. `python3 dev.py test` runs all of them in Blender 4.5 to 5.3.
 
 | id | situation | what holds |
 |---|---|---|
