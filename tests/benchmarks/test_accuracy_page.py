@@ -13,8 +13,6 @@ from rle_splat.classify.presets import fit_preset
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
 
-pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
-
 OPTIONS = SimpleNamespace(size=32, probes=60, repeats=1, threads=1)  # no kernels to compile
 
 

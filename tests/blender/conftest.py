@@ -28,7 +28,7 @@ else:
     collect_ignore_glob = ["test_*.py"]
 
 # The files whose tests also run in Blender's older versions, where ``dev.py test`` runs the tests marked every_blender
-# only: of what Blender does otherwise in another version.  The mark ``newest`` takes single tests of them out again.
+# only: of what Blender does otherwise in another version.
 EVERY_BLENDER = {
     # The zip: installation, registration, the kernels' Python, files of earlier versions of the extension.
     "test_register.py", "test_package.py", "test_kernels.py", "test_migration.py", "test_documented_script.py",
@@ -42,7 +42,7 @@ EVERY_BLENDER = {
     # What users do to a file, with each operator: every situation of the catalogue of hard cases.
     "test_situations_copies.py", "test_situations_deletion.py", "test_situations_edits.py", "test_situations_files.py",
     "test_situations_identity.py", "test_situations_renders.py", "test_situations_stale.py",
-    "test_situations_window.py",
+    "test_situations_window.py", "test_messages.py", "test_modes.py", "test_switches.py",
 }  # fmt: skip
 
 _status = [0]
@@ -51,8 +51,7 @@ _status = [0]
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
     for item in items:
-        listed = item.path.parent == Path(__file__).parent and item.path.name in EVERY_BLENDER
-        if listed and not item.get_closest_marker("newest"):
+        if item.path.parent == Path(__file__).parent and item.path.name in EVERY_BLENDER:
             item.add_marker("every_blender")
 
 

@@ -52,7 +52,6 @@ def add_plane(owner):
     scenes.activate(owner)
 
 
-@pytest.mark.newest
 @pytest.mark.parametrize(
     "edit", [scenes.lower_curve, edit_location, edit_quality, edit_camera, edit_window, edit_size, add_plane]
 )

@@ -13,8 +13,6 @@ from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
 
-pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
-
 SIZE = ("--size", "40", "30")
 VIEW = ("--azimuth", "35", "--elevation", "-20")
 

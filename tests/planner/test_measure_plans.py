@@ -19,8 +19,6 @@ from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
-pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
-
 BASE = Quality()
 
 

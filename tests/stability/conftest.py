@@ -45,13 +45,13 @@ def pytest_sessionfinish():
 
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
-    """Leave kernels that are compiled for one or two tests to the deep ones: sums in double precision of opacities, and
-    of groups of sheets."""
+    """Leave sums in double precision to the deep tests where numpy makes them, which takes too long for so many sheets,
+    or a kernel that is compiled for one or two tests: of opacities, and of groups of sheets."""
     for item in items:
         given = item.callspec.params if hasattr(item, "callspec") else {}
-        if given.get("width") == "float64" and given.get("way") == "numba":
+        if given.get("width") == "float64" and "way" in given:
             grouped = item.originalname.startswith("test_A8_") and given["classification"] == "post"
-            if grouped or given.get("model") == "opacity":
+            if given["way"] == "numpy" or grouped or given.get("model") == "opacity":
                 item.add_marker("deep")
 
 

@@ -24,8 +24,6 @@ from rle_splat.volume.volume import Volume
 from tests.stability.fuzz import examples
 from tests.stability.test_reader_fuzz import ANY_JSON, GOOD_FUNCTION, altered, outcome, places, says
 
-pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
-
 SHAPE = (7, 6, 5)  # z, y, x
 PLANES = 3  # of a chunk
 FILE = "file"  # name of what is not a folder
