@@ -27,11 +27,11 @@ from tests.blender.window_driver import (
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
-SIDE = 256
+SIDE, SPACING = 128, 2.0  # voxels along each side, mm
 
 
 def phantom() -> Path:
-    """A scan of 256 voxels along each side in Hounsfield units: skin, a skull with two holes, and what it holds."""
+    """A scan in Hounsfield units: skin, a skull with two holes, and what it holds."""
     z, y, x = (np.mgrid[:SIDE, :SIDE, :SIDE].astype(np.float32) - (SIDE - 1) / 2) / (SIDE / 2)
     apart = np.sqrt((x / 0.7) ** 2 + (y / 0.85) ** 2 + (z / 0.8) ** 2)
     values = np.full(apart.shape, -1000.0, np.float32)
@@ -70,7 +70,7 @@ def import_steps(path, use_headlight):
     with in_the_view():
         # As the dialog of File > Import does it, whose own button a film cannot know the place of.
         assert bpy.ops.rle_splat.import_volume(
-            "INVOKE_DEFAULT", filepath=str(path), value_unit="HU", modality="CT", spacing=(1.0, 1.0, 1.0),
+            "INVOKE_DEFAULT", filepath=str(path), value_unit="HU", modality="CT", spacing=(SPACING,) * 3,
             use_dialog=False, use_headlight=use_headlight) == {"RUNNING_MODAL"}  # fmt: skip
     yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
     read = time.perf_counter() - began
@@ -84,7 +84,7 @@ def import_steps(path, use_headlight):
 
     yield from until(is_drafted)
     print(f"read after {read:.1f} s, shown after {drafted:.1f} s, refined after {time.perf_counter() - began:.1f} s "
-          "(looked at every 0.3 s)", flush=True)  # fmt: skip
+          "(looked at at each step)", flush=True)  # fmt: skip
     return volume
 
 

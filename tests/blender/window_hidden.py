@@ -95,10 +95,11 @@ def check_value_goes_with_the_mouse():
         bpy.ops.wm.tool_set_by_id(name="rle_splat.window_tool")
     yield from settled()
     probe, area = import_module(f"{MODULE}.bridge.look.probe"), area_of("VIEW_3D")
+    right = 0.15 * area.width  # to the middle of the ball
     for by in range(4):
-        simulate("MOUSEMOVE", "NOTHING", middle(by))
+        simulate("MOUSEMOVE", "NOTHING", middle(right + by))
         yield
-    assert probe.hovered(area), "over the viewport"
+    assert "voxel" in probe.hovered(area), "over the volume"
     yield from photograph("value under the mouse")
     other = area_of("PROPERTIES")
     for by in range(4):

@@ -23,6 +23,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     until,
+    wait_for_rest,
 )
 
 FLOOR = -6.0  # its height below the ball
@@ -104,6 +105,7 @@ def scenario():
         if area.type == "PROPERTIES":
             area.type = "IMAGE_EDITOR"
             area.spaces.active.image = bpy.data.images["Render Result"]
+    yield from wait_for_rest()
     yield from photograph("picture")
     with in_the_view():
         bpy.ops.ed.undo_push(message="before")

@@ -21,6 +21,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     until,
+    wait_for_rest,
 )
 
 SIZE = 64
@@ -136,6 +137,7 @@ def check_slots(path: Path):
         getattr(bpy.app.handlers, name).pop()
     print(f"the mean light was {before[0]}, and is {light.light_of(scene)[0][0]}")
     assert not called and not np.allclose(light.light_of(scene)[0][0], before[0], rtol=0.01)
+    yield from wait_for_rest()
     yield from photograph("slot 1 after the edit")
     for slot in (0, 1):
         slots.active_index = slot
