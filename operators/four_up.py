@@ -58,8 +58,7 @@ def _viewport(context) -> tuple:
     """(area, region) of the 3D viewport that the operator was called in, or of the window's largest one."""
     areas = [context.area] if context.area is not None and context.area.type == "VIEW_3D" else []
     if not areas and context.window is not None and not bpy.app.background:
-        areas = sorted((area for area in context.window.screen.areas if area.type == "VIEW_3D"),
-                       key=lambda area: -area.width * area.height)[:1]  # fmt: skip
+        areas = sorted(viewports.areas_of(context.window), key=lambda area: -area.width * area.height)
     if not areas:
         return None, None
     return areas[0], next(region for region in areas[0].regions if region.type == "WINDOW")

@@ -5,7 +5,7 @@ from bpy.props import BoolProperty
 from ..bridge.held import Held
 from ..bridge.look import transfer
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.scene import render_scene, world_render
+from ..bridge.scene import render_scene, viewports, world_render
 from ..bridge.translations import filled
 from ..bridge.volumes import volumes
 from .refusal import has_values, has_volume
@@ -60,7 +60,7 @@ def evaluated(context, volume_object):
 
 def look_through_camera(context) -> None:
     """Switch a 3D view to the camera unless one shows it already: the view in use, else the largest."""
-    areas = _views(context)
+    areas = viewports.areas_of(context.window)
     if not areas or is_looked_through(context):
         return
     area = context.area if context.area in areas else max(areas, key=lambda one: one.width * one.height)
@@ -69,11 +69,7 @@ def look_through_camera(context) -> None:
 
 def is_looked_through(context) -> bool:
     """Whether a 3D view of the window looks through the active camera."""
-    return any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in _views(context))
-
-
-def _views(context) -> list:
-    return [area for area in context.window.screen.areas if area.type == "VIEW_3D"] if context.window else []
+    return any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in viewports.areas_of(context.window))
 
 
 def report_picture(operator, image, rendering) -> None:

@@ -28,6 +28,11 @@ def typed_tuple(values) -> tuple:
     return tuple(typed(v) for v in values)
 
 
+def typed_fields(source, names) -> dict:
+    """``typed`` for some properties of a datablock, by their names."""
+    return {name: typed(getattr(source, name)) for name in names}
+
+
 def rounded_to_span(values, span: float) -> list[float]:
     """Round values to at most a millionth of a span, the precision of a position stored in single precision.
 

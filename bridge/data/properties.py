@@ -10,6 +10,7 @@ from .. import messages
 from ..loop import index
 from ..pictures import backdrop
 from ..pictures.pictures import PictureProperties
+from ..scene import viewports
 from ..translations import OURS
 from ..volumes import box
 from ..volumes.channels import ChannelProperties
@@ -101,11 +102,9 @@ def _rescale_boxes(settings, context):
             box.rescale_box(volume_object, scene_scale_of(settings.id_data, volume_object.rle_splat.length_unit))
 
 
-def _redraw(_settings, context):
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+def _redraw(_settings, _context):
+    for area in viewports.all_areas():
+        area.tag_redraw()
 
 
 def _place_backdrop(settings, context):

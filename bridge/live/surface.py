@@ -12,7 +12,7 @@ import numpy as np
 from ...rle_splat.scene import Camera, RleSplatError
 from ...rle_splat.view.box_order import box_of
 from ..data import preferences, settings
-from ..data.decimals import typed
+from ..data.decimals import typed_tuple
 from ..loop import work
 from ..messages import sentence_of
 from ..pictures import outdated
@@ -75,7 +75,7 @@ def clip_of(context, space, view) -> tuple:
         camera = space.camera if space.use_local_camera else context.scene.camera
         if camera is not None and camera.type == "CAMERA":
             owner = camera.data
-    return typed(owner.clip_start), typed(owner.clip_end)
+    return typed_tuple((owner.clip_start, owner.clip_end))
 
 
 def has_depth(request: Request) -> bool:

@@ -143,17 +143,13 @@ def _rest() -> None:
 
 def _others_work() -> bool:
     """Whether something runs that users wait for."""
-    return timer.must_wait() or any(viewport.is_busy for area in _areas() for viewport in live.viewports_of(area))
-
-
-def _areas() -> list:
-    windows = bpy.context.window_manager.windows
-    return [area for window in windows for area in window.screen.areas if area.type == "VIEW_3D"]
+    views = (view for area in viewports.all_areas() for view in live.viewports_of(area))
+    return timer.must_wait() or any(view.is_busy for view in views)
 
 
 def _tab_is_shown() -> bool:
     """Whether a sidebar shows the extension's tab."""
-    for area in _areas():
+    for area in viewports.all_areas():
         for region in area.regions:
             if region.type == "UI" and region.width > 1 and region.active_panel_category == viewports.tab():
                 return True

@@ -25,7 +25,7 @@ def window_of(properties) -> tuple[float, float]:
     low, high : float
         Physical values at positions 0 and 1 of ramp and curve.
     """
-    center, width = typed(properties.window_center), typed(properties.window_width)
+    center, width = typed_tuple((properties.window_center, properties.window_width))
     return center - 0.5 * width, center + 0.5 * width
 
 

@@ -20,6 +20,7 @@ from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ..data.playback import shown_frame
 from ..live.surface import matrices_of
 from ..live.view import view_of
+from ..scene import viewports
 from ..translations import filled
 from ..volumes import box, channels, labels, volumes
 from ..volumes.source_paths import check_is_no_scan
@@ -49,8 +50,7 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
     RleSplatError
         Without a 3D viewport, or for one that shows nothing.
     """
-    screen = context.window.screen if context.window is not None else None
-    areas = [area for area in (screen.areas if screen is not None else ()) if area.type == "VIEW_3D"]
+    areas = viewports.areas_of(context.window)
     if not areas:
         raise RleSplatError(NO_VIEWPORT)
     area = context.area if context.area in areas else max(areas, key=lambda one: one.width * one.height)

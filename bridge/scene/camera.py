@@ -10,10 +10,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...rle_splat.scene import Camera, RleSplatError
-from ..data.decimals import typed, typed_tuple
+from ..data.decimals import typed, typed_fields, typed_tuple
 
 METERS_PER_MM = 1e-3  # Blender takes a lens's millimeters as 1/1000 world unit, whatever the scene's unit
 LEAST_FSTOP, LEAST_FOCUS = 1e-5, 1e-5  # Blender's own limits
+# Of a camera's data, under the names of Camera.
+NUMBERS = "lens", "sensor_width", "sensor_height", "ortho_scale", "shift_x", "shift_y", "clip_start", "clip_end"
 _PANORAMIC = {"PANO": "panoramic", "CUSTOM": "custom (OSL)"}
 
 
@@ -111,15 +113,8 @@ def read_camera(depsgraph, camera=None) -> tuple[Camera, int, int]:
     camera = Camera(
         matrix_world=without_scale(evaluated.matrix_world),
         type=data.type,
-        lens=typed(data.lens),
-        sensor_width=typed(data.sensor_width),
-        sensor_height=typed(data.sensor_height),
         sensor_fit=data.sensor_fit,
-        ortho_scale=typed(data.ortho_scale),
-        shift_x=typed(data.shift_x),
-        shift_y=typed(data.shift_y),
-        clip_start=typed(data.clip_start),
-        clip_end=typed(data.clip_end),
+        **typed_fields(data, NUMBERS),
         pixel_aspect=typed_tuple((render.pixel_aspect_x, render.pixel_aspect_y)),
         **_lens(evaluated, depsgraph),
     )
@@ -138,8 +133,7 @@ def _lens(evaluated, depsgraph) -> dict:
         "aperture_radius": length / (2.0 * fstop),
         "focus_distance": max(_focus_distance(evaluated, dof, depsgraph), LEAST_FOCUS),
         "aperture_blades": dof.aperture_blades if dof.aperture_blades >= 3 else 0,
-        "aperture_rotation": typed(dof.aperture_rotation),
-        "aperture_ratio": typed(dof.aperture_ratio),
+        **typed_fields(dof, ("aperture_rotation", "aperture_ratio")),
     }
 
 

@@ -86,7 +86,7 @@ def frame(window, boxes: list[np.ndarray], rotation: Quaternion | None = None) -
     rotation : mathutils.Quaternion, optional
         Of the views, but those of a quad view; by default each keeps its own.
     """
-    for area in _viewports(window):
+    for area in areas_of(window):
         frame_area(area, boxes, rotation)
 
 
@@ -185,7 +185,7 @@ def tab() -> str:
 
 def open_tab(window) -> None:
     """Open the sidebar of a window's largest 3D viewport at the extension's tab, once it was drawn."""
-    areas = _viewports(window)
+    areas = areas_of(window)
     if not areas:
         return
     largest = max(areas, key=lambda area: area.width * area.height)
@@ -194,7 +194,7 @@ def open_tab(window) -> None:
     tries = iter(range(TAB_TRIES))
 
     def choose():
-        area = next((one for one in _all_viewports() if one.as_pointer() == place), None)
+        area = next((one for one in all_areas() if one.as_pointer() == place), None)
         if area is None or next(tries, None) is None:
             return None  # it was closed, or is too narrow to be drawn
         sidebar = next(one for one in area.regions if one.type == "UI")
@@ -281,7 +281,7 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
         Without a viewport and a camera.
     """
     is_seen = not bpy.app.background
-    region, areas = (context.region_data, _viewports(context.window)) if is_seen else (None, [])
+    region, areas = (context.region_data, areas_of(context.window)) if is_seen else (None, [])
     if region is None and areas:
         region = max(areas, key=lambda area: area.width * area.height).spaces.active.region_3d
     if region is not None:
@@ -295,7 +295,7 @@ def view_of(context) -> tuple[np.ndarray, np.ndarray | None]:
 def eyes_of(window) -> list:
     """``eye_of`` of the 3D viewports of a window, or of None, as they are drawn next; not of views through a camera."""
     found = []
-    for area in _viewports(window):
+    for area in areas_of(window):
         view = area.spaces.active.region_3d
         if view.view_perspective != "CAMERA":
             placed = Matrix.Translation(view.view_location) @ view.view_rotation.to_matrix().to_4x4()
@@ -306,18 +306,20 @@ def eyes_of(window) -> list:
 
 def show_textures(window) -> None:
     """Have the 3D viewports of a window, or of None, show image textures in Solid shading."""
-    for area in _viewports(window):
+    for area in areas_of(window):
         area.spaces.active.shading.color_type = "TEXTURE"
 
 
 def has_viewport(window) -> bool:
     """Whether a window, or None, shows a 3D viewport."""
-    return len(_viewports(window)) > 0
+    return len(areas_of(window)) > 0
 
 
-def _viewports(window) -> list:
+def areas_of(window) -> list:
+    """The areas of a window, or of None, that are 3D viewports."""
     return [] if window is None else [area for area in window.screen.areas if area.type == "VIEW_3D"]
 
 
-def _all_viewports() -> list:
-    return [area for window in bpy.context.window_manager.windows for area in _viewports(window)]
+def all_areas() -> list:
+    """Those of all windows."""
+    return [area for window in bpy.context.window_manager.windows for area in areas_of(window)]

@@ -20,7 +20,7 @@ from ...rle_splat.scene import Labels, RleSplatError
 from ...rle_splat.segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ...rle_splat.volume.measure import measure_steps
 from ...rle_splat.volume.volume import Volume
-from ..data.decimals import typed
+from ..data.decimals import typed, typed_tuple
 from ..data.overridable import (
     BoolProperty,
     EnumProperty,
@@ -86,7 +86,7 @@ class LabelProperties(bpy.types.PropertyGroup):
     def plain(self) -> LabelStyle:
         return LabelStyle(
             self.label, self.label_name, not self.show,
-            tuple(typed(c) for c in self.color) if self.use_color else None,
+            typed_tuple(self.color) if self.use_color else None,
             None if self.look in (OWN, SOLID) else self.look,
             opacity=typed(self.opacity), solid=self.look == SOLID,
         )  # fmt: skip

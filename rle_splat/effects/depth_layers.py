@@ -18,7 +18,7 @@ from .reference import REACH, SIDES
 
 HALO = 2 * REACH + 1  # pixels on either side that the layers of a pixel depend on
 UNKNOWN = 255
-PIXELS_A_STEP = 1 << 18  # 7 ms by one thread
+PIXELS_A_STEP = 1 << 18  # 6 ms by one thread
 _ZERO, _ONE, _TWO, _INFINITE = (np.float32(n) for n in (0.0, 1.0, 2.0, np.inf))
 
 

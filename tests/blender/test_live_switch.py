@@ -264,3 +264,29 @@ def test_a_framebuffer_that_is_too_small_or_empty_gives_no_depth(size, depth, ex
     if expected:
         slow = surface.BlenderSurface(bpy.context, request, Framebuffer(size, depth), [1.0] * surface.MOST_WAITS)
         assert slow.ends(view.view_of(request.matrices), (2, 3, 38, 29)) is None, "a driver that waits is asked again"
+
+
+def test_draw_handlers_are_added_in_order_and_all_removed(live, bridge, monkeypatch):
+    """As in a window: those of slices before those of volumes; a part that is replaced is called in its place."""
+    drawing, called = bridge("live.drawing"), []
+    space = SimpleNamespace(
+        draw_handler_add=lambda function, _, region, when: called.append((when, region)) or function,
+        draw_handler_remove=lambda function, region: called.remove((whens[function], region)),
+    )
+    window = SimpleNamespace(app=SimpleNamespace(background=False), types=SimpleNamespace(SpaceView3D=space))
+    monkeypatch.setattr(drawing, "bpy", window)
+    owners = bridge("live.letters").HANDLERS, bridge("live.bars").HANDLERS, bridge("live.slice_drawing").HANDLERS
+    whens = dict(pair for one in (*owners, live.DRAW_HANDLERS) for pair in one._functions)
+    for one in owners[:2]:
+        one.register()
+    live.register()
+    views = "PRE_VIEW", "POST_VIEW"
+    assert [when for when, _ in called] == ["POST_PIXEL"] * 2 + [*views, "POST_PIXEL", *views]
+    assert {region for _, region in called} == {"WINDOW"}
+    monkeypatch.setattr(live, "_before", lambda: called.append("replaced"))
+    live.DRAW_HANDLERS._functions[0][0]()
+    assert called.pop() == "replaced"
+    live.unregister()
+    for one in owners[:2]:
+        one.unregister()
+    assert called == []
