@@ -303,7 +303,7 @@ def check_fluorescence():
     print("channels", highest, seen, both, flush=True)
     for (color, most, _), high, shown in zip(CELLS, highest, seen):
         assert 0.5 * most < high < 1.1 * most, (most, high)
-        assert np.array_equal(np.argsort(color), np.argsort(shown)) and np.ptp(shown) > 0.5, (color, shown)
+        assert np.corrcoef(color, shown)[0, 1] > 0.95 and np.ptp(shown) > 0.4, (color, shown)
     assert np.all(both[[0, 2]] > 0.5 * np.array((seen[1][0], seen[0][2]))), "both colors show where both channels do"
     sources[1].rle_splat.window_center *= 3.0  # beyond its values
     yield from settled()
