@@ -292,8 +292,6 @@ def _blurred(values) -> np.ndarray:
         count = len(moved) - 2 * RADIUS
         total = TAPS[RADIUS] * moved[RADIUS : RADIUS + count]
         for i in range(RADIUS):  # taps are alike on both sides
-            both = moved[i : i + count] + moved[2 * RADIUS - i : 2 * RADIUS - i + count]
-            both *= TAPS[i]
-            total += both
+            total += TAPS[i] * (moved[i : i + count] + moved[2 * RADIUS - i :][:count])
         values = np.moveaxis(total, 0, axis)
     return values

@@ -190,7 +190,7 @@ class ScalarLabels:
         alike[at] = BOUNDARY
         sizes = np.bincount(first, sizes)
         groups = [int(group) for group in np.argsort(-sizes, kind="stable") if sizes[group] > 0]
-        codes = offsets = None
+        codes, offsets = (np.empty((len(voxels), 3), np.int16) if asked else None for asked in (True, with_points))
         for n, group in enumerate([*groups, BOUNDARY]):  # the largest is placed everywhere
             function, mine, own = SOLID if group == BOUNDARY else self.functions.functions[group], slice(None), voxels
             if n > 0:
@@ -200,9 +200,6 @@ class ScalarLabels:
             turned = Surfaces(read_only(vectors[mine]), read_only(surfaces.steepness[mine]))
             steps = place_steps(turned, own, volume, function, matrix, faces, with_points=with_points, threads=threads)
             found = yield from map_steps(steps, lambda done, n=n: (n + done) / (len(groups) + 1))
-            if n == 0:
-                codes, offsets = (None if one is None else np.array(one) for one in found)
-                continue
             for to, one in zip((codes, offsets), found):
                 if to is not None:
                     to[mine] = one

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import bpy
 
-from tests.blender import window_driver
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import choose_import, confirm_browser, settled, simulate
+from tests.blender.user_steps import choose_import, confirm_browser, press_button, settled
 from tests.blender.window_driver import (
     SHOTS,
     TAB,
@@ -32,8 +31,6 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
-STEP = 12  # pixels between rows that are hovered over: a button has 20
-FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 WHITE = "bpy.ops.rle_splat.plain_background("
 # Name, entry of File > Import, scan, buttons that are pressed afterwards. Segmentations lie beside the scans.
 CASES = (
@@ -69,33 +66,6 @@ def waited(count: Count, condition):
     count.seconds += time.perf_counter() - began
 
 
-def found(place: str):
-    """The place in the window of a button of the sidebar; ``place``: how its Python command begins."""
-    area = area_of("VIEW_3D")
-    region = region_of(area, "UI")
-    columns = [region.x + region.width - away for away in FROM_EDGE]
-    for y in range(region.y + region.height - STEP, region.y, -STEP):
-        for x in columns:
-            simulate("MOUSEMOVE", "NOTHING", (x, y))
-            yield
-            yield
-            bpy.context.window_manager.clipboard = ""
-            with bpy.context.temp_override(window=window_driver.window(), area=area, region=region):
-                if bpy.ops.ui.copy_python_command_button.poll():
-                    bpy.ops.ui.copy_python_command_button()
-            if bpy.context.window_manager.clipboard.startswith(place):
-                return x, y
-    raise AssertionError(f"no button of the sidebar is {place}")
-
-
-def press_button(count: Count, place: str):
-    at = yield from found(place)
-    for value in ("PRESS", "RELEASE"):
-        simulate("LEFTMOUSE", value, at)
-        yield
-    count.clicks += 1
-
-
 def imported(count: Count, entry: int, scan: Path):
     yield from choose_import(entry)
     count.clicks += 2  # File and the entry; Import opens under the mouse
@@ -111,7 +81,8 @@ def measured(name: str, entry: int, scan: str, buttons):
     owner = yield from imported(count, entry, DATA / scan)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = TAB
     for place in buttons:
-        yield from press_button(count, place)
+        yield from press_button(place)
+        count.clicks += 1
         yield from waited(count, is_idle)
     yield from photograph(name.replace(" ", "_"))
     with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:

@@ -10,6 +10,8 @@ from tests.blender.window_driver import area_of, region_of, until, window
 OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
 # Pixels from the left and the upper edge of the window: File in the top bar, and on the way to Import in its menu.
 FILE_TO_IMPORT = ((42, 14), (70, 290), (76, 311))
+STEP = 12  # pixels between rows of the sidebar that are hovered over: a button has 20
+FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 
 
 def live():
@@ -97,3 +99,31 @@ def confirm_browser(folder, name=""):
     with bpy.context.temp_override(window=where, area=area, region=region):
         bpy.ops.file.execute()
     yield
+
+
+def find_button(command: str, argument: str = ""):
+    """The place in the window of a button of the sidebar; ``command``: how its Python command begins; ``argument``: one
+    of its arguments."""
+    area = area_of("VIEW_3D")
+    region = region_of(area, "UI")
+    columns, seen = [region.x + region.width - away for away in FROM_EDGE], set()
+    for y in range(region.y + region.height - STEP, region.y, -STEP):
+        for x in columns:
+            simulate("MOUSEMOVE", "NOTHING", (x, y))
+            yield
+            yield
+            bpy.context.window_manager.clipboard = ""
+            with bpy.context.temp_override(window=window(), area=area, region=region):
+                if bpy.ops.ui.copy_python_command_button.poll():
+                    bpy.ops.ui.copy_python_command_button()
+            found = bpy.context.window_manager.clipboard
+            if found.startswith(command) and argument in found:
+                return x, y
+            seen.add(found)
+    raise AssertionError(f"no button of the sidebar is {command}; there are {sorted(seen)}")
+
+
+def press_button(command: str, argument: str = ""):
+    """Find a button of the sidebar, as ``find_button``, and press it with the mouse."""
+    at = yield from find_button(command, argument)
+    yield from press("LEFTMOUSE", at)

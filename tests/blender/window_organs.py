@@ -1,7 +1,7 @@
-"""Organs in a real window, from File > Import by mouse and keys: a CT with the contours of an RTSTRUCT, Anatomy, and a
-PET in SUV over its CT.
+"""Organs in a real window, from File > Import by mouse and keys: a CT with the contours of an RTSTRUCT, Anatomy, a PET
+in SUV over its CT, the channels of a fluorescence file, and nuclei with numbers.
 
-dev.py test runs it.  The files are written with pydicom, which the extension brings.
+dev.py test runs it.  The files are written with pydicom and tifffile, which the extension brings.
 """
 
 import os
@@ -17,9 +17,10 @@ from mathutils import Euler, Vector
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import choose_import, confirm_browser, settled
+from tests.blender.user_steps import choose_import, confirm_browser, press_button, settled
 from tests.blender.window_driver import (
     SHOTS,
+    TAB,
     area_of,
     drive,
     in_the_view,
@@ -39,6 +40,15 @@ ORGANS = {"liver": (16.0, 24.0, 24.0), "spleen": (32.0, 24.0, 24.0)}  # name -> 
 RADIUS = 6.0
 WEIGHT, DOSE, HALF_LIFE = 70.0, 350e6, 6586.2  # kg, Bq, s
 HOT = 8.0  # SUV in the middle of the liver
+
+# Channels of a fluorescence file: the color that it states (sRGB), the largest value, and where its spheres are.
+CELLS = (
+    ((0, 128, 255), 900.0, ((12.0, 24.0, 14.0), (24.0, 24.0, 34.0))),
+    ((255, 128, 0), 20_000.0, ((36.0, 24.0, 14.0), (24.0, 24.0, 34.0))),
+    ((0, 255, 0), 60_000.0, ((8.0, 24.0, 36.0),)),
+)
+NUCLEI = [(x, 23.8, z) for x in (9.6, 23.4, 37.7) for z in (13.7, 34.4)]
+NUCLEUS = 6.5  # radius in voxels
 
 
 def distances(middle) -> np.ndarray:
@@ -139,11 +149,11 @@ def is_idle() -> bool:
     return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
 
 
-def imported(folder: Path):
-    """Import a DICOM folder by File > Import and its file browser; returns the new volume object."""
+def imported(path: Path):
+    """Import a file or a DICOM folder by File > Import and its file browser; returns the new volume object."""
     before = set(volumes())
-    yield from choose_import(1)
-    yield from confirm_browser(folder)
+    yield from choose_import(int(path.is_dir()))
+    yield from confirm_browser(*((path,) if path.is_dir() else (path.parent, path.name)))
     yield from until(lambda: set(volumes()) - before and is_idle())
     return (set(volumes()) - before).pop()
 
@@ -257,8 +267,81 @@ def show_on_white(pet):
         bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
 
 
+def spheres(middles, radius: float = RADIUS) -> np.ndarray:
+    """(z, y, x) from 1 in the middle of each sphere to 0 at its boundary."""
+    return np.clip(1.0 - np.min([distances(middle) for middle in middles], axis=0) / radius, 0.0, 1.0)
+
+
+def write_cells() -> Path:
+    """An OME-TIFF of three channels, each with the color that the file states and with values of its own range."""
+    import tifffile
+
+    packed = [(red << 24 | green << 16 | blue << 8 | 255) for (red, green, blue), _, _ in CELLS]
+    signed = [one - (1 << 32) if one >= 1 << 31 else one for one in packed]
+    values = np.stack([np.minimum(2.0 * spheres(middles), 1.0) * most for _, most, middles in CELLS], axis=1)
+    path = FOLDER / "cells.ome.tif"
+    tifffile.imwrite(
+        path, values.astype(np.uint16), ome=True, photometric="minisblack",
+        metadata={"axes": "ZCYX", "Channel": {"Color": signed}})  # fmt: skip
+    return path
+
+
+def check_fluorescence():
+    """The channels of a file are added in the colors that it states, each in the window of its own values."""
+    yield from new_file()
+    owner = yield from imported(write_cells())
+    region_of(area_of("VIEW_3D"), "UI").active_panel_category = TAB
+    yield from press_button("bpy.ops.rle_splat.import_channel(", "of_file=True")
+    yield from until(lambda: len(owner.rle_splat.channels) == len(CELLS) - 1 and is_idle())
+    from_the_front()
+    yield from settled()
+    yield from photograph("channels")
+    sources = [owner, *(row.source for row in owner.rle_splat.channels)]
+    highest = [one.rle_splat.window_center + one.rle_splat.window_width / 2.0 for one in sources]
+    seen = [color_at("channels", owner, middles[0]) for _, _, middles in CELLS]
+    both = color_at("channels", owner, CELLS[0][2][1])
+    print("channels", highest, seen, both, flush=True)
+    for (color, most, _), high, shown in zip(CELLS, highest, seen):
+        assert 0.5 * most < high < 1.1 * most, (most, high)
+        assert np.corrcoef(color, shown)[0, 1] > 0.95 and np.ptp(shown) > 0.4, (color, shown)
+    assert np.all(both[[0, 2]] > 0.5 * np.array((seen[1][0], seen[0][2]))), "both colors show where both channels do"
+    sources[1].rle_splat.window_center *= 3.0  # beyond its values
+    yield from settled()
+    yield from photograph("channel_window")
+    change = [
+        np.abs(color_at("channel_window", owner, middles[0]) - one).max() for (*_, middles), one in zip(CELLS, seen)
+    ]
+    print("channel_window", change, flush=True)
+    assert change[1] > 0.1 and max(change[0], change[2]) < 0.02, "a window changes its own channel alone"
+
+
+def check_nuclei():
+    """Nuclei with numbers, in a file beside the scan, are shown in distinct colors by the import."""
+    import tifffile
+
+    folder = FOLDER / "nuclei"
+    folder.mkdir()
+    numbers = np.zeros((N, N, N), np.uint32)
+    for number, middle in enumerate(NUCLEI, 1):
+        numbers[distances(middle) < NUCLEUS] = number
+    values = 200.0 + 20_000.0 * np.minimum(2.0 * spheres(NUCLEI, NUCLEUS), 1.0)
+    tifffile.imwrite(folder / "nuclei.tif", values.astype(np.uint16), photometric="minisblack")
+    tifffile.imwrite(folder / "nuclei_labels.tif", numbers, photometric="minisblack")
+    yield from new_file()
+    owner = yield from imported(folder / "nuclei.tif")
+    from_the_front()
+    yield from settled()
+    yield from photograph("nuclei")
+    rows = owner.rle_splat.labels
+    assert len(rows) == 1 + len(NUCLEI) and not rows[0].show
+    seen = np.array([color_at("nuclei", owner, middle) for middle in NUCLEI])
+    apart = np.abs(seen[:, None] - seen).max(axis=-1)[~np.eye(len(seen), dtype=bool)]
+    print("nuclei", apart.min(), flush=True)
+    assert apart.min() > 0.15, "each nucleus has a color of its own"
+
+
 def scenario():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_channels")
+    open_panels("RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_channels")  # all of them fit
     yield from new_file()
     ct = yield from imported(write_ct())
     from_the_front()
@@ -268,6 +351,9 @@ def scenario():
     passed("import")
     for check in (check_structures, check_pet):
         yield from check(ct)
+        passed(check.__name__)
+    for check in (check_fluorescence, check_nuclei):
+        yield from check()
         passed(check.__name__)
 
 
