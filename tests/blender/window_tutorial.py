@@ -152,4 +152,5 @@ def scenario():
     yield from keep("tutorial-7-rendered", began)
 
 
-drive(scenario)
+if __name__ == "__main__":
+    drive(scenario)
