@@ -131,7 +131,7 @@ def skull(stage: Stage):
                          @ made.matrix_world)  # fmt: skip
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
-    ours.opacity_unit_distance = THICKNESS
+    ours.opacity_unit_distance, ours.smoothness = THICKNESS, 2.0
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
     upright = Matrix.Rotation(math.radians(42.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
@@ -143,13 +143,13 @@ def skull(stage: Stage):
     toward = (1.18, -1.88, 0.66)
     stage.camera(toward, lens=74.0, aim=(-0.06, -0.11, -0.04))
     stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
-    stage.key(2.9, (1.0, -1.6, 1.5))
+    stage.key(2.9, (1.73, -0.76, 1.5))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
         0.6,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.35, "strict"
     view_transform("Standard")
     yield RENDER

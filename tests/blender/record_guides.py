@@ -3,7 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM series of the
-gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; ``cthead_256x256x113_uint16be.raw.gz``.
+gallery's skull; ``chest``, that of the chest angiography; ``cta_aorta_labels``, the dissected aorta with its segments;
+``cthead_256x256x113_uint16be.raw.gz``.
 how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
 """
 
@@ -34,8 +35,9 @@ from tests.blender.window_driver import (
 )
 
 DATA = Path(__file__).parent / "data"
-HEAD, QUALITY = "560x560+190+170", "70"
+HEAD, CHEST, QUALITY = "560x560+190+170", "600x420+260+270", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
+BONE_VOXEL, AORTA_VOXEL = (218, 345, 63), (264, 270, 90)  # of the chest
 PANELS = ("transfer", "slices", "shading")  # that are open
 
 
@@ -232,6 +234,34 @@ def organs():
     passed("organs")
 
 
+def isolated():
+    """The chest by the preset Bone, and its bones alone: first the aorta is kept and hidden, then they are."""
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "chest")) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    ours = bpy.context.view_layer.objects.active.rle_splat
+    ours.smoothness, ours.opacity_unit_distance, bpy.context.scene.rle_splat.quality = 2.0, 0.1, "fine"  # no stripes
+    look_from(60.0, 150.0, 0.45)
+    yield from settled()
+    yield from keep("whole", CHEST)
+    with in_the_view():
+        assert bpy.ops.rle_splat.keep_connected(voxel=AORTA_VOXEL, value=170.0) == {"FINISHED"}
+        for row in ours.labels:
+            row.show = row.label_name == "Body"
+        assert bpy.ops.rle_splat.keep_connected(voxel=BONE_VOXEL, value=190.0) == {"FINISHED"}
+        ours.active_label = next(n for n, row in enumerate(ours.labels) if row.show)
+        bones = ours.labels[ours.active_label].label
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=1.6) == {"FINISHED"}
+    for row in ours.labels:
+        row.show = row.label == bones
+    yield from settled()
+    yield from keep("alone", CHEST)
+    beside("how-to-isolate", "whole", "alone")
+    passed("isolate")
+
+
 def in_time():
     """A ring that opens: numbers made here, as no scan of the data has times."""
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_time_"))
@@ -261,5 +291,5 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, light, surface, raw_file, pinned, organs, in_time)
+PARTS = (set_up_slices, window_and_curve, light, surface, raw_file, pinned, organs, isolated, in_time)
 drive(scenario)
