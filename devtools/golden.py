@@ -35,9 +35,9 @@ PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_dialogs": "choose_series",
     "window_encoded": "2-refined", "window_figure": "viewport",
     "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_look": "histogram_default",
-    "window_organs": "pet_in_ct", "window_panels": "labels",
+    "window_organs": "pet_in_ct", "window_panels": "labels", "window_presets": "thumbnails",
     "window_segments": "without_table", "window_several": "label_files", "window_shadows": "picture",
-    "window_slices": "four_up", "window_times": "turned_first",
+    "window_slices": "four_up", "window_times": "turned_first", "window_trust": "12-file-found-again",
     "window_turntable": "ended", "window_world": "slot 1 after the edit",
 }  # fmt: skip
 SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for
