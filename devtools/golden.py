@@ -33,13 +33,12 @@ POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands f
 # A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
 PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_cut": "plane_dragged", "window_dialogs": "choose_series",
-    "window_encoded": "2-refined", "window_figure": "viewport", "window_film": "06_cut",
-    "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_live": "mesh_inside",
-    "window_look": "histogram_default", "window_organs": "pet_in_ct", "window_panels": "labels",
-    "window_presets": "thumbnails", "window_segments": "without_table", "window_several": "label_files",
-    "window_shadows": "picture", "window_slices": "four_up", "window_times": "turned_first",
-    "window_trust": "12-file-found-again", "window_turntable": "ended", "window_tutorial": "tutorial-5-cut",
-    "window_world": "slot 1 after the edit",
+    "window_encoded": "2-refined", "window_figure": "viewport",
+    "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_look": "histogram_default",
+    "window_organs": "pet_in_ct", "window_panels": "labels", "window_presets": "thumbnails",
+    "window_segments": "without_table", "window_several": "label_files", "window_shadows": "picture",
+    "window_slices": "four_up", "window_times": "turned_first", "window_trust": "12-file-found-again",
+    "window_turntable": "ended", "window_world": "slot 1 after the edit",
 }  # fmt: skip
 SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for
 STATUS = 32  # pixels at the bottom, where Blender shows messages for some seconds
