@@ -58,7 +58,7 @@ WINDOW_SCRIPTS = {
     "window_world.py": SMALL_SCREEN,
     "window_after_render.py": SMALL_SCREEN,
     "window_times.py": USUAL_SCREEN,
-    "window_tutorial.py": (1280, 900),
+    "window_tutorial.py": SMALL_SCREEN,
 }
 
 
