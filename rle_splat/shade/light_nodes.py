@@ -9,10 +9,9 @@ or less where the slice before takes little,
 
 interpolated in the sheet, times the length between two slices.  Before the first slice nothing has been taken from the
 light, and slices end at their outermost voxels.  The light at a point beside a voxel is interpolated trilinearly
-between the eight nodes around it, and the point is REACH eighths as many nodes away as it would be voxels.  Some of
-these nodes lie in the surface, more or less deep.  With half of every slice and 9 eighths, balls with an opacity step
-ripple by 3 to 7 %, so by 0.2.  Lights of several samples share a grid: each sample takes from it, at most as much as it
-gives.
+between the eight nodes around it, and the point is as many nodes away as it would be voxels.  Some of these nodes lie
+in the surface, more or less deep: with half of every slice, balls with an opacity step ripple by 3 to 7 %, so by 0.2.
+Lights of several samples share a grid: each sample takes from it, at most as much as it gives.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from . import reference
 from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
 from .node_block import BLOCK, read_block
-from .reference import BOXED, FULL, REACH, RISE
+from .reference import BOXED, FULL, RISE
 from .surface_points import STEPS
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
@@ -334,7 +333,7 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     nodes, n_z, n_y, n_x = grid
     row_start, column, moved, columns, rows = lists
     # Positions are whole numbers of STEPS of a voxel, from the first node on.
-    voxel, pitch, reach = np.int32(STEPS), np.int32(pitch), np.int32(REACH * pitch)
+    voxel, pitch = np.int32(STEPS), np.int32(pitch)
     begins = pitch * voxel - (pitch - 1) * (voxel >> 1)
     node, power = pitch * voxel, 0
     while 1 << power < node:
@@ -358,7 +357,7 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
             ways[i] = own_ways[i]
         starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
         for i in range(0, own.size, BLOCK):
-            read_block(nodes, xs, ways, i, starts, last, reach, steps, strides, scale, found)
+            read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)
         to = codes[at:stop]
         if copied == channels:
             held, copy = known_flat[at * channels : stop * channels], flat[at * channels : stop * channels]

@@ -14,7 +14,7 @@ _LONG = ir.IntType(64)
 
 
 @intrinsic
-def read_block(typing, nodes, columns, moved, at, first, last, reach, node, strides, scale, found):
+def read_block(typing, nodes, columns, moved, at, first, last, pitch, node, strides, scale, found):
     """Write the codes of the light at BLOCK points, from number ``at`` of a row on; no bounds checks.
 
     Positions are whole numbers of steps of ``surface_points.STEPS``, counted from the first node on.
@@ -29,8 +29,8 @@ def read_block(typing, nodes, columns, moved, at, first, last, reach, node, stri
     at : int
     first, last : tuple of int32
         Position of the first column of the row, and the last position that has nodes around it; x, y, z.
-    reach : int32
-        Eighths of ``moved`` by which a point is away from its voxel.
+    pitch : int32
+        Voxels from node to node.
     node : tuple of int32
         Of the steps from node to node: the power of two that they are, and the bits of positions between nodes.
     strides : tuple of int32
@@ -42,7 +42,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, reach, node, stri
     """
 
     def generate(context, builder, signature, arguments):
-        nodes, columns, moved, at, first, last, reach, node, strides, scale, found = arguments
+        nodes, columns, moved, at, first, last, pitch, node, strides, scale, found = arguments
         kinds = dict(zip(("nodes", "columns", "moved", "at"), signature.args))
         whole, wide = ir.VectorType(INTEGER, BLOCK), ir.VectorType(_LONG, BLOCK)
 
@@ -54,7 +54,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, reach, node, stri
 
         power, part = spread_all(node)
         added, per_code, per_step = (Vector(builder, value) for value in spread_all(scale))
-        reach = spread(builder, reach, BLOCK)
+        pitch = spread(builder, pitch, BLOCK)
         triples = place(context, builder, kinds["moved"], moved, builder.mul(at, _LONG(3)))
         triples = load(builder, triples, 3 * BLOCK, ir.IntType(16))
         along = load(builder, place(context, builder, kinds["columns"], columns, at), BLOCK, INTEGER)
@@ -65,7 +65,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, reach, node, stri
         ]
         for axis, (begin, end, step) in enumerate(zip(spread_all(first), spread_all(last), steps)):
             way = builder.sext(pick(builder, triples, range(axis, 3 * BLOCK, 3)), whole)
-            position = builder.add(begin, builder.ashr(builder.mul(way, reach), constant(3)))
+            position = builder.add(begin, builder.mul(way, pitch))
             if axis == 0:
                 position = builder.add(position, along)
             position = builder.select(builder.icmp_signed("<", position, constant(0)), constant(0), position)
@@ -92,7 +92,7 @@ def read_block(typing, nodes, columns, moved, at, first, last, reach, node, stri
         store(builder, codes.truncated().value, place(context, builder, signature.args[-1], found, at))
         return context.get_dummy_value()
 
-    given = (nodes, columns, moved, types.intp, first, last, reach, node, strides, scale, found)
+    given = (nodes, columns, moved, types.intp, first, last, pitch, node, strides, scale, found)
     return types.void(*given), generate
 
 

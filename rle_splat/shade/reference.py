@@ -18,7 +18,6 @@ from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, 
 ONE = 32767.0  # of codes of components
 STEPS = 1024.0  # of a voxel, in which offsets are kept
 RISE = 2.0  # times what the slice before takes: more of a slice does not count at its own nodes
-REACH = 7  # eighths of the way to the point beside a surface, at which light is read between nodes
 BOXED = 1e-9  # voxels beyond the outermost ones that still count as these, for rounding
 FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
@@ -157,7 +156,7 @@ def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
-    at += (REACH * pitch * offsets.astype(np.int32) >> 3) / STEPS
+    at += pitch * offsets / STEPS
     # The last position is one step of the offsets before the last node.
     last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
     at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, last)

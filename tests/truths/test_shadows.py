@@ -481,7 +481,7 @@ def test_codes_of_lamps_that_stay_are_those_of_a_picture_of_its_own():
     np.testing.assert_array_equal(found.rgba, render(moved, quality).rgba)
 
 
-@pytest.mark.parametrize(("quality", "most"), (("draft", 0.006), ("standard", 0.005)))
+@pytest.mark.parametrize(("quality", "most"), (("draft", 0.003), ("standard", 0.003)))
 def test_a_ball_with_an_opacity_step_is_lit_as_evenly_as_without_shadows(quality, most):
     """Where the sun faces the surface, at most at 60 degrees, nothing but the surface itself could shade it."""
     index = np.stack(np.indices((60, 60, 60))[::-1], axis=-1) - 29.37

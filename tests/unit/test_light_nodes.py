@@ -25,7 +25,6 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip, Light
 from rle_splat.shade.light_nodes import read_nodes_steps
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS
-from rle_splat.shade.reference import REACH
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_points import STEPS
 
@@ -94,11 +93,11 @@ PLACES = [(9.3, 8.2, 40.0), (30.0, 31.0, 3.0), (9.1, 8.7, 9.4), (-20.0, 9.0, 9.0
 
 
 def points_of(occluders, offsets, side=1):
-    """(m, 3) voxel indices x, y, z where light is read: REACH eighths as many nodes away as ``offsets`` has voxels."""
+    """(m, 3) voxel indices x, y, z where light is read: as many nodes away as ``offsets`` has voxels."""
     voxels = occluders.voxels
     row = np.repeat(np.arange(len(voxels.row_start) - 1), np.diff(voxels.row_start))
     ny = voxels.shape_xyz[1]
-    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + side * REACH / 8 * offsets / STEPS
+    return np.stack((voxels.column.astype(float), row % ny, row // ny), axis=1) + side * offsets / STEPS
 
 
 def integrated(field, matrix, begins, ends, steps=2000):
@@ -263,7 +262,7 @@ def test_a_homogeneous_box_ends_at_its_outermost_voxels(along):
     codes = beside(sun(along), occluders, offsets)[chosen] * CODE
     off = codes - integrated(field, SKEWED, at[chosen], far_along(SKEWED, at[chosen], along))
     # At nodes on faces half of a slice counts; between those and the layer around the box light rises to all of it.
-    assert abs(off.mean()) < 0.025 and np.sqrt((off**2).mean()) < 0.09
+    assert abs(off.mean()) < 0.025 and np.sqrt((off**2).mean()) < 0.08
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -332,7 +331,7 @@ def test_nodes_have_the_light_of_their_voxels():
     for light in (sun((0, 0, -1)), sun((0.5, 0.3, -1)), point((9.3, 8.2, 40.0))):
         found = beside(light, occluders, none) * CODE
         within = drain(voxel_light_steps(*light_passes(light, occluders, nodes=False), occluders)) / FULL
-        np.testing.assert_allclose(found, within, atol=6e-3)
+        np.testing.assert_allclose(found, within, atol=7e-3)
 
 
 def test_every_point_is_in_one_pyramid_of_a_lamp():
