@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import RleSplatError
 from ...rle_splat.scene.color import decode_srgb
 from ...rle_splat.volume import slices as plain
@@ -231,7 +232,7 @@ def outlines(depsgraph) -> dict:
     Returns
     -------
     dict of bpy.types.Object to ndarray, shape (n, 3, 3), float64
-        Triangles in the slice's own space.  A slice without a picture is not in it.
+        Triangles in the slice's own space.  A slice whose volume is not in memory is not in it.
     """
     found = {}
     for one in slice_objects(depsgraph.scene):
@@ -242,12 +243,22 @@ def outlines(depsgraph) -> dict:
             volume, matrix, window = content(one, depsgraph)
         except RleSplatError:
             continue
-        opaque = store.find(opaque_key(volume, matrix, window))
-        if opaque is not None:
-            found[one] = opaque
-            continue
-        polygon = plain.cut_polygon(volume.shape_xyz, matrix)
-        corners = np.column_stack((polygon, np.zeros(len(polygon))))
-        fan = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
-        found[one] = np.array(fan).reshape(-1, 3, 3)
+        found[one] = _opaque_part(one, depsgraph, volume, matrix, window) if window[2] else _whole(volume, matrix)
     return found
+
+
+def _opaque_part(one, depsgraph, volume, matrix: np.ndarray, window) -> np.ndarray:
+    """What is in the store, or made for this picture alone: the store keeps to its limit of memory."""
+    key = opaque_key(volume, matrix, window)
+    part = store.find(key)
+    if part is None:
+        part = opaque_part(*drain(sampled_steps(volume, matrix, plain.slice_size(volume, matrix))), window)
+        store.put(store.wish_of(one, depsgraph, "opaque"), key, part)
+    return part
+
+
+def _whole(volume, matrix: np.ndarray) -> np.ndarray:
+    polygon = plain.cut_polygon(volume.shape_xyz, matrix)
+    corners = np.column_stack((polygon, np.zeros(len(polygon))))
+    fan = [corners[[0, i, i + 1]] for i in range(1, len(corners) - 1)]
+    return np.array(fan).reshape(-1, 3, 3)

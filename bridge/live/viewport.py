@@ -128,7 +128,7 @@ class Viewport:
         self._has_triangles = False
         self._shot: Shot | None = None
         self._ends: Ends | None = None
-        self._checked, self._changed, self._due = -np.inf, -np.inf, None
+        self._checked, self._changed, self._due, self._look_due = -np.inf, -np.inf, None, None
         self._left = np.inf  # when the view became another one than that of the pictures
         self._work: Generator | None = None
         self._work_on: tuple = ()  # (shot, coarseness) of the work
@@ -149,7 +149,7 @@ class Viewport:
     @property
     def is_busy(self) -> bool:
         """Whether there is work, now or later."""
-        return self._work is not None or self._due is not None
+        return self._work is not None or self._due is not None or self._look_due is not None
 
     def redraw(self, request: Request, stamp, surface: DrawnSurface) -> None:
         """Look at what a redraw shows; where it changed, work on a draft for at most a bite.
@@ -168,7 +168,9 @@ class Viewport:
         turned = self._request is not None and request.matrices != self._request.matrices
         stale = moved or stamp != self._stamp or now - self._checked >= RECHECK
         if not stale:
+            self._look_due = self._checked + RECHECK  # an engine's last samples, or its shaders, may have come with it
             return
+        self._look_due = None
         self._failed, self._tried = None, (request, stamp)
         try:
             if self._look(request, stamp, surface, moved, now):
@@ -228,7 +230,10 @@ class Viewport:
         self._advance(now + BITE)
 
     def work(self) -> bool:
-        """Do one step, from a timer; return whether there is a new picture to draw."""
+        """Do one step, from a timer; return whether a redraw is due: there is a new picture, or it is to look again."""
+        if self._work is None and self._look_due is not None and self._now() >= self._look_due:
+            self._look_due, self._checked = None, -np.inf
+            return True
         before = self.version, self.problem
         try:
             if self._work is None and self._due is not None and self._now() >= self._due:
@@ -242,7 +247,8 @@ class Viewport:
 
     def wait(self) -> float:
         """Seconds until there is work."""
-        return 0.0 if self._work is not None or self._due is None else max(self._due - self._now(), 0.0)
+        due = [one for one in (self._due, self._look_due) if one is not None]
+        return 0.0 if self._work is not None or not due else max(min(due) - self._now(), 0.0)
 
     def put_off(self) -> None:
         """Leave the work as it is and come back later: other work is more urgent."""
@@ -252,7 +258,8 @@ class Viewport:
     def stop(self) -> None:
         """Drop everything; the next redraw begins anew."""
         self._stop_work()
-        self._request, self._shot, self._ends, self._contents, self._due = None, None, None, {}, None
+        self._request, self._shot, self._ends, self._contents = None, None, None, {}
+        self._due, self._look_due = None, None
         self._stamp, self._checked, self._left, self.waits = None, -np.inf, np.inf, False
         self._show([])
 

@@ -125,7 +125,7 @@ def test_a_depth_that_comes_late_is_found_by_the_redraw_after_the_refinement(liv
     assert viewport.counts["drafts"] == 2 and not viewport.is_busy
 
 
-def test_an_unchanged_redraw_does_nothing(live, made):
+def test_an_unchanged_redraw_makes_nothing_and_is_looked_at_once_more_when_all_is_still(live, made):
     viewport, clock, surface = made
     viewport.redraw(request_of(live), 1, surface)
     finish(viewport, clock)
@@ -133,7 +133,26 @@ def test_an_unchanged_redraw_does_nothing(live, made):
     before, version = viewport.counts.copy(), viewport.version
     clock.now = viewport._checked + 0.1
     viewport.redraw(request_of(live), 1, surface)
-    assert viewport.counts == before and viewport.version == version and not viewport.is_busy
+    assert viewport.counts == before and viewport.version == version
+    clock.now += viewport.wait()
+    assert viewport.work(), "no redraw is asked for"
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts["reads"] == before["reads"] + 1 and viewport.version == version and not viewport.is_busy
+
+
+def test_a_depth_that_comes_soon_after_the_last_look_is_found(live, made):
+    viewport, clock, surface = made
+    surface.depth = np.inf
+    viewport.redraw(request_of(live), 1, surface)
+    finish(viewport, clock)
+    viewport.redraw(request_of(live), 1, surface)  # looks after the refinement
+    surface.depth = 29.0  # as when a shader is ready
+    clock.now += 0.1
+    viewport.redraw(request_of(live), 1, surface)
+    clock.now += viewport.wait()
+    assert viewport.work() and viewport.counts["drafts"] == 1
+    viewport.redraw(request_of(live), 1, surface)
+    assert viewport.counts["drafts"] == 2
 
 
 def test_an_event_that_changes_nothing_makes_no_picture(live, made):

@@ -92,3 +92,17 @@ def test_the_volume_shows_behind_a_slice_where_its_black_is_clear(addon, tmp_pat
     scenes.update()
     alpha = scenes.picture_of(use_meshes=True)[1][12, 12, 3]
     np.testing.assert_allclose(np.log1p(-alpha) / np.log1p(-full), 0.5, atol=0.02)
+
+
+def test_what_a_slice_hides_is_found_again_when_it_was_dropped_from_memory(addon, tmp_path, bridge):
+    owner = scenes.cube_scene(tmp_path)
+    add(owner)
+    ours = owner.rle_splat
+    ours.slices_follow_window, ours.slices_clear_black = False, True
+    ours.slice_center, ours.slice_width = 1e4, 100.0  # all black
+    scenes.activate(owner)
+    scenes.update()
+    full = scenes.picture_of(use_meshes=False)[1][12, 12, 3]
+    store = bridge("loop.store")
+    store.withdraw([wish for wish in list(store._wanted) if wish.purpose == "opaque"])
+    np.testing.assert_allclose(scenes.picture_of(use_meshes=True)[1][12, 12, 3], full, atol=1e-6)
