@@ -44,7 +44,7 @@ def scenario():
         list(skull(stage))
     area = area_of("VIEW_3D")
     scene = bpy.context.scene
-    scene.render.engine = "CYCLES"
+    scene.render.engine, scene.eevee.taa_samples = "CYCLES", 16
     scene.render.resolution_x, scene.render.resolution_y = 1400, 1050
     for one in bpy.context.view_layer.objects:
         one.select_set(one == stage.volume)
