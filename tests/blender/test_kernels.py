@@ -24,7 +24,7 @@ with while_compiling(lambda: compiled.append(1)):
         for stored in prepare.STORED_TYPES if picture.more else prepare.STORED_TYPES[:1]:
             drain(prepare.picture_steps(picture, stored))
             count += 1
-print(count > 50, len(compiled))
+print(count > 40, len(compiled))
 """
 
 

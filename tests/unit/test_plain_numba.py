@@ -89,7 +89,7 @@ def test_another_numba_makes_the_same_records_and_it_is_said(rendered):
     reason = "numba 9.0.0 is not a version that RLE Splat knows"
     assert report["compiled"] and report["plain"].startswith(reason)
     assert report["threads"] == report["threads used"] == 1 and not report["kept"]
-    assert sum(reason in remark and "not kept on disk" in remark for remark in report["remarks"]) == 1
+    assert sum(reason in remark and "not stored" in remark for remark in report["remarks"]) == 1
     assert len(records) > 1000
     np.testing.assert_array_equal(records, rendered("known")[0])
 

@@ -81,8 +81,8 @@ def test_values_between_two_bounds():
 @pytest.mark.parametrize(
     ("steps", "problem"),
     [
-        (lambda mask: masks.connect_steps(mask, (0, 0, 0)), "Nothing that could be kept"),
-        (lambda mask: masks.connect_steps(mask, (-1, 4, 4)), "Nothing that could be kept"),
+        (lambda mask: masks.connect_steps(mask, (0, 0, 0)), "Nothing is visible at this place"),
+        (lambda mask: masks.connect_steps(mask, (-1, 4, 4)), "Nothing is visible at this place"),
         (lambda mask: masks.grow_steps(mask, SPACING, 0.0), "must be above 0, not 0"),
         (lambda mask: masks.shrink_steps(mask, SPACING, float("nan")), "must be above 0, not nan"),
         (lambda mask: masks.fill_steps(mask & False), "has no voxels"),
