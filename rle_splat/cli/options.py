@@ -34,7 +34,7 @@ from ..volume.volume import STORED_TYPES
 # Option -> (field of Quality, type, values in the help).
 KNOBS = {
     "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
-    "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M"))),
+    "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M", "preintegrated[-M]"))),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
     "--minification": ("minification", str, "|".join(MINIFICATIONS)),
