@@ -59,7 +59,11 @@ READ_OPTIONS = (
 
 def add_volume_argument(parser, also=()) -> None:
     """Add the volume file; ``also``: further suffixes that only this command reads."""
-    parser.add_argument("volume", metavar="VOLUME", help=f"the file to read: {', '.join((*suffixes(), *also))}")
+    parser.add_argument(
+        "volume",
+        metavar="VOLUME",
+        help=f"the file to read, or the folder of a DICOM series or an OME-Zarr: {', '.join((*suffixes(), *also))}",
+    )
 
 
 def add_volume_options(parser) -> None:
