@@ -41,7 +41,11 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this slice, or this clip object and its cut, in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),
-    "On Meshes": ("On Meshes", "Whether the volume casts shadows on meshes."),
+    "On Meshes": (
+        "On Meshes",
+        "Whether the volume casts shadows on meshes: where the scene needs them (*Auto*), "
+        "always (*On*) or never (*Off*).",
+    ),
 }
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
