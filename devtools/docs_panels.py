@@ -21,11 +21,12 @@ LAYOUTS = re.compile(r"layout|body|row|column|box|self\.layout")
 
 
 @cache
-def _module(path: Path) -> ast.Module:
+def module(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def _file(path: Path, name: str, level: int) -> Path | None:
+def file_of(path: Path, name: str, level: int) -> Path | None:
     """The file of ours that ``from ..name import`` means in the file ``path``."""
     folder = path.parents[level - 1].joinpath(*name.split(".")) if name else path.parents[level - 1]
     return next((one for one in (folder.with_suffix(".py"), folder / "__init__.py") if one.is_file()), None)
@@ -35,15 +36,15 @@ def _file(path: Path, name: str, level: int) -> Path | None:
 def _names(path: Path) -> dict:
     """Name -> its definition in a file of ours: (file, node), or (file, None) for a module."""
     found = {}
-    for node in _module(path).body:
+    for node in module(path).body:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             found[node.name] = (path, node)
         elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             found[node.targets[0].id] = (path, node.value)
         elif isinstance(node, ast.ImportFrom) and node.level:
-            source = _file(path, node.module or "", node.level)
+            source = file_of(path, node.module or "", node.level)
             for one in node.names:
-                inner = _file(path, ".".join(filter(None, (node.module, one.name))), node.level)
+                inner = file_of(path, ".".join(filter(None, (node.module, one.name))), node.level)
                 if inner is not None:
                     found[one.asname or one.name] = (inner, None)
                 elif source is not None and one.name in _names(source):
@@ -56,8 +57,8 @@ def _defined(path: Path, node) -> tuple | None:
     if isinstance(node, ast.Name):
         return _names(path).get(node.id)
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        module = _names(path).get(node.value.id)
-        return _names(module[0]).get(node.attr) if module is not None and module[1] is None else None
+        owner = _names(path).get(node.value.id)
+        return _names(owner[0]).get(node.attr) if owner is not None and owner[1] is None else None
     return None
 
 
@@ -112,7 +113,7 @@ def _by_idname() -> dict:
     """Menus by the name that Blender registers, with their files."""
     return {
         _assigned(node, "bl_idname"): (path, node)
-        for path in sorted((ROOT / "panels").glob("*.py")) for node in _module(path).body
+        for path in sorted((ROOT / "panels").glob("*.py")) for node in module(path).body
         if isinstance(node, ast.ClassDef) and "_MT_" in node.name
     }  # fmt: skip
 
@@ -217,7 +218,7 @@ def _read_call(path: Path, call: ast.Call, local: dict, found: list, menu: str) 
         labels = [AN_ICON]
     if _keyword(call, "expand") is not None:  # only the choices are drawn
         labels = [""]
-    if method == "operator":
+    if method in ("operator", "operator_menu_enum"):
         found += [("operator", name, labels, menu) for name in _texts(path, call.args[0], local)]
     elif method in ("prop", "prop_enum") and len(call.args) > 1:
         found += [("property", name, labels, menu) for name in _texts(path, call.args[1], local) or labels or ()]

@@ -17,29 +17,35 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import rle_splat
 from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS
 from rle_splat.read.formats import FORMATS
 
+from . import docs_panels
 from .docs_panels import A_NAME, AN_ICON, rows_of
 from .licenses import bundled
 from .places import ROOT
 
-HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of Blender's properties that no user meets
 PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a panel
     ("VIEW_3D", "RLE Splat"): "3D View > Sidebar > RLE Splat",
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
+LONG_LIST = 12  # choices; of more, only the names are listed
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "location": ("Position", "Where the slice is along its normal, in mm from the middle of the scan."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
-    "hide_render": ("Hide in Renders", "Hide this object in renders; a hidden clip object cuts nothing."),
+    "hide_render": ("Hide in Renders", "Hide this slice, or this clip object and its cut, in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),
-    "On Meshes": ("On Meshes", "Whether the volume casts shadows on meshes."),
+    "On Meshes": (
+        "On Meshes",
+        "Whether the volume casts shadows on meshes: where the scene needs them (*Auto*), "
+        "always (*On*) or never (*Off*).",
+    ),
 }
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -201,40 +207,64 @@ class Declared:
     properties: dict[str, dict] = field(default_factory=dict)  # Python name -> kind, name, description, choices
 
 
-def _value(node, constants: dict):
-    """What an expression of literals and names of literals is worth; None for any other."""
-    if isinstance(node, ast.Name):
-        node = constants.get(node.id, node)
-    if isinstance(node, ast.Subscript):  # PLAIN_TEXTS["..."] of bridge/data/properties.py
-        table, key = _value(node.value, constants), _value(node.slice, constants)
-        return table.get(key) if isinstance(table, dict) else None
+@cache
+def _namespace(path: Path) -> dict:
+    """What a module of the extension assigns and the functions it defines, as far as that works without Blender."""
+    names: dict = {"__name__": path.stem}
+    for node in docs_panels.module(path).body:
+        try:
+            if isinstance(node, ast.ImportFrom) and node.level:
+                names |= {one.asname or one.name: _imported(path, node, one.name) for one in node.names}
+            elif isinstance(node, (ast.Assign, ast.FunctionDef, ast.ImportFrom, ast.Import)):
+                exec(compile(ast.Module([node], []), str(path), "exec"), names)
+        except (NameError, ImportError, AttributeError, KeyError):
+            pass  # it needs Blender
+    return names
+
+
+def _imported(path: Path, node: ast.ImportFrom, name: str):
+    """What ``from ..module import name`` of a file of ours gives: a value, or a module as a namespace."""
+    inner = docs_panels.file_of(path, ".".join(filter(None, (node.module, name))), node.level)
+    file = inner or docs_panels.file_of(path, node.module or "", node.level)
+    if file is None:
+        raise ImportError(name)
+    if file.is_relative_to(ROOT / "rle_splat"):
+        parts = file.relative_to(ROOT).with_suffix("").parts
+        module = import_module(".".join(part for part in parts if part != "__init__"))
+        return module if inner else getattr(module, name)
+    return SimpleNamespace(**_namespace(file)) if inner else _namespace(file)[name]
+
+
+def _value(node, names: dict):
+    """The value of an expression; None for one that needs Blender."""
     try:
-        return ast.literal_eval(node)
-    except ValueError:
+        return eval(compile(ast.Expression(node), "", "eval"), names)
+    except (NameError, AttributeError, TypeError):
         return None
 
 
-def _property(call: ast.Call, constants: dict) -> dict | None:
+def _property(call: ast.Call, names: dict) -> dict | None:
     """One property from the call that declares it; None for a hidden one."""
-    given = {word.arg: _value(word.value, constants) for word in call.keywords}
-    if HIDDEN & set(given.get("options") or ()):
+    given = {word.arg: _value(word.value, names) for word in call.keywords}
+    if "HIDDEN" in (given.get("options") or ()):
         return None
+    items = given.get("items")
     kind = ast.unparse(call.func).rpartition(".")[2].removesuffix("Property")
     kind = kind.removeprefix("Live").removeprefix("Knob").lower()
     return {
         "kind": kind, "name": given.get("name") or "", "description": given.get("description") or "",
-        "choices": [(item[1], item[2]) for item in given.get("items") or ()],
+        "choices": [item[:3] for item in items] if isinstance(items, (list, tuple)) else [],
     }  # fmt: skip
 
 
-def _declared(node: ast.ClassDef, module: ast.Module, file: str, constants: dict) -> Declared:
+def _declared(node: ast.ClassDef, module: ast.Module, file: str, names: dict) -> Declared:
     bases = [ast.unparse(base).rpartition(".")[2] for base in node.bases]
     made = Declared(node.name, module, file, bases, ast.get_docstring(node) or "")
     for item in node.body:
         if isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name):
-            made.texts[item.targets[0].id] = _value(item.value, constants)
+            made.texts[item.targets[0].id] = _value(item.value, names)
         elif isinstance(item, ast.AnnAssign) and isinstance(item.annotation, ast.Call):
-            found = _property(item.annotation, constants)
+            found = _property(item.annotation, names)
             if found is not None:
                 made.properties[item.target.id] = found
     return made
@@ -246,14 +276,10 @@ def blender_classes() -> dict[str, Declared]:
     found = {}
     for folder in ("bridge", "operators", "panels"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            module = ast.parse(path.read_text(encoding="utf-8"))
-            constants = {
-                node.targets[0].id: node.value
-                for node in module.body if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
-            }  # fmt: skip
+            module = docs_panels.module(path)
             for node in module.body:
                 if isinstance(node, ast.ClassDef):
-                    found[node.name] = _declared(node, module, f"{folder}/{path.name}", constants)
+                    found[node.name] = _declared(node, module, f"{folder}/{path.name}", _namespace(path))
     return found
 
 
@@ -276,10 +302,18 @@ def _of_kind(prefix: str) -> list[Declared]:
     return [one for name, one in blender_classes().items() if name.startswith(prefix)]
 
 
-def _meaning(entry: dict) -> str:
-    """A property's tooltip, and its choices."""
-    choices = "; ".join(f"*{label}*" + (f": {text}" if text else "") for label, text in entry["choices"])
-    return f"{_sentence(entry['description'])} {choices}".strip()
+def _meaning(entry: dict, script: bool = False) -> str:
+    """A property's tooltip, and its choices as a panel draws them, for scripts after their identifiers.
+
+    Of a long list only the names: presets have a page of their own.
+    """
+    is_long = len(entry["choices"]) > LONG_LIST
+    choices = ("," if is_long else ";").join(
+        " " + " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))
+        + (f": {text}" if text and not is_long else "")
+        for name, label, text in entry["choices"]
+    )  # fmt: skip
+    return f"{_sentence(entry['description'])}{choices}".strip()
 
 
 def operators() -> str:
@@ -288,7 +322,7 @@ def operators() -> str:
     for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_idname")):
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
-        rows = [(f"`{name}`", entry["name"], _meaning(entry)) for name, entry in _properties(one).items()]
+        rows = [(f"`{name}`", entry["name"], _meaning(entry, True)) for name, entry in _properties(one).items()]
         parts += [_table(("property", "label", "what it does"), rows)] if rows else []
     return "\n\n".join(parts)
 
@@ -349,7 +383,7 @@ def settings() -> str:
     parts = []
     for group, path in GROUPS.items():
         rows = [
-            (f"`{name}`", entry["name"], entry["kind"], _meaning(entry))
+            (f"`{name}`", entry["name"], entry["kind"], _meaning(entry, True))
             for name, entry in _properties(blender_classes()[group]).items()
         ]
         parts += [f"## `{path}`", _table(("property", "label", "type", "what it is"), rows)]

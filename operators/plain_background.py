@@ -1,4 +1,4 @@
-"""Plain Background: what a viewport in Solid shading shows behind its objects, black or white."""
+"""Black or White Background: what a viewport in Solid shading shows behind its objects, black or white."""
 
 import bpy
 
@@ -23,7 +23,7 @@ class RLE_SPLAT_OT_plain_background(bpy.types.Operator):
     of the theme"""
 
     bl_idname = "rle_splat.plain_background"
-    bl_label = "Plain Background"
+    bl_label = "Black or White Background"
     bl_options = set()
 
     @classmethod

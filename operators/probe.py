@@ -15,7 +15,7 @@ REST = 20.0  # seconds without a move until the mouse is no longer followed
 
 class RLE_SPLAT_OT_probe(bpy.types.Operator):
     """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, under the
-    mouse"""
+    mouse, as with the tool Window and Level"""
 
     bl_idname = "rle_splat.probe"
     bl_label = "Value at Surface"

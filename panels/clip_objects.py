@@ -27,7 +27,7 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
         row = layout.row(align=True)
         for kind, text, icon in (("BOX", "Add Box", "MESH_CUBE"), ("PLANE", "Add Plane", "MESH_PLANE")):
             row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
-        layout.operator_menu_enum("rle_splat.clip_to_view", "through", text="Cut Along View", icon="VIEW_PERSPECTIVE")
+        layout.operator_menu_enum("rle_splat.clip_to_view", "through", icon="VIEW_PERSPECTIVE")
         found = clip_objects.clip_objects(context.scene)
         if found:
             if any(map(_is_box, found)):

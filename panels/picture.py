@@ -100,7 +100,7 @@ def _draw_composite(context, layout) -> None:
     if not context.scene.render.use_lock_interface:
         paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")
         layout.prop(context.scene.render, "use_lock_interface")
-    layout.prop(settings, "on_failed_frame", text="On Error")  # the full name would be cut off
+    layout.prop(settings, "on_failed_frame")
 
 
 class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):

@@ -55,7 +55,7 @@ def _short_name(one) -> str:
 def _draw_window(layout, properties) -> None:
     """Level and window of the volume's slices."""
     is_linked = properties.slices_follow_window
-    unit, prefix = properties.value_unit, "window" if is_linked else "slice"
+    unit, prefix = properties.value_unit, "slice" if not is_linked else "window"
     row = layout.row(align=True)
     column = row.column(align=True)
     column.prop(properties, f"{prefix}_center", text=with_unit("Level", unit), translate=False)

@@ -28,10 +28,10 @@ class ScenePanel:
         column.prop(settings, "use_world")
         row = layout.row()
         row.active = has_shadows
-        row.prop(settings, "ambient_occlusion", text="Occlusion")  # the full name would be cut off
+        row.prop(settings, "ambient_occlusion")
         row = layout.row()
         row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
-        row.prop(settings, "indirect_light", text="Indirect")
+        row.prop(settings, "indirect_light")
         layout.prop(settings, "use_mist")
         row = layout.row(heading="Meshes")  # the name in one would be cut off
         row.prop(settings, "meshes_occlude", text="Hide Volume")

@@ -50,7 +50,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         ],
     )
     failed_frame: EnumProperty(
-        name="If a Frame Fails", description="What renders do if the volume cannot be drawn in a frame; a scene takes "
+        name="On Error", description="What renders do if the volume cannot be drawn in a frame; a scene takes "
         "it over when the volume is included in its renders", items=FAILED_FRAME_ITEMS)  # fmt: skip
     show_live: BoolProperty(
         name="Show Volumes Live", default=True, update=_live_changed,

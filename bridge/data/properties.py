@@ -147,7 +147,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
-        name="Largest Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
+        name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in gray levels of 255. The fastest settings that keep it are "
         "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
@@ -214,11 +214,11 @@ class SceneSettings(bpy.types.PropertyGroup):
         "Mist pass of a view layer has no effect on the volume",
     )
     ambient_occlusion: LiveFloat(
-        name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
+        name="Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
         "Not used where Edges is Soft and there is a Maximum Error")  # fmt: skip
     indirect_light: LiveFloat(
-        name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
+        name="Indirect", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
         "1 is full strength. Not used with Soft Edges")  # fmt: skip
     clip_objects: LivePointer(
@@ -268,7 +268,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7"
     )
     on_failed_frame: EnumProperty(
-        name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
+        name="On Error", description="What happens if the volume cannot be drawn in a rendered frame",
         items=FAILED_FRAME_ITEMS)  # fmt: skip
     use_composite: BoolProperty(
         name="Show in Renders", description="Render the volume with every frame and combine it with the meshes",

@@ -20,7 +20,7 @@ from .overridable import (
 )
 
 FILE_SAYS = ("AUTO", "From File", "Use what the file states, or a guess from its size and name")
-DTYPE_ITEMS = [FILE_SAYS] + [(name, name, f"{np.dtype(name).itemsize} bytes for each voxel") for name in STORED_TYPES]
+DTYPE_ITEMS = [FILE_SAYS] + [(one, one, f"{8 * np.dtype(one).itemsize} bits for each voxel") for one in STORED_TYPES]
 BYTE_ORDER_ITEMS = [
     FILE_SAYS,
     ("little", "Little Endian", "Least significant byte first, as on most computers"),

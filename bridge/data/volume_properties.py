@@ -280,7 +280,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera"),
                ("PHONG", "Mirror", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
-        name="Surface Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
+        name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
         "of thick slices. 0 is off. Not used with Soft Edges")  # fmt: skip
     use_automatic_smoothness: BoolProperty(

@@ -34,7 +34,7 @@ from ..volume.volume import STORED_TYPES
 # Option -> (field of Quality, type, values in the help).
 KNOBS = {
     "--classification": ("classification", str, "|".join(CLASSIFICATIONS)),
-    "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M"))),
+    "--depth-rule": ("depth_rule", str, "|".join((*NAMED_DEPTH_RULES, "midpoint-M", "preintegrated[-M]"))),
     "--sheet-density": ("sheet_density", float, "R"),
     "--kernel": ("kernel", str, "|".join(FOOTPRINTS)),
     "--minification": ("minification", str, "|".join(MINIFICATIONS)),
@@ -59,7 +59,11 @@ READ_OPTIONS = (
 
 def add_volume_argument(parser, also=()) -> None:
     """Add the volume file; ``also``: further suffixes that only this command reads."""
-    parser.add_argument("volume", metavar="VOLUME", help=f"the file to read: {', '.join((*suffixes(), *also))}")
+    parser.add_argument(
+        "volume",
+        metavar="VOLUME",
+        help=f"the file to read, or the folder of a DICOM series or an OME-Zarr: {', '.join((*suffixes(), *also))}",
+    )
 
 
 def add_volume_options(parser) -> None:

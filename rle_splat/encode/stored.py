@@ -181,7 +181,7 @@ class StoredVolume:
     unit : str
         Unit of length of the volume's own space.
     unit_length : float
-        World length of one unit to which the extinctions refer; see ``classification.unit_length``.
+        World length of one unit to which the extinctions refer.
     transfer_function, lighting
         JSON-compatible descriptions of how the colors were made.
     source : str

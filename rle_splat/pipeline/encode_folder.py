@@ -95,7 +95,8 @@ def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple
     Raises
     ------
     RleSplatError
-        See ``encode_folder_steps``.
+        If the scene needs all voxels at once (shadows, labels, channels), one plane does not fit into memory, or the
+        folder cannot be written. Nothing is left behind then.
     """
     return drain(encode_folder_steps(scene, quality or Quality(classification="pre"), path, axes, source))
 

@@ -39,7 +39,7 @@ def estimate(
     shaded : bool, optional
         Whether something shines; by default, as the transfer function has it.
     picture : int
-        See ``memory_estimate.picture_bytes``.
+        Bytes of the sheets and finished pixels, which the estimate adds; 0 for the tables alone.
 
     Returns
     -------

@@ -66,7 +66,7 @@ class StageCache:
         return tuple(self._results.copy())
 
     def job(self) -> Job:
-        """A new job that reads this cache; see the module."""
+        """A new job, which reads this cache and stores its own results in it when all of its work is done."""
         return Job(self)
 
     def has(self, stage: str, key) -> bool:

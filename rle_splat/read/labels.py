@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.steps import Progress, announce
+from ..runtime.steps import Progress, announce, drain
 from ..scene import RleSplatError
 from ..scene.color import linear
 from ..volume.counts import counts_values
@@ -23,6 +23,30 @@ ROW = re.compile(r'^\s*(\d{1,9})\s+(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})\s+([\d.]+)\
 LARGEST = 2**31 - 1
 NARROW = (np.uint16, np.int16)
 DOING = "reading labels"
+
+
+def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
+    """Read a label map, DICOM SEG, RTSTRUCT or folder of masks, and bring it onto the grid of a volume.
+
+    Parameters
+    ----------
+    path : str or Path
+    volume : Volume
+        The scan.
+    frame : int
+        Of a map that changes with time, from 1.
+
+    Returns
+    -------
+    Volume
+        Whole numbers, for ``Labels``; ``named_labels`` has the names and colors of the file.
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read, or lies elsewhere than the volume.
+    """
+    return drain(read_label_steps(path, volume, frame))
 
 
 def read_label_steps(path, volume: Volume, frame: int = 1):

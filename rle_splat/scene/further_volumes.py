@@ -55,8 +55,8 @@ class Labels:
         Names of labels, for display.
     smooth : bool
         Whether edges are smooth; else an edge shows the steps of the voxels. Under the classification ``post`` a sample
-        then belongs to the label whose smoothed indicator is largest there (``classify.label_cells``). Under ``pre``
-        voxels beside an edge are shared by the transfer functions on both sides (``classify.label_edges``).
+        then belongs to the label whose smoothed indicator is largest there. Under ``pre`` voxels beside an edge are
+        shared by the transfer functions on both sides.
 
     Raises
     ------

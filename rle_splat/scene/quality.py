@@ -202,7 +202,7 @@ class Quality:
     rays : float or None
         A pixel gets a single ray of its own, without sheets and warp, where a channel of the premultiplied
         scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Only "post", and
-        only scenes that ``single_rays.can_trace`` accepts.
+        only scenes without meshes, clip objects, motion blur and opacity by gradient.
     model : {"extinction", "opacity"}
         What overlapping footprints add up.
     length_correction : bool
@@ -233,7 +233,7 @@ class Quality:
 
     Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
     which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
-    proportionally larger limit, up to 65536 rays (``warp.steep``).
+    proportionally larger limit, up to 65536 rays.
     """
 
     classification: str = DEFAULT_CLASSIFICATION
@@ -316,7 +316,7 @@ class Quality:
 
     @classmethod
     def preset(cls, name: str, /, classification: str = DEFAULT_CLASSIFICATION, **overrides) -> Quality:
-        """Make a Quality from a preset.
+        """Make a Quality from the preset draft, standard, fine or strict.
 
         Parameters
         ----------

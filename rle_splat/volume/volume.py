@@ -82,6 +82,9 @@ class Volume:
         Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
     data_files : tuple of Path
         The files of the voxels beside a header that names them; empty for other volumes.
+
+    Attributes
+    ----------
     measured : dict
         What of ``value_range``, ``value_counts`` and ``voxel_key`` is known by now, which each read all voxels.
 

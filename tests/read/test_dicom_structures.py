@@ -15,8 +15,7 @@ from pydicom.uid import generate_uid
 from rle_splat.read.dicom import contours
 from rle_splat.read.dicom.pictures import STRUCTURES, hash_text
 from rle_splat.read.formats import read_volume
-from rle_splat.read.labels import read_label_steps
-from rle_splat.runtime.steps import drain
+from rle_splat.read.labels import read_labels
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import PATIENT, Volume
 
@@ -93,7 +92,7 @@ def contour(points, volume: Volume, kind: str) -> Dataset:
 
 
 def labels_of(path: Path, volume: Volume) -> Volume:
-    return drain(read_label_steps(path, volume))
+    return read_labels(path, volume)
 
 
 def counted(tmp_path: Path, volume: Volume, shapes) -> int:

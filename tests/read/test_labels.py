@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rle_splat.read.formats import read_volume, write_steps
-from rle_splat.read.labels import is_label_text, read_label_steps, read_label_text
+from rle_splat.read.labels import is_label_text, read_label_text, read_labels
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.regrid import on_grid_steps
@@ -106,7 +106,7 @@ def test_numbers_that_are_too_large_are_an_error(stored, numbers, tmp_path):
     scan = Volume(np.zeros((4, 3, 2), np.int16), np.diag((-1.0, -1.0, 1.0, 1.0)), space="patient")
     wanted = max(numbers, key=abs)
     with pytest.raises(RleSplatError, match=rf"the number {wanted}; give labels numbers below 2\^31"):
-        drain(read_label_steps(tmp_path / "a.nii", scan))
+        read_labels(tmp_path / "a.nii", scan)
 
 
 def test_negative_numbers_are_labels(tmp_path):
@@ -114,7 +114,7 @@ def test_negative_numbers_are_labels(tmp_path):
     voxels[0, 0, :2] = -3, 70
     nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4), dtype=np.int32), tmp_path / "a.nii")
     scan = Volume(np.zeros((4, 3, 2), np.int16), np.diag((-1.0, -1.0, 1.0, 1.0)), space="patient")
-    found = drain(read_label_steps(tmp_path / "a.nii", scan)).voxels
+    found = read_labels(tmp_path / "a.nii", scan).voxels
     assert found.dtype == np.int16 and np.unique(found).tolist() == [-3, 0, 70]
 
 
@@ -151,7 +151,7 @@ def test_names_beside_the_label_file_are_found(tmp_path):
     values[2:4] = 1
     nibabel.save(nibabel.Nifti1Image(values, ras(SCAN.affine)), tmp_path / "seg.nii.gz")
     (tmp_path / "seg.label").write_text(TEXT)
-    found = drain(read_label_steps(tmp_path / "seg.nii.gz", SCAN))
+    found = read_labels(tmp_path / "seg.nii.gz", SCAN)
     assert found.voxels.dtype == np.uint16 and found.voxels.sum() == 2 * 7 * 6
     assert [one.name for one in found.named_labels] == ["Clear Label", "left ventricle", "wall"]
 
@@ -174,7 +174,7 @@ def test_a_folder_of_masks_is_one_label_map(tmp_path):
     assert [(one.label, one.name) for one in volume.named_labels] == [(1, "aorta"), (2, "liver"), (4, "spleen")]
     assert volume.space == PATIENT and "overlap in 42 voxels" in volume.remarks[-1]
     np.testing.assert_allclose(volume.affine, SCAN.affine, rtol=1e-6)
-    found = drain(read_label_steps(folder, SCAN))
+    found = read_labels(folder, SCAN)
     assert found.key == volume.key
 
 

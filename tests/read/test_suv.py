@@ -11,8 +11,7 @@ from pydicom.dataset import Dataset
 
 from rle_splat.classify.default import default_transfer_function
 from rle_splat.read.formats import read_volume
-from rle_splat.read.labels import read_label_steps
-from rle_splat.runtime.steps import drain
+from rle_splat.read.labels import read_labels
 
 from . import dicom_phantoms as phantoms
 
@@ -110,7 +109,7 @@ def test_a_real_scan_has_the_figures_of_its_readme(data):
     volume = read_volume(folder / "dicom_pet_128x128x266")
     assert volume.value_unit == "SUVbw" and volume.slope / 2.0222414 == pytest.approx(2.944804e-4, rel=1e-6)
     assert volume.value_range[1] == pytest.approx(19.51, abs=0.005)
-    labels = drain(read_label_steps(folder / "dicom_seg_tumour_13frames.dcm", volume))
+    labels = read_labels(folder / "dicom_seg_tumour_13frames.dcm", volume)
     for number, most, mean in ((1, 4.426, 3.516), (2, 7.208, 3.714)):
         values = volume.physical(volume.voxels[labels.voxels == number])
         assert values.max() == pytest.approx(most, abs=6e-4) and values.mean() == pytest.approx(mean, abs=6e-4)

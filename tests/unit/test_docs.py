@@ -191,10 +191,12 @@ def test_the_reference_lists_every_panel_with_its_settings():
     for label in ("*Maximum Error*", "*Occlusion*", "*Keep Up to Date*", "*Level*", "*Add Box*, *Add Plane*",
                   "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Remove Table*",
                   "*Remove Channel (icon)*", "*Picture Is*", "*Meshes: Hide Volume*",
-                  "*White Background*, *Black Background*"):  # fmt: skip
+                  "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip
         assert f"| {label} | " in text, label
-    for label in ("Add Slice", "Add Clip Object", "Frame Volume", "Chosen Segment", "Ambient Occlusion"):
+    for label in ("Add Slice", "Add Clip Object", "Frame Volume", "Chosen Segment"):
         assert f"*{label}*" not in text, label  # names that no panel draws
+    for choice in ("*Very Fine*: ", "*Own Settings*: ", "*Sharp Edges*: ", "*Cubic, Fast*: "):
+        assert choice in text, choice
     for section in text.split("\n## "):
         rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
         assert len(rows) == len(set(rows)), section.partition("\n")[0]
@@ -203,6 +205,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
 def test_the_reference_explains_every_setting():
     rows = re.findall(r"^\| (`\w+`) \|(.*)\| (\w+) \| (.*) \|$", docs_reference.settings(), re.MULTILINE)
     assert len(rows) > 60
+    assert [name for name, _, kind, text in rows if kind == "enum" and "`" not in text] == []  # what a script sets
     unexplained = [name for name, _, kind, meaning in rows if not meaning and kind not in ("pointer", "collection")]
     assert unexplained == []
 
