@@ -18,7 +18,7 @@ from pathlib import Path
 import bpy
 from mathutils import Euler
 
-from tests.blender.user_steps import middle, press, settled
+from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -28,11 +28,18 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    region_of,
     until,
     wait_for_rest,
+    window,
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
+PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
+SHIFT, OPAQUE = -200.0, 0.05  # HU, mm
+LEVEL, WINDOW = 600.0, 450.0  # HU, of the slice
+DOWN = 12  # turns of the wheel from the first panel to Cut, Slices and Render
+SUN = (40.0, 0.0, 60.0)  # degrees
 
 
 def keep(name: str, began: float):
@@ -60,6 +67,25 @@ def camera_to_view():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
 
 
+def scroll_sidebar(turns: int):
+    """Turn the mouse wheel over the add-on's tab, down for positive ``turns``."""
+    region = region_of(area_of("VIEW_3D"), "UI")
+    at = (region.x + region.width // 3, region.y + region.height // 2)
+    simulate("MOUSEMOVE", "NOTHING", at)
+    yield
+    for _ in range(abs(turns)):
+        simulate("WHEELDOWNMOUSE" if turns > 0 else "WHEELUPMOUSE", "PRESS", at)
+        yield
+    yield from settled()
+
+
+def add_sun() -> None:
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.data.energy = 3.0
+    sun.rotation_euler = [radians(angle) for angle in SUN]
+    bpy.context.scene.collection.objects.link(sun)
+
+
 def rendered(scene):
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
@@ -76,11 +102,14 @@ def scenario():
         # Imported when the extension, which brings pydicom, is installed.
         import_module("devtools.practice_ct").write_series(folder)
     bpy.context.preferences.view.render_display_type = "AREA"
-    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     yield from new_file()
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")  # as in a new file
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 32, "CPU"
     scene.cycles.use_denoising = False
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
@@ -97,6 +126,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
     yield from wait_for_rest()  # with the pictures of presets
     yield from keep("tutorial-3-preset", began)
 
@@ -110,8 +140,8 @@ def scenario():
     scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
-    look_from(90.0, 90.0, 0.42)
-    yield from settled()
+    look_from(90.0, 90.0, 0.32)
+    yield from scroll_sidebar(DOWN)
     yield from keep("tutorial-4-cut", began)
 
     began = time.perf_counter()
@@ -127,7 +157,7 @@ def scenario():
         assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 700.0, 800.0
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
     look_from(62.0, 55.0)
     yield from settled()
@@ -138,6 +168,8 @@ def scenario():
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, 55.0, 2.4)  # a camera sees half of what a viewport does
     camera_to_view()
+    add_sun()
+    scene.rle_splat.use_shadows = True
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     yield from settled()
