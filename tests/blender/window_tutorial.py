@@ -16,6 +16,7 @@ from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
 from mathutils import Euler
 
 from tests.blender.user_steps import middle, press, settled, simulate
@@ -36,10 +37,13 @@ from tests.blender.window_driver import (
 
 SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
-SHIFT, OPAQUE = -200.0, 0.05  # HU, mm
-LEVEL, WINDOW = 600.0, 450.0  # HU, of the slice
-DOWN = 12  # turns of the wheel from the first panel to Cut, Slices and Render
-SUN = (40.0, 0.0, 60.0)  # degrees
+SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
+LEVEL, WINDOW = 700.0, 650.0  # HU, of the slice
+DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
+STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
+    ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "820x615+110+165"),
+    ("5-slice", "760x570+60+225"), ("7-rendered", "800x600+240+166"),
+)  # fmt: skip
 
 
 def keep(name: str, began: float):
@@ -79,11 +83,29 @@ def scroll_sidebar(turns: int):
     yield from settled()
 
 
-def add_sun() -> None:
-    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    sun.data.energy = 3.0
-    sun.rotation_euler = [radians(angle) for angle in SUN]
-    bpy.context.scene.collection.objects.link(sun)
+def save_strip(folder: Path) -> None:
+    """gallery-strip.jpg: twelve slices of the scan as a reader of films sees them, and the steps to the render."""
+    import pydicom  # the extension brings it
+
+    files = [pydicom.dcmread(path) for path in folder.iterdir()]
+    files.sort(key=lambda one: -one.ImagePositionPatient[2])
+    sheet = np.vstack([np.hstack([one.pixel_array for one in row]) for row in _rows_of(files)])
+    values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
+    gray = np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0).astype(np.uint8)
+    shots = Path(os.environ[SHOTS])
+    path = shots / "slices.pgm"
+    path.write_bytes(b"P5 %d %d 255\n" % gray.shape[::-1] + gray.tobytes())
+    words = [str(path), *(word for name, part in STRIP for word in
+                          ("(", str(shots / f"tutorial-{name}.jpg"), "-crop", part, "+repage", ")"))]  # fmt: skip
+    subprocess.run(["montage", *words, "-tile", "3x2", "-geometry", "480x360!+2+2", "-background", "black",
+                    "-quality", "85", str(shots / "gallery-strip.jpg")], check=True)  # fmt: skip
+    path.unlink()
+
+
+def _rows_of(files) -> list:
+    """Three rows of four, from the head down."""
+    some = files[:: max(len(files) // 12, 1)][:12]
+    return [some[n : n + 4] for n in range(0, 12, 4)]
 
 
 def rendered(scene):
@@ -107,6 +129,7 @@ def scenario():
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
+    area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")  # as in a new file
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 32, "CPU"
@@ -120,14 +143,16 @@ def scenario():
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
+    yield from wait_for_rest()  # with the pictures of presets
     yield from keep("tutorial-2-imported", began)
 
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
-    yield from wait_for_rest()  # with the pictures of presets
+    yield from wait_for_rest()
     yield from keep("tutorial-3-preset", began)
 
     began = time.perf_counter()
@@ -166,10 +191,9 @@ def scenario():
     began = time.perf_counter()
     scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
-    look_from(62.0, 55.0, 2.4)  # a camera sees half of what a viewport does
+    look_from(62.0, 55.0, 2.2)  # a camera sees half of what a viewport does
+    yield from settled()
     camera_to_view()
-    add_sun()
-    scene.rle_splat.use_shadows = True
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     yield from settled()
@@ -178,6 +202,7 @@ def scenario():
     began = time.perf_counter()
     yield from rendered(scene)
     yield from keep("tutorial-7-rendered", began)
+    save_strip(folder)
 
 
 drive(scenario)
