@@ -284,15 +284,16 @@ def _kept(name: str, program: str) -> tuple:
 
 def _save(pictures, across: int, path: Path, quality: int) -> None:
     """Save (title, picture as uint8, square) beside each other, so many in a row, the titles above."""
-    from PIL import Image, ImageDraw
+    from PIL import Image, ImageDraw, ImageFont
 
-    title, size = 18, len(pictures[0][1])
+    title, size = 30, len(pictures[0][1])
+    font = ImageFont.load_default(20)
     sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), "white")
     pen = ImageDraw.Draw(sheet)
     for number, (text, picture) in enumerate(pictures):
         left, top = size * (number % across), (size + title) * (number // across)
         sheet.paste(Image.fromarray(picture), (left, top + title))
-        pen.text((left + 4, top + 3), text, fill="black")
+        pen.text((left + 6, top + 3), text, fill="black", font=font)
     sheet.save(path, quality=quality)
 
 

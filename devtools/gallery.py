@@ -28,7 +28,6 @@ class Shot:
 SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
-    "cortex": Shot("labeled cells of a mouse's cortex and the background channel", (1000, 1000)),
 }
 
 

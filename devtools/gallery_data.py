@@ -7,7 +7,6 @@ from).  Runs in an environment with numpy.
 from __future__ import annotations
 
 import gzip
-import json
 import os
 import shutil
 from pathlib import Path
@@ -76,20 +75,3 @@ def skull(folder: Path):
     """A CT of a skull of plastic, slices 1 mm apart: the first file of its DICOM series."""
     series = _asked_for("dicom_ct_skull_phantom_512x512x140")
     return min(series.iterdir()), {}, series.name
-
-
-def cortex(folder: Path):
-    """Two channels of a mouse's cortex, labeled cells and background, and their transfer functions, as users draw
-    them."""
-    path = _asked_for("fluorescence/cortex_2ch_288x288x30_uint16.ome.tif")
-    for name, (opacity, color) in CHANNELS.items():
-        function = {"name": name, "unit": None, "opacity": opacity, "color": color, "shade": None}
-        (folder / f"{name}.json").write_text(json.dumps(function))
-    return path, {}, path.name
-
-
-# Name -> (value, opacity of 2 um), (value, color): cells are green before a veil.
-CHANNELS = {
-    "signal": (((850, 0.0), (1300, 0.1), (2200, 0.4), (5094, 0.9)), ((850, 0.1, 0.9, 0.25), (3000, 0.7, 1.0, 0.6))),
-    "background": (((250, 0.0), (700, 0.012), (1200, 0.02)), ((250, 0.55, 0.15, 0.75), (1200, 0.9, 0.3, 1.0))),
-}

@@ -15,7 +15,6 @@ from gallery_studio import (
     Stage,
     emission,
     letters,
-    plain_world,
     scale_bar,
     softbox_world,
     view_transform,
@@ -91,26 +90,4 @@ def aorta(stage: Stage):
     yield RENDER
 
 
-def cortex(stage: Stage):
-    """Two channels of a mouse's cortex from above, with their names and a scale bar."""
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.import_channel(of_file=True)
-    signal = stage.volume
-    other = next(one for one in bpy.context.view_layer.objects if one.type == "EMPTY" and one != signal)
-    for name, one in (("background", other), ("signal", signal)):
-        bpy.context.view_layer.objects.active = one
-        bpy.ops.rle_splat.load_transfer(filepath=str(stage.folder / f"{name}.json"))
-    camera = stage.camera((0.0, 0.0, 3.0))
-    camera.data.type, camera.data.ortho_scale, camera.data.shift_y = "ORTHO", 1.18 * stage.size, -0.04
-    size = 0.05 * stage.size
-    for body, x, color in (("signal", -0.5, (0.2, 0.9, 0.3)), ("background", -0.3, (0.65, 0.25, 0.85))):
-        letters(body, Matrix.Translation(stage.at(x, -0.545, 0.0)), size, emission(body, color), "LEFT")
-    length = 100.0 / 576.0 * stage.size
-    below = Matrix.Translation(stage.at(0.5, -0.59, 0.0) - Vector((0.5 * length, 0.0, 0.0)))
-    scale_bar("100 \u00b5m", below, length, size, emission("Letters", (0.85, 0.87, 0.9)))
-    plain_world((0.0, 0.0, 0.0), 0.0)
-    view_transform("Standard")
-    yield RENDER
-
-
-SETS = {"skull": skull, "aorta": aorta, "cortex": cortex}
+SETS = {"skull": skull, "aorta": aorta}

@@ -167,13 +167,6 @@ def emission(name: str, color):
     return made
 
 
-def plain_world(color, strength: float) -> None:
-    """The same light from everywhere."""
-    background = _new_world().nodes["Background"]
-    background.inputs["Color"].default_value = (*color, 1.0)
-    background.inputs["Strength"].default_value = strength
-
-
 def _new_world():
     world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0, 0):

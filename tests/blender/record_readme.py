@@ -47,7 +47,6 @@ HEAD, OPEN, LIVE, RESULT = "790x510+150+230", "690x540+300+200", "560x420+220+25
 STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
     "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
     "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((12, LIVE), (13, LIVE)), 420),
-    "gallery-strip": (((1, HEAD), (4, HEAD), (23, "740x510+200+230"), (25, "820x610+230+120")), 330),
 }  # fmt: skip
 shown = []  # of each photograph: how long it is shown, in frames, and its caption
 

@@ -16,9 +16,10 @@ from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
 from mathutils import Euler
 
-from tests.blender.user_steps import middle, press, settled
+from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -28,11 +29,21 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    region_of,
     until,
     wait_for_rest,
+    window,
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
+PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
+SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
+LEVEL, WINDOW = 700.0, 650.0  # HU, of the slice
+DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
+STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
+    ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "820x615+110+165"),
+    ("5-slice", "760x570+60+225"), ("7-rendered", "800x600+240+166"),
+)  # fmt: skip
 
 
 def keep(name: str, began: float):
@@ -60,6 +71,43 @@ def camera_to_view():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
 
 
+def scroll_sidebar(turns: int):
+    """Turn the mouse wheel over the add-on's tab, down for positive ``turns``."""
+    region = region_of(area_of("VIEW_3D"), "UI")
+    at = (region.x + region.width // 3, region.y + region.height // 2)
+    simulate("MOUSEMOVE", "NOTHING", at)
+    yield
+    for _ in range(abs(turns)):
+        simulate("WHEELDOWNMOUSE" if turns > 0 else "WHEELUPMOUSE", "PRESS", at)
+        yield
+    yield from settled()
+
+
+def save_strip(folder: Path) -> None:
+    """gallery-strip.jpg: twelve slices of the scan as a reader of films sees them, and the steps to the render."""
+    import pydicom  # the extension brings it
+
+    files = [pydicom.dcmread(path) for path in folder.iterdir()]
+    files.sort(key=lambda one: -one.ImagePositionPatient[2])
+    sheet = np.vstack([np.hstack([one.pixel_array for one in row]) for row in _rows_of(files)])
+    values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
+    gray = np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0).astype(np.uint8)
+    shots = Path(os.environ[SHOTS])
+    path = shots / "slices.pgm"
+    path.write_bytes(b"P5 %d %d 255\n" % gray.shape[::-1] + gray.tobytes())
+    words = [str(path), *(word for name, part in STRIP for word in
+                          ("(", str(shots / f"tutorial-{name}.jpg"), "-crop", part, "+repage", ")"))]  # fmt: skip
+    subprocess.run(["montage", *words, "-tile", "3x2", "-geometry", "480x360!+2+2", "-background", "black",
+                    "-quality", "85", str(shots / "gallery-strip.jpg")], check=True)  # fmt: skip
+    path.unlink()
+
+
+def _rows_of(files) -> list:
+    """Three rows of four, from the head down."""
+    some = files[:: max(len(files) // 12, 1)][:12]
+    return [some[n : n + 4] for n in range(0, 12, 4)]
+
+
 def rendered(scene):
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
@@ -76,11 +124,15 @@ def scenario():
         # Imported when the extension, which brings pydicom, is installed.
         import_module("devtools.practice_ct").write_series(folder)
     bpy.context.preferences.view.render_display_type = "AREA"
-    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("volume", "display", "presets", "clip_objects", "slices")))
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     yield from new_file()
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
+    area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")  # as in a new file
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 32, "CPU"
     scene.cycles.use_denoising = False
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
@@ -91,13 +143,16 @@ def scenario():
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
+    yield from wait_for_rest()  # with the pictures of presets
     yield from keep("tutorial-2-imported", began)
 
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    yield from wait_for_rest()  # with the pictures of presets
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
+    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
+    yield from wait_for_rest()
     yield from keep("tutorial-3-preset", began)
 
     began = time.perf_counter()
@@ -110,8 +165,8 @@ def scenario():
     scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
-    look_from(90.0, 90.0, 0.42)
-    yield from settled()
+    look_from(90.0, 90.0, 0.32)
+    yield from scroll_sidebar(DOWN)
     yield from keep("tutorial-4-cut", began)
 
     began = time.perf_counter()
@@ -127,7 +182,7 @@ def scenario():
         assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 700.0, 800.0
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
     look_from(62.0, 55.0)
     yield from settled()
@@ -136,7 +191,8 @@ def scenario():
     began = time.perf_counter()
     scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
-    look_from(62.0, 55.0, 2.4)  # a camera sees half of what a viewport does
+    look_from(62.0, 55.0, 2.2)  # a camera sees half of what a viewport does
+    yield from settled()
     camera_to_view()
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
@@ -146,6 +202,7 @@ def scenario():
     began = time.perf_counter()
     yield from rendered(scene)
     yield from keep("tutorial-7-rendered", began)
+    save_strip(folder)
 
 
 drive(scenario)
