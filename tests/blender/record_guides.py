@@ -81,6 +81,7 @@ def skull():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     look_from(76.0, -30.0, 0.5)
+    area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     yield from settled()
     return bpy.context.view_layer.objects.active
 
@@ -135,6 +136,8 @@ def lamps(volume) -> None:
 
 def light():
     volume = yield from skull()
+    volume.rle_splat.opacity_unit_distance, volume.rle_splat.smoothness = 0.05, 2.0  # no weave under the lamps
+    bpy.context.scene.rle_splat.quality = "fine"
     volume.rle_splat.lighting = "HEADLIGHT"
     yield from settled()
     yield from keep("headlight", HEAD)

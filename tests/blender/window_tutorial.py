@@ -42,7 +42,7 @@ LEVEL, WINDOW = 700.0, 650.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
     ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "820x615+110+165"),
-    ("5-slice", "760x570+60+225"), ("7-rendered", "800x600+240+166"),
+    ("5-slice", "760x570+60+225"), ("7-rendered", "580x435+300+266"),
 )  # fmt: skip
 
 
@@ -104,7 +104,7 @@ def save_strip(folder: Path) -> None:
 
 def _rows_of(files) -> list:
     """Three rows of four, from the head down."""
-    some = files[:: max(len(files) // 12, 1)][:12]
+    some = files[len(files) // 20 :: max(len(files) // 13, 1)][:12]
     return [some[n : n + 4] for n in range(0, 12, 4)]
 
 
