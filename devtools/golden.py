@@ -67,7 +67,9 @@ def photographs() -> dict[str, np.ndarray]:
     """The thumbnail of today's photograph for each of PHOTOGRAPHS that there is, by the script's name, uint8, sRGB."""
     from PIL import Image
 
-    files = [(script, path) for script, name in PHOTOGRAPHS.items() for path in SHOTS.glob(f"{script}/{name}.*")]
+    files = [
+        (script, path) for script, name in PHOTOGRAPHS.items() for path in SHOTS.glob(f"{script}/{name}.[pj][np]g")
+    ]
     return {script: _pooled(np.asarray(Image.open(path).convert("RGB"))[:-STATUS], SHRUNK) for script, path in files}
 
 
