@@ -80,7 +80,7 @@ def preset(name: str) -> TransferFunction:
     Parameters
     ----------
     name : str
-        Name of a built-in transfer function, such as "ct-bone".
+        Name of a built-in transfer function, such as "ct-bone"; docs/reference/transfer-functions.md lists them.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     Parameters
     ----------
     name : str
-        Name of a built-in transfer function, such as "ct-bone".
+        Name of a built-in transfer function, such as "ct-bone"; docs/reference/transfer-functions.md lists them.
     volume : Volume
 
     Returns

@@ -33,7 +33,7 @@ def add_mixing_options(parser) -> None:
         "the label file, or distinct colors if it has none",
     )
     group.add_argument(
-        "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0],
+        "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0], metavar="|".join(LABEL_EDGES),
         help="smooth edges of labels (default), or voxels, which show the steps of the label map as it is",
     )  # fmt: skip
     group.add_argument(

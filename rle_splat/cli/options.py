@@ -143,7 +143,7 @@ def add_transfer_function_options(parser) -> None:
         help="a file with points of opacity and color (JSON), presets of 3D Slicer (.xml, .mrml, .vp, .vp.json), or a "
         "color map of niivue (.json) or FSL (.cmap)",
     )
-    one.add_argument("--preset", metavar="NAME", help="a built-in transfer function; an unknown name lists them all")
+    one.add_argument("--preset", metavar="NAME", help="a built-in transfer function, such as ct-bone or pet")
     group.add_argument("--transfer-name", metavar="NAME", help="which transfer function of a file that holds several")
     group.add_argument(
         "--smoothness", type=float, metavar="MM",

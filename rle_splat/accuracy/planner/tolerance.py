@@ -55,7 +55,7 @@ def render_within(
     ----------
     scene : Scene
     tolerance : float
-        The largest error allowed, in levels of 1/255.
+        The largest error allowed of any channel of scene-linear, premultiplied RGBA, in levels of 1/255.
     quality : Quality, optional
         What the tolerance does not decide, such as the classification, the record and the threads.
     progress, cache : optional
