@@ -43,7 +43,6 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures"),
     "strict": ("Very Fine", "The most accurate quality, and slow"),
 }
-AIM_TEXT = "Aims at an error of at most {:g} of 255 gray levels at 999 of 1000 pixels"
 CLASSIFICATION_TEXTS = {
     "pre": ("Soft Edges", "Give every voxel its color and opacity, then interpolate those, as in the paper "
                           "(pre-classified)"),
@@ -54,10 +53,7 @@ CLASSIFICATION_TEXTS = {
 CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
 ]
-QUALITY_ITEMS = [
-    (name, QUALITY_TEXTS[name][0], f"{QUALITY_TEXTS[name][1]}. {AIM_TEXT.format(aim)}")
-    for name, aim in tables.PRESET_AIMS.items()
-] + [
+QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
     ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
     ("custom", "Own Settings", "Set every option in the Advanced panel"),
 ]
