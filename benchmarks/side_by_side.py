@@ -44,6 +44,7 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
+TITLE = 30  # pixels above each picture
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
@@ -286,13 +287,13 @@ def _save(pictures, across: int, path: Path, quality: int) -> None:
     """Save (title, picture as uint8, square) beside each other, so many in a row, the titles above."""
     from PIL import Image, ImageDraw, ImageFont
 
-    title, size = 30, len(pictures[0][1])
+    size = len(pictures[0][1])
     font = ImageFont.load_default(20)
-    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), "white")
+    sheet = Image.new("RGB", (size * across, (size + TITLE) * -(-len(pictures) // across)), "white")
     pen = ImageDraw.Draw(sheet)
     for number, (text, picture) in enumerate(pictures):
-        left, top = size * (number % across), (size + title) * (number // across)
-        sheet.paste(Image.fromarray(picture), (left, top + title))
+        left, top = size * (number % across), (size + TITLE) * (number // across)
+        sheet.paste(Image.fromarray(picture), (left, top + TITLE))
         pen.text((left + 6, top + 3), text, fill="black", font=font)
     sheet.save(path, quality=quality)
 

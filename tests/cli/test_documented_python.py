@@ -1,10 +1,13 @@
 """The example of docs/how-to/use-from-python.md runs as it stands there, on a small volume and picture."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+import rle_splat
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/use-from-python.md"
 SIDE = 48  # voxels and pixels
@@ -13,12 +16,21 @@ SIDE = 48  # voxels and pixels
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
 def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     text = "".join(re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
-    for old, new in (("scan.raw.gz", "scan.raw"), ("256", f"{SIDE}"), ("512", f"{SIDE}")):
+    for old, new in (
+        ("scan.raw.gz", "scan.raw"),
+        ("organs.nii.gz", "organs.nrrd"),
+        ("256", f"{SIDE}"),
+        ("512", f"{SIDE}"),
+    ):
         assert old in text
         text = text.replace(old, new)
     z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
     ball = np.clip(255.0 - 8.0 * np.abs(np.sqrt(x**2 + y**2 + z**2) - SIDE / 4), 0.0, 255.0)
     ball.astype(np.uint8).tofile(tmp_path / "scan.raw")
+    volume = rle_splat.read_volume(tmp_path / "scan.raw", shape=(SIDE,) * 3, dtype="uint8")
+    rle_splat.write_volume(
+        replace(volume, voxels=np.where(ball > 128.0, 5, 0).astype(np.uint8)), tmp_path / "organs.nrrd"
+    )
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(text, str(PAGE), "exec"), names)
