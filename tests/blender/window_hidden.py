@@ -110,16 +110,22 @@ def check_value_goes_with_the_mouse():
     passed("the value goes with the mouse")
 
 
-def check_world_light():
-    """An edited world: a sentence and a button, which renders its light."""
+def under_a_sky():
+    """A new file with a volume and a world that a sky lights; the node of the sky."""
     yield from new_file()
     with in_the_view():
         panel_states.add_volume(FOLDER)
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    sky = world.node_tree.nodes.new("ShaderNodeTexSky")
+    link_color(world, sky)
+    return sky
+
+
+def check_world_light():
+    """An edited world: a sentence and a button, which renders its light."""
+    yield from under_a_sky()
     scene = bpy.context.scene
-    scene.world = bpy.data.worlds.new("World")
-    sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    link_color(scene.world, sky)
     state = import_module(f"{MODULE}.bridge.scene.world").state
     yield from settled()
     assert "press Update World Light" in state(scene), state(scene)
@@ -302,14 +308,9 @@ def check_memory_is_freed():
 
 def check_an_animated_sky():
     """Each frame has the light of its own sky after Update World Light, and before it a sentence."""
-    yield from new_file()
-    with in_the_view():
-        panel_states.add_volume(FOLDER)
+    sky = yield from under_a_sky()
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 2
-    scene.world = bpy.data.worlds.new("World")
-    sky = scene.world.node_tree.nodes.new("ShaderNodeTexSky")
-    link_color(scene.world, sky)
     for frame, height in ((1, 1.4), (2, 0.05)):
         sky.sun_elevation = height
         sky.keyframe_insert("sun_elevation", frame=frame)
