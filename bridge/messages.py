@@ -17,15 +17,7 @@ def the_volume(*names: str) -> str:
 
 
 def complain(settings, sentence: str) -> None:
-    """Show a sentence in the panel and print it.
-
-    Parameters
-    ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
-    sentence : str
-        The sentence.
-    """
+    """Show a sentence in the panel and print it."""
     settings.message = sentence
     tell(sentence)
 

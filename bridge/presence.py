@@ -6,13 +6,7 @@ import bpy
 
 
 def is_deleted(one) -> bool:
-    """Whether an object is in no scene, neither directly nor through an instanced collection.
-
-    Returns
-    -------
-    bool
-        True if it was deleted.
-    """
+    """Whether an object is in no scene, neither directly nor through an instanced collection."""
     return not _reached(one, set())
 
 

@@ -73,17 +73,7 @@ def is_looked_through(context) -> bool:
 
 
 def report_picture(operator, image, rendering) -> None:
-    """Report the image's name, size and remarks; a blank picture is reported as a warning.
-
-    Parameters
-    ----------
-    operator : bpy.types.Operator
-        The operator that reports.
-    image : bpy.types.Image
-        The image that holds the picture.
-    rendering : Rendering
-        The picture, with ``report["remarks"]``.
-    """
+    """Report the image's name, size and remarks; a blank picture is reported as a warning."""
     sentences = " ".join(rendering.report["remarks"])
     if rendering.rgba[..., 3].any():
         height, width = rendering.depth.shape

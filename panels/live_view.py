@@ -16,12 +16,8 @@ def draw_switch(layout, space, text: str = "") -> None:
 
     Parameters
     ----------
-    layout : bpy.types.UILayout
-        Where it is added.
     space : bpy.types.Space
         Nothing is drawn for another editor than a 3D view.
-    text : str
-        Label of the checkbox.
     """
     if space is None or space.type != "VIEW_3D":
         return

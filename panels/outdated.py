@@ -8,13 +8,6 @@ from .places import paragraph
 def draw_outdated(context, layout) -> bool:
     """Name each outdated picture, with a button that makes it again.
 
-    Parameters
-    ----------
-    context : bpy.types.Context
-        Gives the scene.
-    layout : bpy.types.UILayout
-        Where they are added.
-
     Returns
     -------
     bool

@@ -88,11 +88,6 @@ def plan_of(row) -> Quality:
 def is_current(scene, row) -> bool:
     """Whether the scene's settings are those of a row's plan.
 
-    Parameters
-    ----------
-    row : AccuracyRowProperties
-        A row of its measured plans.
-
     Returns
     -------
     bool
@@ -106,13 +101,6 @@ def is_current(scene, row) -> bool:
 
 def choose(scene, row) -> None:
     """Set the scene's settings to a row's plan; ``quality`` becomes "custom" unless a preset equals the plan.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene to change.
-    row : AccuracyRowProperties
-        A row of its measured plans.
 
     Raises
     ------
@@ -150,17 +138,10 @@ def keep_error_map(scene, volume_object, errors, report: dict):
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene that owns the image.
     errors : ndarray, shape (height, width)
         Errors in levels of 1/255, row 0 on top.
     report : dict
         The report of the error map, with ``error``.
-
-    Returns
-    -------
-    bpy.types.Image
-        The image.
     """
     settings, image = scene.rle_splat, pictures.keep_numbers(scene, volume_object, errors, ERROR_KIND)
     found, settings.error_image = report["error"], image

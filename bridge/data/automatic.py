@@ -38,10 +38,6 @@ def draw_number(layout, data, name: str, switch: str, text: str = "") -> None:
 
     Parameters
     ----------
-    layout : bpy.types.UILayout
-        Where they are added.
-    data : bpy.types.bpy_struct
-        What has both properties.
     name, switch : str
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
     text : str

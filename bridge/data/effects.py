@@ -87,15 +87,7 @@ def forced(scene, name: str) -> bool | None:
 
 
 def note_report(settings, report: dict) -> None:
-    """Save the effects of a finished picture and their times.
-
-    Parameters
-    ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
-    report : dict
-        The report of the picture.
-    """
+    """Save the effects of a finished picture and their times."""
     note_effects(settings, report.get("effects", ()), "For the last picture; the milliseconds are those of each "
                  "effect's own work.")  # fmt: skip
 
@@ -105,8 +97,6 @@ def note_effects(settings, listed, note: str) -> None:
 
     Parameters
     ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
     listed : list of dict
         ``name``, ``on`` and ``reason`` of each effect, and ``ms`` if a picture was made.
     note : str

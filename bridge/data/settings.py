@@ -30,11 +30,6 @@ def quality_of(scene) -> Quality:
 
     The classification counts with every quality but "paper".  The other knobs count only with "custom".
 
-    Returns
-    -------
-    Quality
-        The knobs.
-
     Raises
     ------
     RleSplatError
@@ -113,14 +108,7 @@ def scene_scale_of(scene, unit: str = "mm") -> float:
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        Gives the world units per millimeter.
     unit : str
         The volume's unit of length; an unknown one counts as a millimeter.
-
-    Returns
-    -------
-    float
-        The factor.
     """
     return typed(scene.rle_splat.scene_scale) * MILLIMETERS.get(unit, 1.0)

@@ -150,11 +150,6 @@ class SourceOptions:
 def read_options(source) -> dict:
     """The options that differ from their defaults.
 
-    Parameters
-    ----------
-    source : SourceOptions or PlainOptions
-        The options.
-
     Returns
     -------
     dict
@@ -193,8 +188,6 @@ def fill_from_guess(target, guess) -> None:
 
     Parameters
     ----------
-    target : SourceOptions or PlainOptions
-        The options to set.
     guess : RawGuess
         The guess; fields that are None leave an option unchanged.
     """

@@ -102,10 +102,6 @@ def drawn_with(blend: str, depth_test: str):
 def texture_of(picture: RegionPicture):
     """A new texture that holds a picture; a texture cannot be written to again.
 
-    Parameters
-    ----------
-    picture : RegionPicture
-
     Returns
     -------
     gpu.types.GPUTexture

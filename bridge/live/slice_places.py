@@ -106,8 +106,6 @@ def straight_onto(one, kind: str, matrix: np.ndarray):
 
     Parameters
     ----------
-    one : bpy.types.Object
-        The slice.
     kind : {"axial", "coronal", "sagittal"}
         How it lies.
     matrix : (4, 4) ndarray

@@ -14,11 +14,6 @@ PERCENTS = 1.0, 99.5  # of the values that other scans show black and white: sin
 def read(properties) -> tuple[float, float, bool]:
     """The window of a volume's slices.
 
-    Parameters
-    ----------
-    properties : VolumeProperties
-        Of the volume.
-
     Returns
     -------
     low, high : float
@@ -44,8 +39,6 @@ def begin(properties, volume) -> None:
     ----------
     properties : VolumeProperties
         Of the volume; a window that was set before stays.
-    volume : Volume
-        Its voxels.
     """
     if properties.is_property_set("slices_follow_window") or properties.is_property_set("slice_width"):
         return

@@ -38,10 +38,6 @@ def add_slice(context, owner, volume, name: str):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene and the collection.
-    volume : Volume
-        Its voxels.
     name : {"axial", "coronal", "sagittal"}
         How the slice lies.
 
@@ -101,13 +97,7 @@ def _material(image):
 
 
 def settle_copies(objects) -> None:
-    """Give slices that share an image with another one, as a copied object does, an image and a material of their own.
-
-    Parameters
-    ----------
-    objects : iterable of bpy.types.Object
-        Slices.
-    """
+    """Give each slice that shares an image with another one, such as a copy, an image and a material of its own."""
     taken = set()
     for one in sorted(filter(linked.is_own, objects), key=lambda one: one.session_uid):
         image = one.rle_splat.slice_image

@@ -94,7 +94,6 @@ class BlenderSurface:
     ----------
     context : bpy.types.Context
         While a draw handler runs.
-    request : Request
     framebuffer : gpu.types.GPUFrameBuffer or None
         The viewport's own, with the depth of its objects.
     waits : list of float

@@ -64,7 +64,6 @@ class Request:
         Keys of the visible volumes.
     drawn : tuple
         How the viewport draws its objects, because their depth depends on it.
-    habits : Habits
     has_floor : bool
         Whether the viewport draws lines in the plane z = 0.
     """
@@ -95,7 +94,6 @@ class Viewport:
 
     Parameters
     ----------
-    cache : StageCache
     now : callable
         Returns seconds.
 
@@ -156,10 +154,8 @@ class Viewport:
 
         Parameters
         ----------
-        request : Request
         stamp : object
             Differs from that of the last redraw after any event that may have changed the contents.
-        surface : DrawnSurface
         """
         if self._failed in (FOR_GOOD, (request, stamp)):
             return

@@ -78,14 +78,6 @@ def unregister():
 def checked_name(name: str) -> str:
     """A name without blanks around it.
 
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-
     Raises
     ------
     RleSplatError
@@ -124,13 +116,6 @@ def taken(name: str) -> str:
 def save(name: str, function: TransferFunction, overwrite: bool = False) -> None:
     """Save a transfer function as a preset of the user.
 
-    Parameters
-    ----------
-    name : str
-    function : TransferFunction
-    overwrite : bool
-        Whether to replace a preset of this name.
-
     Raises
     ------
     RleSplatError
@@ -152,12 +137,6 @@ def save(name: str, function: TransferFunction, overwrite: bool = False) -> None
 
 def save_all(functions, overwrite: bool = False) -> None:
     """Save transfer functions under their own names, with dashes for what file names cannot have.
-
-    Parameters
-    ----------
-    functions : sequence of TransferFunction
-    overwrite : bool
-        Whether to replace presets of the same names.
 
     Raises
     ------
@@ -201,11 +180,6 @@ def _path_of(name: str) -> Path:
 
 def transfer_steps(name: str, volume):
     """Generator of Progress: the transfer function of a preset of the user, in the values of a volume.
-
-    Parameters
-    ----------
-    name : str
-    volume : Volume
 
     Returns
     -------

@@ -76,13 +76,6 @@ def visible_owners(context) -> list:
 def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
     """Find the first visible surface of volumes along a ray.
 
-    Parameters
-    ----------
-    context : bpy.types.Context
-    ray : Ray
-    owners : list of bpy.types.Object
-        The volume objects.
-
     Returns
     -------
     ProbeHit or None
@@ -133,11 +126,6 @@ def _reach(depsgraph, ray: Ray) -> float:
 def line_under(context, mouse) -> str:
     """What lies under the mouse in a viewport, for people.
 
-    Parameters
-    ----------
-    context, mouse
-        As of ``ray_under``.
-
     Returns
     -------
     str
@@ -158,12 +146,6 @@ def line_under(context, mouse) -> str:
 
 def line_of(found: ProbeHit, with_name: bool = False) -> str:
     """A surface as a line: value, voxel, position, label, and the volume's name if there are several.
-
-    Parameters
-    ----------
-    found : ProbeHit
-    with_name : bool
-        Whether to add the volume's name.
 
     Returns
     -------

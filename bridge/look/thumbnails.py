@@ -97,10 +97,6 @@ def icon(owner, entry: Entry) -> int:
 
     It reads only properties of the object, so a panel may call it at every redraw.
 
-    Parameters
-    ----------
-    entry : Entry
-
     Returns
     -------
     int
@@ -197,11 +193,6 @@ def _show(key: tuple, pixels: np.ndarray) -> None:
 
 def picture_steps(entry: Entry, volume):
     """Generator of Progress: the thumbnail of a preset, from the disk or rendered and then kept there.
-
-    Parameters
-    ----------
-    entry : Entry
-    volume : Volume
 
     Returns
     -------

@@ -36,8 +36,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     ----------
     volume_object : bpy.types.Object
         The volume object; it gets a node group if it has no local one.
-    transfer_function : TransferFunction
-        The transfer function.
     window : tuple of float, optional
         Low and high value of the window; default is the range of the function's points.
 
@@ -116,11 +114,6 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     ----------
     depsgraph : bpy.types.Depsgraph, optional
         The evaluated scene, for the animated values at its frame.
-
-    Returns
-    -------
-    TransferFunction
-        The transfer function in physical values.
 
     Raises
     ------
@@ -285,11 +278,6 @@ def keyframe(volume_object, frame: float) -> int:
     """Insert keyframes on all values of the transfer function.
 
     Blender cannot build the data path of a curve's point, so the paths are written out.
-
-    Parameters
-    ----------
-    frame : float
-        The frame.
 
     Returns
     -------

@@ -33,8 +33,6 @@ def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
     ----------
     function : callable
         Without arguments; returns the seconds after which it is called again, AT_ONCE, or None.
-    after : float
-        Seconds.
     bite : float
         Seconds after which it is not called again at once.
     """

@@ -29,7 +29,6 @@ class ReadingWork:
 
     Attributes
     ----------
-    steps : generator of Progress
     waiting : dict
         ``store.Wish`` -> Held volume object that waits; empty when reading ahead.
     progress : Progress or None
@@ -48,11 +47,6 @@ _is_due = [False]  # whether the next frame may be read ahead; once for each fra
 
 def want(owner, depsgraph=None) -> bool:
     """Ask for the voxels that a volume object shows now, and for its labels.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
 
     Returns
     -------

@@ -23,15 +23,8 @@ def show(camera, image, place: str):
 
     Parameters
     ----------
-    image : bpy.types.Image
-        The picture.
     place : {"BACK", "FRONT"}
         Behind or in front of the objects.
-
-    Returns
-    -------
-    bpy.types.CameraBackgroundImage
-        The entry in the camera's background images.
     """
     entry = _find_of_any_scene(camera) or camera.data.background_images.new()
     entry.source = "IMAGE"
@@ -53,11 +46,6 @@ def show(camera, image, place: str):
 def state(scene, camera) -> tuple:
     """The state of the camera's backdrop, for ``restore``.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
     Returns
     -------
     tuple
@@ -71,15 +59,7 @@ def state(scene, camera) -> tuple:
 
 
 def restore(scene, camera, earlier: tuple) -> None:
-    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-    earlier : tuple
-        The result of ``state``.
-    """
+    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone."""
     background_images, values, held = earlier
     entry, image = find(scene, camera), held.find() if held else None
     if values is None or image is None:
@@ -93,18 +73,7 @@ def restore(scene, camera, earlier: tuple) -> None:
 
 
 def hide(scene, camera) -> bool:
-    """Remove the scene's backdrop from the camera; the user's own background images stay.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
-    Returns
-    -------
-    bool
-        Whether there was a backdrop.
-    """
+    """Remove the scene's backdrop from the camera, not the user's images; return whether there was one."""
     entry = find(scene, camera)
     if entry is not None:
         camera.data.background_images.remove(entry)
@@ -113,18 +82,7 @@ def hide(scene, camera) -> bool:
 
 
 def find(scene, camera):
-    """The camera's background image that shows a backdrop of the scene, or None.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
-    Returns
-    -------
-    bpy.types.CameraBackgroundImage or None
-        The entry.
-    """
+    """The camera's background image that shows a backdrop of the scene, or None."""
     shown = {row.image for row in scene.rle_splat.pictures if row.kind == "backdrop"}
     for entry in camera.data.background_images:
         if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):

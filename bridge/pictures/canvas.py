@@ -17,12 +17,8 @@ class ProgressImage:
 
     Parameters
     ----------
-    scene, volume_object : Held
-        The scene and the volume.
     kind : str
         A key of ``pictures.SUFFIXES``.
-    camera : Held, optional
-        The camera of a backdrop.
     """
 
     def __init__(self, scene: Held, volume_object: Held, kind: str, camera: Held | None = None):
@@ -37,11 +33,6 @@ class ProgressImage:
         ----------
         rgba : ndarray, shape (height, width, 4), float32
             Premultiplied scene-linear colors, row 0 on top.
-
-        Returns
-        -------
-        bpy.types.Image
-            The image.
         """
         scene, volume_object = self._scene.get(), self._volume.get()
         camera = self._camera.get() if self._camera else None
@@ -67,13 +58,7 @@ class ProgressImage:
 
 
 def redraw(context) -> None:
-    """Redraw every area that may show our images or settings.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        Gives the window manager.
-    """
+    """Redraw every area that may show our images or settings."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in SHOWN_IN:

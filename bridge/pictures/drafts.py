@@ -35,12 +35,8 @@ def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_e
 
     Parameters
     ----------
-    plain : Scene
-    quality : Quality
     cache : StageCache
         Passes what is classified, lit and encoded for the draft on to the picture.
-    refuse_empty_view : bool
-        See ``render_steps``.
 
     Yields
     ------

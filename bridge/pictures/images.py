@@ -21,17 +21,8 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
     ----------
     wanted : bpy.types.Image or None
         The image to use; its pixels are cleared if its size changes.  None creates an image.
-    name : str
-        Name of a new image.
-    width, height : int
-        Size in pixels.
     depth : bool
         Whether the image holds numbers ("Non-Color") instead of colors ("Linear Rec.709", premultiplied alpha).
-
-    Returns
-    -------
-    bpy.types.Image
-        The image.
     """
     image = wanted
     if image is None:
@@ -55,18 +46,7 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
 
 
 def owned_by(image, scene) -> bool:
-    """Whether an image is a picture of this scene.
-
-    Parameters
-    ----------
-    image : bpy.types.Image or None
-        The image.
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
+    """Whether an image is a picture of this scene."""
     return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
@@ -132,8 +112,6 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
     ----------
     pixels : ndarray, shape (height, width, 4), float32
         Row 0 on top.
-    path : str
-        Absolute path of the file.
 
     Raises
     ------
@@ -154,13 +132,6 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
 
 def write_file(image, path: str) -> None:
     """Write an image to a 32-bit EXR file, with the same bits, and make it the image's source.
-
-    Parameters
-    ----------
-    image : bpy.types.Image
-        One of our images.
-    path : str
-        Absolute path of the file.
 
     Raises
     ------
@@ -184,11 +155,6 @@ def _write(image, pixels: np.ndarray) -> None:
 
 def placeholder(width: int, height: int) -> np.ndarray:
     """The picture of a frame that could not be rendered: opaque stripes that cannot be mistaken for a result.
-
-    Parameters
-    ----------
-    width, height : int
-        Size in pixels.
 
     Returns
     -------

@@ -109,13 +109,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
 
 
 def remove_deleted(scene) -> None:
-    """Remove the backdrops of deleted volumes from their cameras, with a message.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrops.
-    """
+    """Remove the backdrops of deleted volumes from their cameras, with a message."""
     settings, gone = scene.rle_splat, set()
     for row in settings.pictures:
         if row.volume is not None and not presence.is_deleted(row.volume):

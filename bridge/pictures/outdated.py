@@ -55,19 +55,8 @@ def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> Mad
 
     Parameters
     ----------
-    plain : Scene
-        The scene as plain data.
-    quality : Quality
-        The knobs.
     tolerance : float or None
         The maximum error in levels of 1/255.
-    meshes : bool
-        Whether meshes were to occlude the volume.
-
-    Returns
-    -------
-    MadeFrom
-        The record.
     """
     plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
     return MadeFrom(digest((plain, quality, tolerance)), digest(plain.transfer_function), meshes)
@@ -98,11 +87,6 @@ def out_of_date(scene) -> list:
     """The outdated pictures among those that the scene shows, as of the last ``update_status``.
 
     It reads properties only, so a panel may call it.
-
-    Returns
-    -------
-    list of bpy.types.Image
-        The images.
     """
     return [
         row.image
@@ -147,13 +131,7 @@ def update_status(scene, depsgraph) -> bool:
 
 
 def shown_rows(scene) -> list:
-    """The rows of the last picture and of the active camera's backdrop whose inputs are known.
-
-    Returns
-    -------
-    list of PictureProperties
-        The rows.
-    """
+    """The rows of the last picture and of the active camera's backdrop whose inputs are known."""
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
     entry = backdrop.find(scene, camera) if camera is not None else None
     images = {"color": scene.rle_splat.image, "backdrop": entry.image if entry is not None else None}
@@ -189,11 +167,6 @@ def digest(value) -> str:
     ----------
     value : object
         A dataclass such as Scene, an array, a dict, a tuple, a list or a plain value, nested in any way.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
     """
     total = hashlib.blake2b(digest_size=16)
     _feed(total, value)

@@ -30,10 +30,6 @@ def turning_camera(context, owner, *, is_perspective: bool, elevation: float):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene.
-    is_perspective : bool
-        Or orthographic.
     elevation : float
         Degrees.
 
@@ -125,8 +121,6 @@ def keyframe_turn(pivot, azimuth: float, angle: float, frames: range) -> None:
     angle : float
         By how much it turns, in degrees. Of a full turn the last frame is one step before the first, so that the
         animation can be repeated; the last frame of an arc is its end.
-    frames : range
-        The frames.
     """
     pivot.animation_data_clear()
     pivot.rotation_mode = "XYZ"

@@ -32,8 +32,6 @@ class CompositedPicture:
 
     Attributes
     ----------
-    image : bpy.types.Image
-        The image.
     layers : frozenset of str
         Names of the view layers that it is composited over; empty if it is over no view layer of the scene.
     """
@@ -147,13 +145,7 @@ def settle(scene) -> None:
 
 
 def remove(scene) -> bool:
-    """Remove our nodes, reconnect the links across them, and restore the settings that ``insert`` changed.
-
-    Returns
-    -------
-    bool
-        Whether there were nodes to remove.
-    """
+    """Remove our nodes, reconnect links, restore what ``insert`` changed; return whether there were nodes."""
     tree = versions.compositor_tree(scene)
     if tree is None or not (_marked(tree, _OVER) or _marked(tree, _PICTURE)):
         return False
@@ -207,13 +199,7 @@ def exchange_images(scene, exchange) -> None:
 
 
 def pictures(scene) -> list[CompositedPicture]:
-    """The pictures that reach the scene's render.
-
-    Returns
-    -------
-    list of CompositedPicture
-        Each with the view layers that it is composited over.
-    """
+    """The pictures that reach the scene's render."""
     tree = versions.compositor_tree(scene)
     if tree is None or not scene.render.use_compositing:
         return []
@@ -225,13 +211,7 @@ def pictures(scene) -> list[CompositedPicture]:
 
 
 def problem(scene) -> str | None:
-    """Why one of our pictures does not reach the scene's render.
-
-    Returns
-    -------
-    str or None
-        One sentence for the user; None if all pictures reach the render.
-    """
+    """Why one of our pictures does not reach the scene's render."""
     tree = versions.compositor_tree(scene)
     if not scene.render.use_compositing:
         return ("Compositing is switched off in the output properties, so the volume is not in the render; switch it "

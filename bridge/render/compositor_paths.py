@@ -8,8 +8,6 @@ def feeding(sockets, holders=(), end=None, links=None):
 
     Parameters
     ----------
-    sockets : iterable of bpy.types.NodeSocket
-        Input sockets.
     holders : tuple of bpy.types.Node
         The group nodes that contain the sockets, outermost first.
     end : callable, optional

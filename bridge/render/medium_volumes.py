@@ -34,14 +34,10 @@ def file_steps(plain: Scene, quality, factors, path, residual=None):
 
     Parameters
     ----------
-    plain : Scene
-        The scene as plain data.
     quality : Quality
         Its threads count.
     factors : (fx, fy, fz)
         Voxels of the volume along each side of a voxel of the file.
-    path : Path
-        The file.
     residual : ndarray, shape (4, 4), optional
         Space of the volume object to that of the object that shows the file, if they differ.
 
@@ -99,15 +95,8 @@ def emitting_material(name: str, engines: str = "ALL"):
 
     Parameters
     ----------
-    name : str
-        Its name.
     engines : {"ALL", "CYCLES"}
         The engines that draw it.
-
-    Returns
-    -------
-    bpy.types.Material
-        The material.
     """
     material, tree, output = _new_material(name)
     output.target = engines

@@ -59,13 +59,7 @@ def surface_of(grid):
 
 
 def settle(scene) -> None:
-    """Give each volume in renders its grid, and remove all others, such as those of deleted volumes.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        A local scene.
-    """
+    """Give each volume in renders its grid, and remove all others, such as those of deleted volumes."""
     owners = _wanted_for(scene)
     kept: dict = {}  # volume object -> its grid
     for one in grids(scene):
@@ -130,20 +124,7 @@ def _remove(one) -> None:
 
 
 def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
-    """Whether the engine gets to see a volume, and why or why not.
-
-    Parameters
-    ----------
-    plain : Scene
-        The same as plain data.
-
-    Returns
-    -------
-    on : bool
-        Whether it does.
-    reason : str
-        Words behind "on" or "off".
-    """
+    """Whether the engine gets to see a volume, and why or why not."""
     scene = depsgraph.scene
     by_hand = effects.forced(scene, effects.SHADOWS_ON_MESHES)
     if by_hand is False:

@@ -128,7 +128,6 @@ def check_frames(scene, frames, were_typed: bool) -> None:
     ----------
     scene : bpy.types.Scene
         A scene whose animation ``write_to`` has directed to files.
-    frames : iterable of int
     were_typed : bool
         Whether a user typed the name in a dialog, which shows no names of numbered pictures.
 

@@ -149,15 +149,7 @@ HANDLERS = (
 
 
 def splat_over_render(scene, depsgraph) -> None:
-    """Render the pictures that the compositor puts over a view layer; on failure a placeholder and a message.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that is being rendered.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene of the view layer.
-    """
+    """Render the pictures that the compositor puts over a view layer; on failure a placeholder and a message."""
     log, layer = _logs[scene.session_uid], depsgraph.view_layer.name
     found = compositor.pictures(scene)
     mine = [one for one in found if one.is_of(layer)]

@@ -101,8 +101,6 @@ def move_face(box, axis: int, side: int, extent: float) -> None:
 
     Parameters
     ----------
-    box, axis, side
-        As for ``face``.
     extent : float
         New distance between the two faces, in world units.
     """
@@ -117,11 +115,6 @@ def move_face(box, axis: int, side: int, extent: float) -> None:
 
 def plane_origin(plane) -> tuple[Vector, Vector, float]:
     """Where the handle of a plane is.
-
-    Parameters
-    ----------
-    plane : bpy.types.Object
-        A clip plane or a slice.
 
     Returns
     -------
@@ -151,8 +144,6 @@ def tilt_axis(plane, axis: int) -> tuple[Vector, Vector]:
 
     Parameters
     ----------
-    plane : bpy.types.Object
-        A clip plane or a slice.
     axis : int
         0 or 1 of its own axes.
 
@@ -172,8 +163,6 @@ def tilt(plane, axis: int, angle: float) -> None:
 
     Parameters
     ----------
-    plane, axis
-        As for ``tilt_axis``.
     angle : float
         Radians.
     """

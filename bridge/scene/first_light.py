@@ -21,9 +21,6 @@ def light_if_dark(context, added: list, corners: np.ndarray) -> str:
 
     Parameters
     ----------
-    context : bpy.types.Context
-    added : list of bpy.types.Object
-        The volumes that were just added to the scene.
     corners : (n, 3) ndarray
         World coordinates around one of them.
 

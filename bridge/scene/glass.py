@@ -15,10 +15,6 @@ def share_of(material) -> np.ndarray | None:
 
     Known are the Principled, Glass, Refraction and Transparent BSDFs, and mixed and added shaders of them.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
     Returns
     -------
     (4,) ndarray of float64 or None

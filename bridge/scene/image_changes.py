@@ -34,11 +34,6 @@ HANDLERS = (("depsgraph_update_post", _on_update),)
 def events_of(one) -> int:
     """How often Blender has said that a world or an image has changed.
 
-    Parameters
-    ----------
-    one : bpy.types.World or bpy.types.Image
-        Evaluated or not.
-
     Returns
     -------
     int
@@ -52,8 +47,6 @@ def state_of(image, frame: int = 0) -> tuple:
 
     Parameters
     ----------
-    image : bpy.types.Image
-        Evaluated or not.
     frame : int
         The frame of the scene, which counts for movies and sequences.
     """

@@ -152,8 +152,6 @@ def read_surfaces(depsgraph, without=(), instead=None) -> Surfaces:
 
     Parameters
     ----------
-    without : collection of bpy.types.Object
-        Objects to leave out.
     instead : dict of bpy.types.Object to ndarray, optional
         Triangles of some objects in their own space, in place of those of their meshes; they are opaque.
     """

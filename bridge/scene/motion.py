@@ -40,13 +40,6 @@ class _NotReadError(Exception):
 def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...], str]:
     """The poses of the camera and a volume while the shutter is open.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene at the frame.
-    camera : bpy.types.Object, optional
-        A camera object to use instead of the active one.
-
     Returns
     -------
     poses : tuple of Pose

@@ -30,11 +30,6 @@ def _output_of(tree):
 def plain_color(world) -> tuple | None:
     """The radiance of a world of one color; None for any other.
 
-    Parameters
-    ----------
-    world : bpy.types.World
-        The evaluated world.
-
     Returns
     -------
     tuple of float or None
@@ -73,11 +68,6 @@ def seen_as(world, gray: float):
 
 def light_of(world) -> tuple | None:
     """The light of a world.
-
-    Parameters
-    ----------
-    world : bpy.types.World
-        The evaluated world.
 
     Returns
     -------

@@ -80,13 +80,7 @@ def _is_there(scene, key: str) -> bool:
 
 
 def make_ready(scene, depsgraph) -> None:
-    """Render the light of a scene's world if it is needed and not there; a failure is printed.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Its evaluated state.
-    """
+    """Render the light of a scene's world if it is needed and not there; a failure is printed."""
     image_changes.look_again()
     if is_needed(depsgraph.scene_eval) and not _is_there(scene, digest_of(depsgraph.scene_eval)):
         try:

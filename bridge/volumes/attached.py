@@ -71,10 +71,6 @@ def volume_frame(volume, owner, scale: float) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
-        The volume.
-    owner : bpy.types.Object
-        Its object.
     scale : float
         World units per length unit of the volume.
 

@@ -83,13 +83,6 @@ def sources_of(owner, depsgraph=None) -> list:
 def add_channels(owner, others) -> tuple[str, ...]:
     """Add volume objects as channels; all or, on an error, none.
 
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume that gets the channels.
-    others : list of bpy.types.Object
-        Volume objects.
-
     Returns
     -------
     tuple of str
@@ -150,18 +143,7 @@ def remove_channel(owner, index: int) -> None:
 
 
 def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
-    """The channels that are switched on at the depsgraph's time, without deleted ones.
-
-    Parameters
-    ----------
-    volume : Volume
-        The volume's voxels.
-
-    Returns
-    -------
-    tuple of Channel
-        Volume and transfer function of each.
-    """
+    """The channels that are switched on at the depsgraph's time, without deleted ones."""
     return tuple(
         Channel(
             drain(placed_steps(wish_of(owner, one, depsgraph), volumes.load_volume(one, depsgraph=depsgraph), volume)),

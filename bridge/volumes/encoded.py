@@ -41,8 +41,6 @@ def open_steps(path: str, options: dict):
 
     Parameters
     ----------
-    path : str
-        The file or folder.
     options : dict
         Keyword arguments of ``read_volume``, of which there must be none.
 
@@ -86,11 +84,6 @@ def why_no_values(owner) -> str:
 
 def suited(quality: Quality, volume) -> Quality:
     """A quality with what an encoded volume decides: classification, model and voxel records.
-
-    Parameters
-    ----------
-    quality : Quality
-    volume : Volume or StoredVolume
 
     Returns
     -------

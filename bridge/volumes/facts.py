@@ -27,8 +27,6 @@ def write_facts(volume_object, volume, counted) -> None:
 
     Parameters
     ----------
-    volume : Volume or StoredVolume
-        Its voxels.
     counted : Histogram or None
         Of its values, with BINS bins; None of encoded voxels.
     """
@@ -59,15 +57,8 @@ def fact_lines(volume, file_name: str) -> list[str]:
 
     Parameters
     ----------
-    volume : Volume or StoredVolume
-        The volume.
     file_name : str
         Name of its file or folder, without where it is.
-
-    Returns
-    -------
-    list of str
-        The lines.
     """
     unit = volume.unit
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
@@ -189,14 +180,6 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     Parameters
     ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
-    transfer_function : TransferFunction
-        Decides which voxels are visible.
-    quality : Quality
-        The knobs.
-    width, height : int
-        Image size in pixels.
     meshes : bool
         Whether meshes may occlude the volume, which needs their depths.
 

@@ -56,8 +56,6 @@ def found_steps(path: str, options):
 
     Parameters
     ----------
-    path : str
-        File or folder.
     options : SourceOptions or PlainOptions
         With Sequence, the file is one of several numbered ones, and it is the frame that is read.
 

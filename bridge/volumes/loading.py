@@ -16,14 +16,8 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
     ahead : int
         Frames of the timeline after that time.
-
-    Returns
-    -------
-    tuple
 
     Raises
     ------
@@ -37,13 +31,6 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 
 def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
     """Whether nothing need be read for a picture of a volume object.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
-    with_labels, further
-        As for ``load_steps``.
 
     Returns
     -------
@@ -74,8 +61,6 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
     with_labels : bool, optional
         Whether to load the labels; without it, if a picture shows them.
     further : sequence of bpy.types.Object

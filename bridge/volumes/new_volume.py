@@ -22,10 +22,6 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
     ----------
     context : bpy.types.Context
         Gives scene, collection, view layer and 3D cursor.
-    found : ReadSource
-        What was read.
-    options : SourceOptions or PlainOptions
-        The options with which it was read.
     transfer_function : TransferFunction or None
         Its first transfer function; None for encoded voxels, which have their own.
     at_cursor : bool
@@ -72,15 +68,7 @@ def name_of(path: str, volume) -> str:
 
 
 def fill_volume(scene, owner, found: ReadSource) -> None:
-    """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        Gives the scene scale.
-    found : ReadSource
-        What was read.
-    """
+    """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory."""
     properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
     owner.rle_splat.filepath = os.path.abspath(found.path)

@@ -30,8 +30,6 @@ def kept_path(path: str, blend_file: str) -> str:
 
     Parameters
     ----------
-    path : str
-        Absolute path.
     blend_file : str
         Path of the .blend, or "" before its first save.
 
@@ -55,11 +53,6 @@ def resolved_path(owner, name: str = "filepath") -> str:
     ----------
     name : str
         The property that holds the path, one of PATHS.
-
-    Returns
-    -------
-    str
-        Absolute path.
     """
     paths = _while_saving.get(owner.session_uid, {})
     if name in paths:
@@ -77,11 +70,6 @@ def resolved_path(owner, name: str = "filepath") -> str:
 
 def check_is_no_scan(path) -> None:
     """Refuse to write to a file that a volume or its labels are read from.
-
-    Parameters
-    ----------
-    path : str or Path
-        Absolute path of the file to write.
 
     Raises
     ------
@@ -110,8 +98,6 @@ def make_absolute(properties, name: str) -> None:
 
     Parameters
     ----------
-    properties : VolumeProperties
-        The properties of a volume.
     name : str
         One of PATHS.
     """

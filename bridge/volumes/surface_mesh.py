@@ -19,10 +19,6 @@ FIELD, QUADS = 0.5, 0.7  # shares of the time until the field is made, and until
 def surface_steps(solid: Solid):
     """Generator of Progress: the surface of a solid; return it.
 
-    Parameters
-    ----------
-    solid : Solid
-
     Returns
     -------
     points : ndarray, shape (n, 3), float64
@@ -72,10 +68,6 @@ def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene and the collection.
-    surface : tuple
-        As ``surface_steps`` returns it.
     matrix : ndarray, shape (4, 4)
         Voxel indices to the space of the volume object.
 

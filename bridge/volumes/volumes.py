@@ -71,13 +71,6 @@ def expose_modules() -> None:
 def file_steps(path: str, options: dict):
     """Generator of Progress: read a volume and measure its values, or open encoded voxels.
 
-    Parameters
-    ----------
-    path : str
-        Absolute path.
-    options : dict
-        Keyword arguments of ``read_volume``.
-
     Returns
     -------
     Volume or StoredVolume
@@ -192,11 +185,6 @@ def load_volume(owner, warn=None, depsgraph=None):
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time of a volume in time; without it that of the current scene.
 
-    Returns
-    -------
-    Volume
-        The voxels.
-
     Raises
     ------
     RleSplatError
@@ -239,8 +227,6 @@ def at_hand(owner, depsgraph=None, ahead: int = 0):
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        As for ``load_volume``.
     ahead : int
         Frames of the timeline after that time.
 
