@@ -51,7 +51,7 @@ def placements(depsgraph) -> list[Placement]:
 
 
 def shown(depsgraph) -> list[Placement]:
-    """The volumes that a render of a view layer shows, by the rules of Cycles, sorted by name; no channels of others."""
+    """The volumes that a render of a view layer shows, by the rules of Cycles, by name; no channels of others."""
     found = [one for one in placements(depsgraph) if why_hidden(one, depsgraph) is None]
     added = as_channels([one.owner for one in found])
     found = [one for one in found if one.owner not in added]

@@ -24,8 +24,6 @@ def draw_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.
     ----------
     width, height : int
         Of the picture; each of its pixels can be drawn.
-    count : int
-    seed : int
 
     Returns
     -------

@@ -58,7 +58,6 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
 
     Parameters
     ----------
-    scene : Scene
     truth_name : str
         Of TRUTHS.
     colors : (nz, ny, nx, 3), optional

@@ -158,10 +158,6 @@ def _measure_shown_share(function: TransferFunction, spread: Histogram) -> float
 def otsu_threshold(spread: Histogram) -> float:
     """Otsu's threshold: the value that divides the voxels into two classes with the largest variance between them.
 
-    Parameters
-    ----------
-    spread : Histogram
-
     Returns
     -------
     float

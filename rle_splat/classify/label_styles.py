@@ -133,10 +133,6 @@ def labels_of(label_volume, styles, volume, own: TransferFunction, smooth: bool 
         The volume's transfer function.
     smooth : bool
         Whether edges of labels are smooth.
-
-    Returns
-    -------
-    Labels
     """
     changed = {style.label: style.function(volume, own) for style in styles}
     functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}

@@ -88,10 +88,6 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     entries : int
         Approximate number of entries; 0 for as many as the steepest ramp needs.
 
-    Returns
-    -------
-    LookupTable
-
     Raises
     ------
     RleSplatError
@@ -141,7 +137,6 @@ def extinction_steps(table: LookupTable, stored, kind, infinite=()):
 
     Parameters
     ----------
-    table : LookupTable
     stored : (m,) ndarray
         Stored values; those of 8- and 16-bit types may be unsigned bit patterns.
     kind : dtype

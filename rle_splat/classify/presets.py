@@ -151,8 +151,6 @@ def fit_steps(function: TransferFunction, volume: Volume, name: str | None = Non
 
     Parameters
     ----------
-    function : TransferFunction
-    volume : Volume
     name : str, optional
         For the remark; its own by default.
 

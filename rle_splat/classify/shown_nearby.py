@@ -68,7 +68,6 @@ def mean_extinction(table: LookupTable, nearby: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    table : LookupTable
     nearby : (2, m) ndarray of float32
         The smaller and the larger ones, as of ``nearby_steps``.
 

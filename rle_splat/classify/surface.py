@@ -64,7 +64,6 @@ def crossings(function: TransferFunction, threshold: float) -> tuple[np.ndarray,
 
     Parameters
     ----------
-    function : TransferFunction
     threshold : float
         Opacity.
 
@@ -101,10 +100,6 @@ def signed_distance(values, function: TransferFunction | None, threshold: float,
 
 def field_steps(solid: Solid):
     """Generator of Progress: the field of a solid; return it.
-
-    Parameters
-    ----------
-    solid : Solid
 
     Returns
     -------
@@ -160,7 +155,6 @@ def color_steps(solid: Solid, points: np.ndarray, normals: np.ndarray):
 
     Parameters
     ----------
-    solid : Solid
     points : (n, 3) ndarray of float
         Voxel indices x, y, z.
     normals : (n, 3) ndarray of float

@@ -57,7 +57,6 @@ class Cluster:
 
         Parameters
         ----------
-        job : Command
         function : callable
             ``function(job, *task, *inputs)``.
         inputs : sequence of futures
@@ -89,7 +88,6 @@ class Cluster:
 
         Parameters
         ----------
-        job : Command
         tasks : iterable of callables
             ``task(submit)`` hands out a task, and those that it needs, and returns its future; ``submit``: the method,
             but for the job.

@@ -36,7 +36,6 @@ def write_figure(path, suffix: str, page: Page, canvas) -> None:
     path : path-like
     suffix : str
         Its format.
-    page : Page
     canvas : callable
         Returns the drawn page, a (H, W, 4) ndarray of float32.
     """

@@ -160,7 +160,6 @@ def panels_of(args, volume, wanted: WantedPanels, scene_of) -> tuple[list[Panel]
     ----------
     args : argparse.Namespace
     volume : Volume
-    wanted : WantedPanels
     scene_of : callable
         ``scene_of(options, transfer_function)`` is the Scene of a view.
 

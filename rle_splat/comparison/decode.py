@@ -10,10 +10,6 @@ from ..encode.tables import RunLengthVolume
 def decode(encoded: RunLengthVolume) -> np.ndarray:
     """Decode to a dense grid.
 
-    Parameters
-    ----------
-    encoded : RunLengthVolume
-
     Returns
     -------
     (n_slices, n_scanlines, width, 4) ndarray of float32

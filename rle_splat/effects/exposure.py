@@ -48,10 +48,6 @@ BLURS = (
 def list_exposures(scene: Scene) -> list[Scene]:
     """The sharp, still scenes whose mean is the scene's picture.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     list of Scene

@@ -113,7 +113,6 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 
     Parameters
     ----------
-    camera : Camera
     width, height : int
         Pixels of the picture.
     depth : float
@@ -134,10 +133,6 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 def widest_blur(scene: Scene) -> float:
     """The widest blur of any point in the volume's box.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     float
@@ -154,10 +149,6 @@ def widest_blur(scene: Scene) -> float:
 
 def lens_pictures(scene: Scene) -> int:
     """The number of lens points that a picture needs.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -27,10 +27,6 @@ def _unlit_because(scene: Scene) -> str | None:
 def idle_because(scene: Scene) -> str | None:
     """Why an effect that belongs to shading is off.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     str or None

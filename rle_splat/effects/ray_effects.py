@@ -90,10 +90,8 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
-        plane : BasePlane
 
         Returns
         -------
@@ -114,15 +112,10 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
         image : IntermediateImage
             Changed in place.
-
-        Returns
-        -------
-        IntermediateImage
         """
         for effect in self._chain:
             with self._clock.stage(effect.stage):
@@ -134,7 +127,6 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         picture : (rgba, depth) or None
             The picture so far; None before the first pass.
         found : (rgba, depth)

@@ -20,11 +20,6 @@ def _mode(scene: Scene, _: Quality) -> tuple[bool, str]:
 def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """The quality that a scene's mode is rendered with: post-classified, because other sheets hold no values.
 
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
-
     Returns
     -------
     quality : Quality

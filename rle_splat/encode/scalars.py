@@ -111,7 +111,6 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, center: float) -> np.ndarr
 
     Parameters
     ----------
-    voxels : VisibleVoxels
     kind : dtype
         Type of the stored values.
     infinite : (low, high) or ()

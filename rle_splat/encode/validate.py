@@ -113,7 +113,6 @@ def check_layout(header: dict, facts: dict) -> dict:
 
     Parameters
     ----------
-    header : dict
     facts : dict
         See ``check_header``.
 

@@ -74,7 +74,6 @@ def cube(scene: Scene, x: float, y: float, side: float, size: float) -> list:
 
     Parameters
     ----------
-    scene : Scene
     x, y : float
         Its middle, mm.
     side : float

@@ -76,7 +76,6 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
 
     Parameters
     ----------
-    figure : Figure
     pictures : list of (H, W, 4) ndarray of float32
         Of its panels; scene-linear, premultiplied.
 

@@ -41,7 +41,6 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
 
     Parameters
     ----------
-    figure : Figure
     qualities : sequence of Quality
         One for each panel.
     cache : StageCache, optional

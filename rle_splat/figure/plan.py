@@ -165,11 +165,6 @@ def columns_of(style: FigureStyle, count: int) -> int:
 def tile_size(style: FigureStyle, count: int) -> tuple[int, int]:
     """Width and height in pixels of each of ``count`` pictures of a figure.
 
-    Parameters
-    ----------
-    style : FigureStyle
-    count : int
-
     Returns
     -------
     (width, height) : tuple of int

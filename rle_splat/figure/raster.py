@@ -17,10 +17,6 @@ REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
 def draw(page: Page) -> np.ndarray:
     """Draw a page.
 
-    Parameters
-    ----------
-    page : Page
-
     Returns
     -------
     (height, width, 4) ndarray of float32

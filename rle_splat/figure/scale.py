@@ -26,7 +26,6 @@ def length_per_pixel(scene: Scene, depth: float | str | None = None) -> float:
 
     Parameters
     ----------
-    scene : Scene
     depth : float, "center" or None
         For a perspective view: planar distance from the camera in world units; "center" is the middle of the volume.
 

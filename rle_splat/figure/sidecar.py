@@ -80,7 +80,6 @@ def sidecar_of(made: MadeFigure, sources: Sources) -> dict:
 
     Parameters
     ----------
-    made : MadeFigure
     sources : Sources
         Of its volume, and of the labels and channels that it shows.
 
@@ -161,10 +160,6 @@ def read_sidecar(path) -> Sidecar:
     ----------
     path : path-like
 
-    Returns
-    -------
-    Sidecar
-
     Raises
     ------
     RleSplatError
@@ -199,7 +194,6 @@ def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Fig
 
     Parameters
     ----------
-    sidecar : Sidecar
     data : FigureData
         See ``check_data``.
     threads : int

@@ -19,10 +19,6 @@ HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 def svg_text(page: Page) -> str:
     """A page as the content of an SVG 1.1 file, in mm.
 
-    Parameters
-    ----------
-    page : Page
-
     Returns
     -------
     str

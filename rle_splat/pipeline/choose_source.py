@@ -16,11 +16,6 @@ SOURCES = {"pre": make_scan_source, "post": ScalarSource}
 def choose_source(scene: Scene, quality: Quality) -> Source:
     """The source of a picture, with what the scene's effects and its volume make of the quality.
 
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
-
     Raises
     ------
     RleSplatError

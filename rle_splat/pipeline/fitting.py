@@ -26,9 +26,6 @@ def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: i
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
-    cache : StageCache
     halvings : int
         How often the number of voxels along each side is halved at least, where that is possible.
     is_draft : bool

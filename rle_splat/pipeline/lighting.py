@@ -20,7 +20,6 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
 
     Parameters
     ----------
-    scene : Scene
     matrix : (4, 4) float64
         Voxel index to world.
     """

@@ -37,7 +37,6 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
 
     Parameters
     ----------
-    source : Source
     cache : StageCache
         Keeps the roughness of the volume under its transfer function.
 

@@ -81,10 +81,6 @@ def count_in_histogram(shape_xyz, dtype, values, counts, tf) -> VoxelCount:
     values, counts : (n,) ndarray
         Physical values, and how many voxels have each.
     tf : TransferFunction
-
-    Returns
-    -------
-    VoxelCount
     """
     _, ny, nz = shape_xyz
     count = int(counts[tf.alpha_at(values) > 0.0].sum())

@@ -59,8 +59,6 @@ def section_steps(scene: Scene, quality: Quality, number: int, count: int):
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     number, count : int
         Sections are numbered from front to back, on each base plane of the picture.
 
@@ -80,8 +78,6 @@ def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     sections : SectionImages
         Of all sections.
     """

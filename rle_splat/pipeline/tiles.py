@@ -50,11 +50,6 @@ def tiles_of(region, side: int) -> list[tuple[int, int, int, int]]:
 def choose_tile_side(scene: Scene, quality: Quality) -> int | None:
     """The side of the largest tiles that fit into the free memory; None where the picture fits as a whole.
 
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
-
     Raises
     ------
     RleSplatError
@@ -121,8 +116,6 @@ def render_tiles_steps(
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     side : int
         Of the tiles, in pixels.
     write : callable

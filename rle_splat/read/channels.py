@@ -15,7 +15,6 @@ def read_channel_steps(path, volume: Volume, options: dict | None = None):
     Parameters
     ----------
     path : str or Path
-    volume : Volume
     options : dict, optional
         Of ``read_volume``; without them a raw file is read with the shape of the volume.
 

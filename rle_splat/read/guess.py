@@ -111,10 +111,6 @@ def guess_raw(
     limit : int
         Bytes after which counting the size of a packed file stops.
 
-    Returns
-    -------
-    RawGuess
-
     Raises
     ------
     RleSplatError

@@ -57,7 +57,6 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
     path : str or Path
         A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
         RTSTRUCT on its grid.
-    volume : Volume
     frame : int
         Of a map that changes with time, from 1.
 

@@ -143,7 +143,6 @@ def write_raw_steps(volume: Volume, path):
 
     Parameters
     ----------
-    volume : Volume
     path : str or Path
 
     Returns

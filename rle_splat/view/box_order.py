@@ -36,7 +36,6 @@ def near_to_far(boxes: list[np.ndarray], camera: Camera) -> list[list[int]]:
     Parameters
     ----------
     boxes : list of (8, 3) ndarray
-    camera : Camera
 
     Returns
     -------

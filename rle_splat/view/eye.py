@@ -87,14 +87,9 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
 
     Parameters
     ----------
-    camera : Camera
     index_to_world : (4, 4) ndarray of float64
     width, height : int
         Size of the picture in pixels.
-
-    Returns
-    -------
-    IndexView
 
     Raises
     ------

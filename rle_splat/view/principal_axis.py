@@ -24,7 +24,6 @@ def axis_shares(view: IndexView, band: float) -> list[tuple[int, int, float]]:
 
     Parameters
     ----------
-    view : IndexView
     band : float
         Degrees around the change of the principal axis within which both axes are used.
 

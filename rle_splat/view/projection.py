@@ -49,7 +49,6 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
 
     Parameters
     ----------
-    camera : Camera
     width, height : int
         Size of the picture in pixels.
 

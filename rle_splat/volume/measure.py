@@ -11,10 +11,6 @@ def measure_steps(volume: Volume):
     """Generator of Progress: compute the properties of a volume that read all its voxels, and keep them in it.
 
     Afterward ``voxel_key``, ``value_range`` and, for 8 and 16 bits, ``value_counts`` take no time.
-
-    Parameters
-    ----------
-    volume : Volume
     """
     counted = counts_values(volume.voxels.dtype)
     works = {

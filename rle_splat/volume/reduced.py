@@ -19,7 +19,6 @@ def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
 
     Parameters
     ----------
-    volume : Volume
     side : int
         Voxels along the longest side; they are about as wide as high.
     """

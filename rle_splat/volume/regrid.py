@@ -28,7 +28,6 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
     ----------
     one : Volume
         A label map, or a channel.
-    volume : Volume
     values : bool
         Whether ``one`` holds values, which may be interpolated, and not labels.
 

@@ -13,7 +13,6 @@ def values_at(volume: Volume, indices) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
     indices : (n, 3) array_like of float
         Voxel indices (x, y, z); beyond the outermost voxel centers these count.
 

@@ -23,7 +23,6 @@ def slice_axis(volume: Volume, name: str) -> int:
 
     Parameters
     ----------
-    volume : Volume
     name : {"axial", "coronal", "sagittal"}
 
     Returns
@@ -43,7 +42,6 @@ def slice_matrix(volume: Volume, axis: int) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
     axis : int
         0, 1 or 2.
 
@@ -69,7 +67,6 @@ def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> t
 
     Parameters
     ----------
-    volume : Volume
     matrix : (4, 4) ndarray
         The plane's space to voxel indices.
     most : int, optional
@@ -99,7 +96,6 @@ def resample_steps(volume: Volume, matrix: np.ndarray, width: int, height: int):
 
     Parameters
     ----------
-    volume : Volume
     matrix : (4, 4) ndarray
         The plane's space to voxel indices.
     width, height : int

@@ -126,7 +126,6 @@ def sweep_steps(
 
     Parameters
     ----------
-    scene : Scene
     plans : sequence of Quality
         Each with a name of its own.
     chosen : Quality

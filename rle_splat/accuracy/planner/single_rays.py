@@ -34,7 +34,6 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     ----------
     scene : Scene
         Without the effects that are off.
-    quality : Quality
     columns, rows : (n,) int
         Pixels of the picture.
     slabs : int

@@ -85,7 +85,6 @@ def with_report(
 
     Parameters
     ----------
-    session : PlannerSession
     tolerance : float
         Levels.
     rounds : list of Round

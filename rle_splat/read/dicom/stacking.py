@@ -96,7 +96,6 @@ def parts_at_gaps(points, gap: float) -> np.ndarray:
     Parameters
     ----------
     points : (n, d) array_like
-    gap : float
 
     Returns
     -------
@@ -160,10 +159,6 @@ def stack(positions, orientations, spacings, size) -> Stack:
     spacings : (m, 2) array_like
         PixelSpacing of pictures: distance between rows, then between columns; the grid has their median.
     size : (rows, columns)
-
-    Returns
-    -------
-    Stack
 
     Raises
     ------

@@ -91,10 +91,6 @@ def volume_name(group: Group) -> str:
 def thumbnail(group: Group) -> np.ndarray:
     """The middle slice as gray levels.
 
-    Parameters
-    ----------
-    group : Group
-
     Returns
     -------
     (h, w) ndarray of uint8

@@ -32,7 +32,6 @@ def extract_stored_values(words: np.ndarray, bits: int, high: int, signed: bool,
         May hold overlays or junk in other bits.
     bits, high : int
         BitsStored and HighBit.
-    signed : bool
     dtype : dtype
         Of the result; holds ``bits`` bits.
 
