@@ -35,9 +35,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
         name="Resolution", description="Voxels along the longest side; 0 keeps every voxel", default=0, min=0,
         soft_max=1024)  # fmt: skip
 
-    @classmethod
-    def poll(cls, context):
-        return has_values_and_camera(cls, context)
+    poll = classmethod(has_values_and_camera)
 
     def invoke(self, context, event):
         self.is_confirmed = True

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from ..bridge.volumes import series
-from .refusal import refuse
+from .refusal import needs, refuse
 
 WIDTH = 520  # pixels at interface scale 1
 THUMBNAIL_SCALE = 8.0
@@ -43,10 +43,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context):
-        if series.offered() is None:
-            cls.poll_message_set("Import a folder that holds several series first")
-            return False
-        return True
+        return needs(cls, series.offered() is not None, "Import a folder that holds several series first")
 
     def invoke(self, context, _event):
         self.rows.clear()

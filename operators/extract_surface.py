@@ -43,9 +43,7 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         default=0.5, min=0.001, max=1.0, subtype="FACTOR")  # fmt: skip
     value: FloatProperty(name="Value", description="Value of the volume at the surface", default=300.0)
 
-    @classmethod
-    def poll(cls, context):
-        return has_values(cls, context)
+    poll = classmethod(has_values)
 
     def draw(self, _context):
         layout = self.layout

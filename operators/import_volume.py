@@ -23,6 +23,7 @@ from ..rle_splat.read.tiff import is_page
 from ..rle_splat.runtime.steps import Progress, rescale
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
+from .refusal import needs
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in (*suffixes(), encoded.SUFFIX)))
@@ -116,10 +117,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     @classmethod
     def poll(cls, context):
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to Object Mode first")
-            return False
-        return True
+        return needs(cls, context.mode == "OBJECT", "Switch to Object Mode first")
 
     def options_again(self) -> dict:
         options = source_options.PlainOptions()

@@ -46,9 +46,7 @@ class RLE_SPLAT_OT_pick_connected(bpy.types.Operator):
     bl_label = "Keep What Is Under the Mouse"
     bl_options = set()
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_values(cls, context)
+    poll = classmethod(has_editable_values)
 
     def execute(self, _context):
         return refuse(self, "This needs a click in a window; scripts use keep_connected with a voxel.")

@@ -14,9 +14,7 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
     bl_label = "Keyframe Transfer Function"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_transfer(cls, context)
+    poll = classmethod(has_editable_transfer)
 
     def execute(self, context):
         count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)

@@ -18,9 +18,7 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         "(none) to 1 (all)"
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_values_and_camera(cls, context)
+    poll = classmethod(has_values_and_camera)
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)
