@@ -61,7 +61,9 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     def commit(self, context, visible):
         scene, owner = self._scene.get(), self._volume.get()
         title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Baked"
-        one = medium_volumes.new_object(title, medium_volumes.material_for(self.look, title))
+        is_lit = self.look == LOOKS[0][0]
+        make_material = medium_volumes.emitting_material if is_lit else medium_volumes.scattering_material
+        one = medium_volumes.new_object(title, make_material(title))
         one.data.filepath = kept_path(str(self._path), bpy.data.filepath)
         home = context.collection if linked.is_own(context.collection) else scene.collection
         home.objects.link(one)

@@ -52,7 +52,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
         if not settings.is_property_set("on_failed_frame"):
-            settings.on_failed_frame = preferences.failed_frame()
+            settings.on_failed_frame = preferences.value("failed_frame")
         settings.message = settings.render_problem = settings.failed_frames = ""
         settings.deleted_volume = volume_object.name
         mesh_shadows.settle(scene)

@@ -170,7 +170,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     def _show(self, context, added: int) -> None:
         """Open the eyes of the window's viewports, or close them for a scene's first volumes, as the user prefers."""
-        if self.was_in_window and preferences.shows_imported():
+        if self.was_in_window and preferences.value("show_imported"):
             shown.switch_all(context.window, True)
         elif self.was_in_window and len(volumes.volume_objects(context.scene)) == added:
             shown.switch_all(context.window, False)

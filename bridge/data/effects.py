@@ -11,6 +11,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...rle_splat.effects.analyze import EFFECTS
+from .overridable import evaluate_anew
 
 # An effect on what Blender renders, not on our pictures.
 SHADOWS_ON_MESHES = "shadows on meshes"
@@ -44,11 +45,7 @@ def property_of(name: str) -> str:
     return name.replace(" ", "_").replace("-", "_")
 
 
-def _evaluate_anew(overrides, _context):
-    overrides.id_data.update_tag()
-
-
-_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=_evaluate_anew)
+_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)
 
 
 class EffectOverrideProperties(bpy.types.PropertyGroup):

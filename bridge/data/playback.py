@@ -7,13 +7,12 @@ from 1, as on the command line.
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import bpy
 
 from .animation import curves_of
 from .decimals import typed
-from .overridable import EnumProperty, FloatProperty, IntProperty
+from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 
 FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
 PLAYBACK_ITEMS = [
@@ -23,13 +22,6 @@ PLAYBACK_ITEMS = [
 ]
 PREFIX = "rle_splat."  # of the paths of a volume object's properties
 NEAR = 1e-6  # of a frame; 3 frames at a step of 1/3 are one volume, not a little less
-
-
-def _evaluate_anew(group, _context):
-    group.id_data.update_tag()
-
-
-LiveEnum, LiveFloat, LiveInt = (partial(k, update=_evaluate_anew) for k in (EnumProperty, FloatProperty, IntProperty))
 
 
 class Playback:

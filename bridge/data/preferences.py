@@ -109,40 +109,10 @@ def current():
     return None if addon is None else addon.preferences
 
 
-def pictures_are_packed() -> bool:
-    """Whether the user prefers pictures packed into the .blend."""
+def value(name: str):
+    """A preference of the user; its default while the extension is not enabled."""
     found = current()
-    return found is not None and found.pictures == PACKED
-
-
-def failed_frame() -> str:
-    """What the user wants of renders in which the volume cannot be drawn."""
-    found = current()
-    return FAILED_FRAME_ITEMS[0][0] if found is None else found.failed_frame
-
-
-def shows_live() -> bool:
-    """Whether the user wants volumes in viewports."""
-    found = current()
-    return found is None or found.show_live
-
-
-def shows_imported() -> bool:
-    """Whether viewports show what is imported."""
-    found = current()
-    return found is None or found.show_imported
-
-
-def live_habits() -> tuple[bool, int]:
-    """What the user wants of views that are still, and of drafts: the arguments of ``live.viewport.Habits``."""
-    found = current()
-    return (True, 0) if found is None else (found.refine_live, int(found.live_pixels == "HALF"))
-
-
-def threads() -> int:
-    """Threads of scenes that set none; 0 for all cores."""
-    found = current()
-    return 0 if found is None else found.threads
+    return RLE_SPLAT_AP_preferences.bl_rna.properties[name].default if found is None else getattr(found, name)
 
 
 def register():

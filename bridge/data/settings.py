@@ -36,7 +36,7 @@ def quality_of(scene) -> Quality:
         For a knob out of range, or one that the classification does not support.
     """
     settings = scene.rle_splat
-    threads = settings.threads or preferences.threads()
+    threads = settings.threads or preferences.value("threads")
     common = dict(threads=threads, record=saved_value(settings, "record"))
     if settings.quality == "paper":
         return Quality.paper(**common)

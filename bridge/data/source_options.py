@@ -71,10 +71,6 @@ ARRAYS = ("shape", "spacing", "flip")
 NAMES = tuple(entry.name for entry in fields(PlainOptions))
 
 
-def _is_files_spacing(source) -> bool:
-    return not any(source.spacing)
-
-
 def _choose_spacing(source, of_file: bool) -> None:
     """Take the file's spacing, or begin to edit: with that in use, where it is known."""
     if of_file:
@@ -99,7 +95,7 @@ class SourceOptions:
     )
     use_file_spacing: BoolProperty(
         name="From File", description="Use the spacing that the file states, or 1 where it states none",
-        get=_is_files_spacing, set=_choose_spacing)  # fmt: skip
+        get=lambda source: not any(source.spacing), set=_choose_spacing)  # fmt: skip
     length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
     orientation: StringProperty(
         name="Orientation",

@@ -47,19 +47,16 @@ def request_of(context, volumes: tuple) -> Request:
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
         shading.show_xray_wireframe,
     )  # fmt: skip
-    matrices, habits = matrices_of(context, space, region, view), Habits(*preferences.live_habits())
-    return Request(matrices, volumes, drawn, habits, _draws_floor(space.overlay))
+    overlay = space.overlay
+    has_floor = overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
+    habits = Habits(preferences.value("refine_live"), int(preferences.value("live_pixels") == "HALF"))
+    return Request(matrices_of(context, space, region, view), volumes, drawn, habits, has_floor)
 
 
 def matrices_of(context, space, region, view) -> Matrices:
     """The view of a region; ``view``: its bpy.types.RegionView3D."""
     both = (tuple(value for row in matrix for value in row) for matrix in (view.view_matrix, view.window_matrix))
     return Matrices(*both, region.width, region.height, clip_of(context, space, view))
-
-
-def _draws_floor(overlay) -> bool:
-    """Whether a viewport draws lines in the plane z = 0."""
-    return overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
 
 
 def clip_of(context, space, view) -> tuple:
@@ -149,7 +146,8 @@ class BlenderSurface:
 
     def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
-        if self._framebuffer is None or not has_depth(self._request) or _are_slow(self._waits):
+        is_slow = len(self._waits) == MOST_WAITS and min(self._waits) > WAITS
+        if self._framebuffer is None or not has_depth(self._request) or is_slow:
             return None
         if self._request.drawn[0] in ("MATERIAL", "RENDERED") and has_glass(self._depsgraph):
             return None  # the depth is that of the glass: triangles end rays
@@ -168,10 +166,6 @@ class BlenderSurface:
         if not buffer.any():  # nothing has been drawn into it
             return None
         return ray_ends(view, buffer, part)
-
-
-def _are_slow(waits: list) -> bool:
-    return len(waits) == MOST_WAITS and min(waits) > WAITS
 
 
 def region_of(address: int):
@@ -193,8 +187,3 @@ def window_of(region):
             if any(one.as_pointer() == address for one in area.regions):
                 return window
     return None
-
-
-def active_framebuffer():
-    """The framebuffer that is being drawn to."""
-    return gpu.state.active_framebuffer_get()

@@ -26,7 +26,9 @@ def show(camera, image, place: str):
     place : {"BACK", "FRONT"}
         Behind or in front of the objects.
     """
-    entry = _find_of_any_scene(camera) or camera.data.background_images.new()
+    # Scenes that share a camera use one entry in turn.
+    known = (find(scene, camera) for scene in bpy.data.scenes)
+    entry = next(filter(None, known), None) or camera.data.background_images.new()
     entry.source = "IMAGE"
     entry.image = image
     entry.alpha = 1.0
@@ -88,9 +90,3 @@ def find(scene, camera):
         if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):
             return entry
     return None
-
-
-def _find_of_any_scene(camera):
-    """As ``find``, for any scene, since scenes that share a camera use one entry in turn."""
-    found = (find(scene, camera) for scene in bpy.data.scenes)
-    return next((entry for entry in found if entry is not None), None)

@@ -65,7 +65,7 @@ def _own_images() -> list:
 
 def _keep(image, blend_file: str, taken: set[str]) -> None:
     """Write one picture beside the .blend that is being saved, or pack it; ``taken``: used file names, lower case."""
-    if not blend_file or preferences.pictures_are_packed():
+    if not blend_file or preferences.value("pictures") == preferences.PACKED:
         if image.is_dirty or image.packed_file is None:
             image.pack()
         return
@@ -94,16 +94,12 @@ def _file_name(name: str, folder: str, taken: set[str]) -> str:
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
     plain = f"picture {plain}" if is_reserved(plain) else plain
     found, number = f"{plain}.exr", 1
-    while found.lower() in taken or _is_of_another(os.path.join(folder, found)):
+    # A file that is there may be of a .blend that was renamed without its folder.
+    while found.lower() in taken or (os.path.exists(path := os.path.join(folder, found)) and path not in _of_this_file):
         number += 1
         found = f"{plain} {number}.exr"
     taken.add(found.lower())
     return found
-
-
-def _is_of_another(path: str) -> bool:
-    """Whether a picture may be that of a .blend that was renamed without its folder."""
-    return os.path.exists(path) and path not in _of_this_file
 
 
 def _reason(problem: Exception) -> str:

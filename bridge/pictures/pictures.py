@@ -147,7 +147,8 @@ def _become_own(scene) -> None:
     settings = scene.rle_splat
     settings.scene_id = uuid.uuid4().hex
     settings.image = settings.depth_image = settings.error_image = None
-    _forget_rows(scene, lambda row: row.image is None or not _copied_for(scene, row))
+    _forget_rows(scene, lambda row: row.image is None or not (
+        row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)))  # fmt: skip
     for row in settings.pictures:
         theirs, row.image = row.image, _own_copy(scene, row.image)
         for entry in row.camera.data.background_images:
@@ -164,11 +165,6 @@ def _own_copy(scene, image):
     copy = images.copy_of(image)
     copy[OWNER] = scene.rle_splat.scene_id
     return copy
-
-
-def _copied_for(scene, row) -> bool:
-    """Whether a row of a copied scene is a backdrop of a camera that only this scene has."""
-    return row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)
 
 
 def release_deleted(scene, is_deleted) -> None:

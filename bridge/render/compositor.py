@@ -3,7 +3,8 @@
 A picture is inserted directly after the Image of a Render Layers node, so that all outputs that show the render show
 the volume.  Each view layer has its own picture, because the volume may be hidden in one layer and behind other meshes
 in another.  A node that combines the Image with other passes of its view layer, such as Denoise, comes before the
-picture: those passes do not know of the volume.  An output that is made without an Image shows the picture over what it is linked to.
+picture: those passes do not know of the volume.  Where the output shows no Render Layers node, what it shows counts as
+the Image.
 
 Our nodes are marked with a custom property and no other node is changed, so the user may move, mute, group or rewire
 them.  Links that are drawn past them later are led through them by ``settle``.  A picture is found as the image of a

@@ -131,11 +131,6 @@ def scattering_material(name: str):
     return material
 
 
-def material_for(look: str, name: str):
-    """A material of one of LOOKS."""
-    return emitting_material(name) if look == LOOKS[0][0] else scattering_material(name)
-
-
 def unlit(plain: Scene) -> Scene:
     """The scene in the colors of the transfer function, for a material that light falls on."""
     function = replace(plain.transfer_function, shade=None)

@@ -60,7 +60,8 @@ def surface_of(grid):
 
 def settle(scene) -> None:
     """Give each volume in renders its grid, and remove all others, such as those of deleted volumes."""
-    owners = _wanted_for(scene)
+    is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
+    owners = volumes.volume_objects(scene) if scene.rle_splat.use_composite and not is_off else []
     kept: dict = {}  # volume object -> its grid
     for one in grids(scene):
         if linked.is_own(one):
@@ -78,12 +79,6 @@ def settle(scene) -> None:
             grid.data = grid.data.copy()
         if surface_of(grid) is None:
             _add_surface(grid)
-
-
-def _wanted_for(scene) -> list:
-    """The volume objects that need a grid: none if renders include no volume, or the effect is off by hand."""
-    is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
-    return volumes.volume_objects(scene) if scene.rle_splat.use_composite and not is_off else []
 
 
 def _add(scene, owner):

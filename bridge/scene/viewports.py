@@ -213,7 +213,7 @@ def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
         matrix = np.array(one.matrix_world)
         if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
             continue
-        inside, bounds = _to_local(corners, matrix), np.array(one.bound_box)
+        inside, bounds = (corners - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T, np.array(one.bound_box)
         if eye is None:
             hides = (inside >= bounds.min(axis=0)).all() and (inside <= bounds.max(axis=0)).all()
         else:
@@ -222,10 +222,6 @@ def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
         if hides:
             found.append(one.name)
     return found
-
-
-def _to_local(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    return (points - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
 
 
 def _meets_all(evaluated, eye: np.ndarray, points: np.ndarray) -> bool:

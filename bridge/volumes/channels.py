@@ -15,28 +15,23 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import Channel, RleSplatError
 from ...rle_splat.volume.regrid import on_grid_steps
 from .. import linked, presence
-from ..data.overridable import BoolProperty, PointerProperty
+from ..data.overridable import LiveBool, LivePointer
 from ..look import transfer
 from ..loop import store
 from . import encoded, volumes
 from .labels import remove_row
 
 
-def _evaluate_anew(row, _context):
-    row.id_data.update_tag()
-
-
 class ChannelProperties(bpy.types.PropertyGroup):
     """One channel.  ``name`` is unique, because library overrides find rows by name."""
 
-    source: PointerProperty(
+    source: LivePointer(
         name="Volume",
         type=bpy.types.Object,
         poll=lambda row, other: can_be_added(row.id_data, other),
         description="A volume of the same place, shown with its own transfer function",
-        update=_evaluate_anew,
     )
-    show: BoolProperty(name="Show", description="Add this volume to the picture", default=True, update=_evaluate_anew)
+    show: LiveBool(name="Show", description="Add this volume to the picture", default=True)
 
 
 def can_be_added(owner, other) -> bool:
