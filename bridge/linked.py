@@ -23,6 +23,12 @@ def own_action(block) -> None:
         animation.action = own_copy(animation.action)
 
 
+def put_into_scene(context, one) -> None:
+    """Link a new object to the active collection, or to that of the scene if edits of the active one would be lost."""
+    home = context.collection if is_own(context.collection) else context.scene.collection
+    home.objects.link(one)
+
+
 def file_name(library) -> str:
     """The name of a library's file, without its folder."""
     return os.path.basename(library.filepath.replace("\\", "/"))

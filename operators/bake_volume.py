@@ -65,8 +65,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
         make_material = medium_volumes.emitting_material if is_lit else medium_volumes.scattering_material
         one = medium_volumes.new_object(title, make_material(title))
         one.data.filepath = kept_path(str(self._path), bpy.data.filepath)
-        home = context.collection if linked.is_own(context.collection) else scene.collection
-        home.objects.link(one)
+        linked.put_into_scene(context, one)
         one.matrix_world = self._basis
         context.view_layer.update()
         if one.name in context.view_layer.objects:

@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge.data import kernel_cache
-from ..bridge.volumes.facts import memory_text
+from ..rle_splat.runtime.memory import bytes_text
 
 
 class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _context):
-        self.report({"INFO"}, f"Deleted {memory_text(kernel_cache.clear())} of compiled code.")
+        self.report({"INFO"}, f"Deleted {bytes_text(kernel_cache.clear())} of compiled code.")
         return {"FINISHED"}
 
 

@@ -14,12 +14,13 @@ from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
 from ..bridge.translations import filled, translate
-from ..bridge.volumes import box, encoded, facts, labels, new_volume, segments, volumes
+from ..bridge.volumes import box, encoded, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.read.tiff import is_page
+from ..rle_splat.runtime.memory import bytes_text
 from ..rle_splat.runtime.steps import Progress, rescale
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
@@ -358,9 +359,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
-            layout.label(
-                text=filled("In memory: {size}", size=facts.memory_text(source_options.bytes_of(self))), icon="MEMORY"
-            )
+            size = bytes_text(source_options.bytes_of(self))
+            layout.label(text=filled("In memory: {size}", size=size), icon="MEMORY")
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8

@@ -53,8 +53,7 @@ def add_slice(context, owner, volume, name: str):
         "vector", np.array([(0.5 * (x + 1), 0.5 * (y + 1)) for x, y, _ in CORNERS], np.float32).ravel()
     )
     one = bpy.data.objects.new(title, mesh)
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(one)
+    linked.put_into_scene(context, one)
     one.rle_splat.is_slice = True
     one.rle_splat.slice_kind = name
     for ray in LAMPS:

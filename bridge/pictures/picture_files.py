@@ -7,14 +7,13 @@ relative only while a .blend is written, as those of volumes (see source_paths.p
 from __future__ import annotations
 
 import os
-import re
 
 import bpy
 from bpy.app.handlers import persistent
 
 from .. import messages
 from ..data import preferences
-from ..paths import is_reserved
+from ..paths import free_name, usable_name
 from ..render import compositor
 from ..volumes.source_paths import kept_path
 from . import images, outdated, pictures
@@ -90,14 +89,16 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
 
 
 def _file_name(name: str, folder: str, taken: set[str]) -> str:
-    """A file name for a picture, unused on file systems that ignore case too, and not that of another .blend."""
-    plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
-    plain = f"picture {plain}" if is_reserved(plain) else plain
-    found, number = f"{plain}.exr", 1
-    # A file that is there may be of a .blend that was renamed without its folder.
-    while found.lower() in taken or (os.path.exists(path := os.path.join(folder, found)) and path not in _of_this_file):
-        number += 1
-        found = f"{plain} {number}.exr"
+    """A file name for a picture, unused on file systems that ignore case too, and not that of another .blend.
+
+    A file that is there may be of a .blend that was renamed without its folder.
+    """
+
+    def is_free(found: str) -> bool:
+        path = os.path.join(folder, found)
+        return found.lower() not in taken and (path in _of_this_file or not os.path.exists(path))
+
+    found = free_name(usable_name(name, "picture"), ".exr", is_free)
     taken.add(found.lower())
     return found
 

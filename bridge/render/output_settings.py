@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from itertools import count
 
 import bpy
 
 from ...rle_splat.scene import RleSplatError
 from .. import versions
 from ..held import Held
+from ..paths import free_name
 from ..scene import world_nodes
 from ..scene.camera import image_size
 from ..translations import filled
@@ -106,9 +106,7 @@ def free_path(name: str, suffix: str, is_free) -> str:
     """A path for a new file beside the .blend, numbered if there is one; the name alone before the first save."""
     if not bpy.data.filepath:
         return name + suffix
-    folder = os.path.dirname(bpy.data.filepath)
-    paths = (os.path.join(folder, f"{name}{f' {n}' if n > 1 else ''}{suffix}") for n in count(1))
-    return next(filter(is_free, paths))
+    return free_name(os.path.join(os.path.dirname(bpy.data.filepath), name), suffix, is_free)
 
 
 def final_path(output: str, path: str) -> str:

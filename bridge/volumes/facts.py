@@ -9,6 +9,7 @@ import numpy as np
 
 from ...rle_splat.pipeline.memory_estimate import MemoryEstimate, picture_bytes
 from ...rle_splat.pipeline.quick_estimate import count_in_histogram, estimate_visible, likely_sides
+from ...rle_splat.runtime.memory import bytes_text
 from ...rle_splat.scene import NO_RAYS
 from ...rle_splat.splat.scratch import scratch_bytes
 from ...rle_splat.view.depth_rules import Sheets, place_sheets
@@ -77,7 +78,7 @@ def _of_values(volume) -> tuple[list[str], list[str]]:
         lines.insert(0, f"Modality: {volume.modality}")
     if volume.frames > 1:
         lines.append(f"Frames: {volume.frames}")
-    return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {memory_text(volume.voxels.nbytes)}"]
+    return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {bytes_text(volume.voxels.nbytes)}"]
 
 
 def _of_tables(volume) -> tuple[list[str], list[str]]:
@@ -89,16 +90,6 @@ def _of_tables(volume) -> tuple[list[str], list[str]]:
 
 def _by(numbers) -> str:
     return " × ".join(f"{n:.6g}" for n in numbers)
-
-
-def memory_text(count: int) -> str:
-    """A number of bytes as text in binary multiples, such as "1.5 MiB"."""
-    size = float(count)
-    for unit in ("bytes", "KiB", "MiB"):
-        if size < 1024.0:
-            return f"{size:.4g} {unit}"
-        size /= 1024.0
-    return f"{size:.4g} GiB"
 
 
 @dataclass(frozen=True)
@@ -212,10 +203,10 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     alone, others = wanted(), []
     if quality.is_preset and scalars and quality.rays == NO_RAYS:
-        others.append(filled("{memory} with exact pixels", memory=memory_text(wanted(traced=True).needed)))
+        others.append(filled("{memory} with exact pixels", memory=bytes_text(wanted(traced=True).needed)))
     if meshes:
-        others.append(filled("{memory} among meshes", memory=memory_text(wanted(meshes=True).needed)))
+        others.append(filled("{memory} among meshes", memory=bytes_text(wanted(meshes=True).needed)))
     beside = f" ({', '.join(others)})" if others else ""
     return filled(
-        "About {memory}, {share} of the voxels", memory=f"{memory_text(alone.needed)}{beside}",
+        "About {memory}, {share} of the voxels", memory=f"{bytes_text(alone.needed)}{beside}",
         share=f"{alone.visible_fraction:.1%}")  # fmt: skip

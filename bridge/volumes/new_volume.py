@@ -10,6 +10,7 @@ from ..data import source_options
 from ..data.playback import FIXED, HOLD
 from ..data.settings import scene_scale_of
 from ..look.transfer import write_transfer
+from ..loop import store
 from . import box, volumes
 from .facts import write_facts
 from .import_source import ReadSource
@@ -43,8 +44,7 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
     properties.playback = HOLD if found.is_in_time and not options.frame else FIXED
     fill_volume(context.scene, owner, found)
     remark = "" if transfer_function is None else write_transfer(owner, transfer_function)
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(owner)
+    linked.put_into_scene(context, owner)
     if at_cursor:
         corners = box.corners_of(volume.shape_xyz, volume.affine)
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) * scene_scale_of(context.scene, volume.unit)
@@ -79,4 +79,4 @@ def fill_volume(scene, owner, found: ReadSource) -> None:
     properties.remarks = "\n".join(found.remarks)
     properties.files_digest = volumes.files_digest(owner)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
-    volumes.keep_volume(owner, volume)
+    store.put(store.wish_of(owner, None, volumes.PURPOSE), volumes.source_of(owner, found.frame).key, volume)

@@ -92,8 +92,7 @@ def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
     mesh.materials.append(_material(name))
     one = bpy.data.objects.new(name, mesh)
     one[SURFACE] = True
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(one)
+    linked.put_into_scene(context, one)
     one.parent = owner
     return one
 

@@ -252,11 +252,6 @@ def shows_another(owner, depsgraph=None) -> bool:
     return owner.rle_splat.frame_count > 1 and has_one and not is_at_hand(owner, depsgraph)
 
 
-def keep_volume(owner, volume) -> None:
-    """Keep a volume that was read for an object as its frame ``data_frame``."""
-    store.put(store.wish_of(owner, None, PURPOSE), source_of(owner, owner.rle_splat.data_frame).key, volume)
-
-
 def forget_all() -> None:
     """Forget all voxels and labels, and what is known of their files."""
     store.forget_all()
