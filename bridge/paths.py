@@ -40,7 +40,7 @@ def is_reserved(name: str) -> bool:
 
 
 def usable_name(name: str, otherwise: str) -> str:
-    """An object's name as that of a file, without suffix; an empty one becomes ``otherwise``, a reserved one begins so."""
+    """An object's name as that of a file without suffix; an empty one is ``otherwise``, a reserved one begins so."""
     plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or otherwise
     return f"{otherwise} {plain}" if is_reserved(plain) else plain
 

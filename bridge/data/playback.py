@@ -10,7 +10,6 @@ import math
 
 import bpy
 
-from .animation import curves_of
 from .decimals import typed
 from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 
@@ -41,6 +40,21 @@ class Playback:
     frame_step: LiveFloat(
         name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
         "negative step plays backward", default=1.0, precision=3)  # fmt: skip
+
+
+def curves_of(datablock) -> list:
+    """The F-curves of the action that a datablock uses, of its own slot.
+
+    Returns
+    -------
+    list of bpy.types.FCurve
+        Empty without an action.
+    """
+    data = datablock.animation_data
+    if data is None or data.action is None or data.action_slot is None:
+        return []
+    bags = (strip.channelbag(data.action_slot) for layer in data.action.layers for strip in layer.strips)
+    return [curve for bag in bags if bag is not None for curve in bag.fcurves]
 
 
 def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:

@@ -17,8 +17,8 @@ from ..loop import work
 from ..messages import sentence_of
 from ..pictures import outdated
 from ..scene import render_scene
-from ..scene.glass import has_glass
 from ..scene.lights import is_any_lit
+from ..scene.meshes import has_glass
 from ..volumes import encoded
 from . import shown
 from .frames import Contents
@@ -49,8 +49,12 @@ def request_of(context, volumes: tuple) -> Request:
     )  # fmt: skip
     overlay = space.overlay
     has_floor = overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
-    habits = Habits(preferences.value("refine_live"), int(preferences.value("live_pixels") == "HALF"))
-    return Request(matrices_of(context, space, region, view), volumes, drawn, habits, has_floor)
+    return Request(matrices_of(context, space, region, view), volumes, drawn, preferred_habits(), has_floor)
+
+
+def preferred_habits() -> Habits:
+    """What the user wants of views that are still, and of drafts."""
+    return Habits(preferences.value("refine_live"), int(preferences.value("live_pixels") == "HALF"))
 
 
 def matrices_of(context, space, region, view) -> Matrices:

@@ -8,8 +8,8 @@ group, as copies share a material, but has its own window.
 from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
 from .. import linked
-from ..data.animation import curves_of
 from ..data.decimals import rounded_to_span, typed, typed_tuple
+from ..data.playback import curves_of
 from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA

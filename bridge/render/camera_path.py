@@ -16,7 +16,7 @@ from ...rle_splat.scene import RleSplatError
 from ...rle_splat.view.turntable import distance_to_see, turning_extent, turntable_axes
 from ...rle_splat.volume.volume import PATIENT
 from .. import linked
-from ..data import animation
+from ..data.playback import curves_of
 from ..volumes import box
 
 MARK = "rle_splat_turntable"  # custom property of the Empty: the volume
@@ -131,6 +131,6 @@ def keyframe_turn(pivot, azimuth: float, angle: float, frames: range) -> None:
     if end > frames[0]:
         pivot.rotation_euler[2] = math.radians(azimuth + angle)
         pivot.keyframe_insert("rotation_euler", index=2, frame=end)
-    for curve in animation.curves_of(pivot):
+    for curve in curves_of(pivot):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"

@@ -12,7 +12,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...rle_splat.scene import Pose
-from ..data.animation import curves_of
+from ..data.playback import curves_of
 from .camera import camera_object, without_scale
 
 POSES = 5  # while the shutter is open; motion is linear between two poses
