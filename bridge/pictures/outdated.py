@@ -6,17 +6,13 @@ written into the image only when the file is saved.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from ...rle_splat.runtime.array_hash import hash_array
+from ...rle_splat.runtime.array_hash import hash_plain
 from ...rle_splat.scene import RleSplatError, Scene
-from ...rle_splat.volume.volume import Volume
 from ..data import settings
 from ..look import transfer
 from ..scene import render_scene
@@ -24,8 +20,6 @@ from ..volumes import loading, volumes
 from . import backdrop, pictures
 
 MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
-LARGE = 1 << 16  # bytes of an array that stands in a hash by its own
-PLAIN = (int, float, str, bool, type(None))  # types of values that are hashed as Python writes them
 
 
 class MadeFrom(NamedTuple):
@@ -59,7 +53,7 @@ def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> Mad
         The maximum error in levels of 1/255.
     """
     plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
-    return MadeFrom(digest((plain, quality, tolerance)), digest(plain.transfer_function), meshes)
+    return MadeFrom(hash_plain(plain, quality, tolerance), hash_plain(plain.transfer_function), meshes)
 
 
 def note(image, made_from: MadeFrom) -> None:
@@ -146,7 +140,7 @@ def _has_new_transfer_function(scene, row) -> bool:
     known = made_from(row.image)
     try:
         shown = transfer.shown_transfer(row.volume)
-        return bool(known.transfer_function) and known.transfer_function != digest(shown)
+        return bool(known.transfer_function) and known.transfer_function != hash_plain(shown)
     except RleSplatError:
         return True
 
@@ -158,40 +152,3 @@ def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
         return made_of(plain, quality, settings.tolerance_of(depsgraph.scene_eval), meshes)
     except RleSplatError:
         return None
-
-
-def digest(value) -> str:
-    """Hash of plain data.
-
-    Parameters
-    ----------
-    value : object
-        A dataclass such as Scene, an array, a dict, a tuple, a list or a plain value, nested in any way.
-    """
-    total = hashlib.blake2b(digest_size=16)
-    _feed(total, value)
-    return total.hexdigest()
-
-
-def _feed(total, value) -> None:
-    """Add plain data to a hash."""
-    if isinstance(value, PLAIN):  # most of all
-        total.update(f"{value!r};".encode())
-    elif isinstance(value, (tuple, list)):
-        total.update(f"({len(value)}".encode())
-        for one in value:
-            _feed(total, one)
-    elif isinstance(value, Volume):
-        total.update(f"{value.key}{value.unit}".encode())
-    elif not getattr(value, "holds_values", True):
-        total.update(value.key.encode())
-    elif is_dataclass(value):
-        total.update(type(value).__name__.encode())
-        _feed(total, [getattr(value, entry.name) for entry in fields(value)])
-    elif isinstance(value, np.ndarray):
-        total.update(f"{value.dtype.str}{value.shape}".encode())
-        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else hash_array(value))
-    elif isinstance(value, dict):
-        _feed(total, sorted(value.items()))
-    else:
-        total.update(f"{value!r};".encode())

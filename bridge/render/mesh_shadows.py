@@ -24,12 +24,12 @@ from bpy.app.handlers import persistent
 
 from ...rle_splat.effects.lighting_kinds import BAKED
 from ...rle_splat.pipeline.medium_grid import for_any_view, shadow_factors
+from ...rle_splat.runtime.array_hash import hash_plain
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import MODES, Scene
 from .. import linked, paths
 from ..data import effects
 from ..live import slices
-from ..pictures import outdated
 from ..scene.clip_objects import clip_objects
 from ..scene.lights import read_lights
 from ..scene.meshes import seen_meshes
@@ -218,7 +218,7 @@ def _file_of(plain: Scene, quality, factors) -> Path:
     """The file of a scene's medium, which is made if there is none."""
     scene = for_any_view(plain)
     turned = medium_volumes.density_factor(plain.volume_matrix), medium_volumes.grid_matrix(plain, factors)
-    path = _folder() / f"{PREFIX}{outdated.digest((scene, factors, turned))}{SUFFIX}"
+    path = _folder() / f"{PREFIX}{hash_plain(scene, factors, turned)}{SUFFIX}"
     if not path.is_file():
         drain(medium_volumes.file_steps(plain, quality, factors, path))
         _delete_unused(path)
