@@ -9,8 +9,6 @@ from ..accuracy.probes import PROBES
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
-from ..volume.checks import check_values
-from .appearance import choose_transfer_function, read_transfer_function
 from .images import writer_for
 from .options import (
     add_clip_option,
@@ -21,11 +19,11 @@ from .options import (
     add_volume_argument,
     quality_from,
     quality_remarks,
-    read_input,
     scene_inputs,
 )
 from .progress import ProgressLine
-from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+from .report import say_beginning
+from .viewing import check_scene_options, read_scene, read_scene_files
 
 REPEATS = 5
 ERROR_NAMES = tuple(ERRORS)
@@ -60,18 +58,13 @@ def run(args) -> None:
     if args.front not in ERROR_NAMES:
         raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
     quality = quality_from(args)
-    placement = read_placement(args)
-    given_function = read_transfer_function(args)
-    lights, headlight = read_lights(args)
+    files = read_scene_files(args)
     from ..accuracy.planner.measure_plans import TOLERANCES, sweep_steps
     from ..accuracy.planner.plans import sensible_plans
     from ..accuracy.planner.table import table_lines
 
     with ProgressLine(args.progress) as line:
-        volume = read_input(args, line)
-        check_values(volume)
-        function, reason = choose_transfer_function(args, volume, given_function)
-        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        scene, _, described = read_scene(args, line, files)
         steps = sweep_steps(
             scene, sensible_plans(quality), quality, probes=args.probes, repeats=args.repeats, error=args.front,
             tolerances=TOLERANCES,
@@ -80,7 +73,7 @@ def run(args) -> None:
             sweep = line.follow(steps, start=0.05)
         report = {
             "command": "accuracy", "input": {"path": str(args.volume)}, **sweep.report,
-            "transfer_function": {"name": function.name, "reason": reason},
+            "transfer_function": described,
             "total_ms": 1e3 * (perf_counter() - start),
         }  # fmt: skip
         report["remarks"] = [*report["remarks"], *quality_remarks(args, quality)]
@@ -90,7 +83,5 @@ def run(args) -> None:
                     writer(part, sweep.chosen.rgba, sweep.chosen.depth)
             if args.json:
                 write_report(parts[len(args.output)], report)
-    for remark in report["remarks"]:
-        print(remark)
-    print(f"Transfer function {function.name}: {reason}")
+    say_beginning(report)
     print("\n".join(table_lines(report)))

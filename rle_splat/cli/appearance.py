@@ -49,8 +49,6 @@ def choose_transfer_function(args, volume, given):
     ----------
     args : argparse.Namespace
         With ``transfer_function``, ``transfer_name``, ``preset`` and, where there is one, ``smoothness``.
-    volume : Volume
-        The volume.
     given : Found or None
         The result of ``read_transfer_function``.
 

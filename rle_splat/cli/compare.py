@@ -7,8 +7,6 @@ from time import perf_counter
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from ..volume.checks import check_values
-from .appearance import choose_transfer_function, read_transfer_function
 from .options import (
     add_quality_options,
     add_report_options,
@@ -16,12 +14,12 @@ from .options import (
     add_size_option,
     add_volume_argument,
     quality_from,
-    read_input,
     remark_on_removed,
     scene_inputs,
 )
 from .progress import ProgressLine
-from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+from .report import say_beginning
+from .viewing import check_scene_options, read_scene, read_scene_files
 
 PROBES = 256
 REPEATS = 3
@@ -49,31 +47,24 @@ def run(args) -> None:
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
     quality = quality_from(args, "pre")
-    placement = read_placement(args)
-    given_function = read_transfer_function(args)
-    lights, headlight = read_lights(args)
+    files = read_scene_files(args)
     from ..comparison.compare import compare_steps, table_lines
     from ..comparison.table import system_of
 
     for name in args.system or ():
         system_of(name)
     with ProgressLine(args.progress) as line:
-        volume = read_input(args, line)
-        check_values(volume)
-        function, reason = choose_transfer_function(args, volume, given_function)
-        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        scene, _, described = read_scene(args, line, files)
         with line.compiling():
             report = line.follow(compare_steps(scene, quality, args.system, args.probes, args.repeats), start=0.05)
         report = {
             "command": "compare", "input": {"path": str(args.volume)}, **report,
-            "transfer_function": {"name": function.name, "reason": reason},
-            "remarks": [*volume.remarks, *remark_on_removed(args)],
+            "transfer_function": described,
+            "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
             "total_ms": 1e3 * (perf_counter() - start),
         }  # fmt: skip
         with whole_files(outputs) as parts:
             if parts:
                 write_report(parts[0], report)
-    for remark in report["remarks"]:
-        print(remark)
-    print(f"Transfer function {function.name}: {reason}")
+    say_beginning(report)
     print("\n".join(table_lines(report)))

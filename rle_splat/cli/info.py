@@ -97,8 +97,6 @@ def describe(volume, choice, looked_at=None) -> dict:
 
     Parameters
     ----------
-    volume : Volume
-        The volume.
     choice : tuple
         The transfer function that a picture would use, and the reason for it.
     looked_at : Volume, optional

@@ -45,6 +45,7 @@ from .options import (
     volume_options,
 )
 from .progress import ProgressLine
+from .report import say_beginning
 from .rows import ROW_WRITERS
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
@@ -89,16 +90,10 @@ class PreparedScene:
 
     Attributes
     ----------
-    scene : Scene
-        The scene.
-    quality : Quality
-        The knobs.
     read_ms : float
         Milliseconds for reading the volume.
     transfer_function : dict
         Its ``name`` and the ``reason`` for it.
-    remarks : tuple of str
-        Further remarks.
     """
 
     scene: Scene
@@ -407,10 +402,7 @@ def _say(report: dict) -> None:
     """Print a summary of the report."""
     from ..pipeline.single_rays import describe_rays
 
-    for remark in report["remarks"]:
-        print(remark)
-    function = report["transfer_function"]
-    print(f"Transfer function {function['name']}: {function['reason']}")
+    say_beginning(report)
     if report["plan"]["aim"] is not None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
