@@ -1,38 +1,15 @@
 """The panels, one file each.  A draw function reads properties only: it opens no file and touches no voxel."""
 
+from importlib import import_module
+
 import bpy
 
-from . import (
-    about,
-    accuracy,
-    advanced,
-    channels,
-    clip_gizmos,
-    clip_objects,
-    diagnostics,
-    display,
-    effects,
-    labels,
-    live_view,
-    picture,
-    playback,
-    preset_menu,
-    presets,
-    report,
-    scan,
-    shading,
-    slices,
-    transfer,
-    volume,
-    volume_menu,
-    whole_scene,
-    window_tool,
-)
+from . import live_view, window_tool
 
-MODULES = (
-    volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, channels,
-    picture, whole_scene, scan, playback, advanced, diagnostics, effects, report, accuracy, about, clip_gizmos,
-)  # fmt: skip
+MODULES = [import_module(f".{name}", __name__) for name in (
+    "volume volume_menu preset_menu display presets transfer shading clip_objects slices labels channels picture "
+    "whole_scene scan playback advanced diagnostics effects report accuracy about clip_gizmos"
+).split()]  # fmt: skip
 
 
 def register():

@@ -7,16 +7,7 @@ from time import perf_counter
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files
 from ..scene import RleSplatError
-from .options import (
-    add_quality_options,
-    add_report_options,
-    add_scene_options,
-    add_size_option,
-    add_volume_argument,
-    quality_from,
-    remark_on_removed,
-    scene_inputs,
-)
+from . import options
 from .progress import ProgressLine
 from .report import say_beginning
 from .viewing import check_scene_options, read_scene, read_scene_files
@@ -26,27 +17,27 @@ REPEATS = 3
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
+    options.add_volume_argument(parser)
     parser.add_argument(
         "--system", action="append", metavar="NAME",
         help="compare only this system; repeatable, the others are measured against the first one",
     )  # fmt: skip
     parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
-    add_size_option(parser)
-    add_report_options(parser)
-    add_scene_options(parser)
-    add_quality_options(parser)
+    options.add_size_option(parser)
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
+    options.add_quality_options(parser)
 
 
 def run(args) -> None:
     start = perf_counter()
     outputs = [args.json] if args.json else []
-    check_outputs(outputs, inputs=scene_inputs(args))
+    check_outputs(outputs, inputs=options.scene_inputs(args))
     check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
-    quality = quality_from(args, "pre")
+    quality = options.quality_from(args, "pre")
     files = read_scene_files(args)
     from ..comparison.compare import compare_steps, table_lines
     from ..comparison.table import system_of
@@ -60,7 +51,7 @@ def run(args) -> None:
         report = {
             "command": "compare", "input": {"path": str(args.volume)}, **report,
             "transfer_function": described,
-            "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
+            "remarks": [*scene.volume.remarks, *options.remark_on_removed(args)],
             "total_ms": 1e3 * (perf_counter() - start),
         }  # fmt: skip
         with whole_files(outputs) as parts:

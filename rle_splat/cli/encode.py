@@ -11,17 +11,7 @@ from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import CLASSIFICATIONS, Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
-from .options import (
-    DEFAULT_SIZE,
-    add_machine_options,
-    add_model_option,
-    add_report_options,
-    add_scene_options,
-    add_volume_argument,
-    encoding_quality,
-    remark_on_removed,
-    scene_inputs,
-)
+from . import options
 from .progress import ProgressLine
 from .report import say_beginning
 from .viewing import check_scene_options, read_scene, read_scene_files
@@ -30,7 +20,7 @@ SUFFIX = ".rle"
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
+    options.add_volume_argument(parser)
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
     parser.add_argument(
         "--folder",
@@ -42,11 +32,11 @@ def add_arguments(parser) -> None:
         "--classification", metavar="|".join(CLASSIFICATIONS), default="pre",
         help="pre (the default), or post, which a folder of tables alone can hold")  # fmt: skip
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
-    add_report_options(parser)
-    add_scene_options(parser)
-    add_model_option(parser)
-    add_machine_options(parser)
-    parser.set_defaults(size=DEFAULT_SIZE)  # a Scene needs a size, but the encoded colors do not depend on it
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
+    options.add_model_option(parser)
+    options.add_machine_options(parser)
+    parser.set_defaults(size=options.DEFAULT_SIZE)  # a Scene needs a size, but the encoded colors do not depend on it
 
 
 def run(args) -> None:
@@ -54,19 +44,19 @@ def run(args) -> None:
     if Path(args.output).suffix.lower() != SUFFIX:
         raise RleSplatError(f"{args.output} does not have the suffix {SUFFIX}; end the name in {SUFFIX}.")
     axes = _axes(args.axes)
-    classification = encoding_quality(args).classification
+    classification = options.encoding_quality(args).classification
     if classification != "pre" and not args.folder:
         raise RleSplatError(
             f"A .rle file holds no {classification} classification; add --folder, or leave --classification out."
         )
     reports = [args.json] if args.json else []
-    check_outputs([*([] if args.folder else [args.output]), *reports], inputs=scene_inputs(args))
+    check_outputs([*([] if args.folder else [args.output]), *reports], inputs=options.scene_inputs(args))
     check_scene_options(args)
     if args.folder:
         _run_folder(args, axes, start)
         return
     outputs = [args.output, *reports]
-    quality, files = encoding_quality(args), read_scene_files(args)
+    quality, files = options.encoding_quality(args), read_scene_files(args)
     from ..encode.store import write
     from ..pipeline.encode_scene import encode_scene_steps
 
@@ -91,7 +81,7 @@ def run(args) -> None:
                 },
                 "transfer_function": described,
                 "lighting": stored.lighting,
-                "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
+                "remarks": [*scene.volume.remarks, *options.remark_on_removed(args)],
             }  # fmt: skip
             if args.json:
                 write_report(parts[1], report)
@@ -128,7 +118,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
     """Encode into the folder of a FolderWriter; return the report."""
     from ..pipeline.encode_folder import write_folder_steps
 
-    quality, files = encoding_quality(args), read_scene_files(args)
+    quality, files = options.encoding_quality(args), read_scene_files(args)
     with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
         level = {"level": 0} if args.level is None else {}
         scene, read_ms, described = read_scene(args, line, files, scratch=scratch, **level)
@@ -139,7 +129,7 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
         report = {
             "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
             **report, "transfer_function": described,
-            "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
+            "remarks": [*scene.volume.remarks, *options.remark_on_removed(args)],
         }  # fmt: skip
         report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
         if args.json:
