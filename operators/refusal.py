@@ -13,13 +13,7 @@ WHICH_VOLUME = "Select one of the volumes in the scene"
 
 
 def refuse(operator, problem) -> set:
-    """Report an error and cancel the operator.
-
-    Returns
-    -------
-    set of str
-        ``{"CANCELLED"}``, the result for ``execute``.
-    """
+    """Report an error and cancel the operator; return ``{"CANCELLED"}``, the result for ``execute``."""
     operator.report({"ERROR"}, translate(str(problem)))
     return {"CANCELLED"}
 

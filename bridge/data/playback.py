@@ -43,13 +43,7 @@ class Playback:
 
 
 def curves_of(datablock) -> list:
-    """The F-curves of the action that a datablock uses, of its own slot.
-
-    Returns
-    -------
-    list of bpy.types.FCurve
-        Empty without an action.
-    """
+    """The F-curves of the action that a datablock uses, of its own slot; [] without an action."""
     data = datablock.animation_data
     if data is None or data.action is None or data.action_slot is None:
         return []

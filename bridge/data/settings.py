@@ -104,11 +104,5 @@ def is_pre_classified(settings) -> bool:
 
 
 def scene_scale_of(scene, unit: str = "mm") -> float:
-    """World units per length unit of a volume.
-
-    Parameters
-    ----------
-    unit : str
-        The volume's unit of length; an unknown one counts as a millimeter.
-    """
+    """World units per length unit of a volume; a unit that is not known counts as a millimeter."""
     return typed(scene.rle_splat.scene_scale) * MILLIMETERS.get(unit, 1.0)

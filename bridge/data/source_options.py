@@ -144,13 +144,7 @@ class SourceOptions:
 
 
 def read_options(source) -> dict:
-    """The options that differ from their defaults.
-
-    Returns
-    -------
-    dict
-        Keyword arguments of ``read_volume``.
-    """
+    """The options that differ from their defaults, as keyword arguments of ``read_volume``."""
     options = {}
     if any(source.shape):
         options["shape"] = tuple(source.shape)
@@ -180,13 +174,7 @@ def bytes_of(source) -> int:
 
 
 def fill_from_guess(target, guess) -> None:
-    """Set the layout of a raw file from a RawGuess.
-
-    Parameters
-    ----------
-    guess : RawGuess
-        The guess; fields that are None leave an option unchanged.
-    """
+    """Set the layout of a raw file from a RawGuess, whose fields that are None leave an option unchanged."""
     if guess.shape is not None:
         target.shape = guess.shape
     if guess.dtype is not None:

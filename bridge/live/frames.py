@@ -122,13 +122,7 @@ class Shot:
 
 
 def shot_of(matrices: Matrices, contents) -> Shot:
-    """A view of volumes, the furthest first.
-
-    Raises
-    ------
-    RleSplatError
-        As ``view_of``.
-    """
+    """A view of volumes, the furthest first; RleSplatError as of ``view_of``."""
     view = view_of(matrices, 0.0)
     row = depth_row(view.camera)
     depths = [one.corners @ row[:3] + row[3] - view.set_back for one in contents]

@@ -76,13 +76,7 @@ def unregister():
 
 
 def checked_name(name: str) -> str:
-    """A name without blanks around it.
-
-    Raises
-    ------
-    RleSplatError
-        If no file can have it.
-    """
+    """A name without blanks around it; RleSplatError if no file can have it."""
     name = name.strip()
     if not name:
         raise RleSplatError("A preset needs a name; type one.")

@@ -56,13 +56,7 @@ class PresetGroup:
 
 
 def modality_of(properties) -> str | None:
-    """The modality of a volume.
-
-    Returns
-    -------
-    str or None
-        A key of NAMES; None if it is not known.
-    """
+    """The modality of a volume, a key of NAMES; None if it is not known."""
     if properties.value_unit == "HU":
         return "CT"
     line = next((line for line in properties.facts.splitlines() if line.startswith(MODALITY)), MODALITY)

@@ -124,13 +124,7 @@ def _reach(depsgraph, ray: Ray) -> float:
 
 
 def line_under(context, mouse) -> str:
-    """What lies under the mouse in a viewport, for people.
-
-    Returns
-    -------
-    str
-        "" in a viewport without volumes.
-    """
+    """What lies under the mouse in a viewport, for people; "" in a viewport without volumes."""
     owners = visible_owners(context)
     if not owners:
         return ""

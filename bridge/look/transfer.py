@@ -18,13 +18,7 @@ INVERTED = 1.0, 0.0  # grays of the low and the high end of the window
 
 
 def window_of(properties) -> tuple[float, float]:
-    """The window of a volume.
-
-    Returns
-    -------
-    low, high : float
-        Physical values at positions 0 and 1 of ramp and curve.
-    """
+    """The window of a volume: physical values at positions 0 and 1 of ramp and curve."""
     center, width = typed_tuple((properties.window_center, properties.window_width))
     return center - 0.5 * width, center + 0.5 * width
 

@@ -28,13 +28,7 @@ class ProgressImage:
         self._before = None  # the image's pixels before the draft; None if the image is new
 
     def show(self, rgba):
-        """Write a draft into the image.
-
-        Parameters
-        ----------
-        rgba : ndarray, shape (height, width, 4), float32
-            Premultiplied scene-linear colors, row 0 on top.
-        """
+        """Write a draft into the image: (H, W, 4) premultiplied scene-linear colors, row 0 on top."""
         scene, volume_object = self._scene.get(), self._volume.get()
         camera = self._camera.get() if self._camera else None
         existing = pictures.find(scene, volume_object, self._kind, camera)

@@ -51,38 +51,22 @@ def owned_by(image, scene) -> bool:
 
 
 def write_color(image, rgba: np.ndarray) -> None:
-    """Write colors into an image of the same size.
-
-    Parameters
-    ----------
-    rgba : ndarray, shape (height, width, 4)
-        Premultiplied scene-linear colors, row 0 on top.
-    """
-    _write(image, rgba)
+    """Write (height, width, 4) premultiplied scene-linear colors, row 0 on top, into an image of that size."""
+    flipped = np.ascontiguousarray(rgba[::-1], dtype=np.float32)
+    image.pixels.foreach_set(flipped.ravel())
+    image.update()
 
 
 def write_numbers(image, numbers: np.ndarray) -> None:
-    """Write numbers into an image of the same size as opaque gray.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (height, width)
-        The numbers, row 0 on top.
-    """
+    """Write (height, width) numbers, row 0 on top, into an image of that size as opaque gray."""
     gray = np.empty((*numbers.shape, 4), dtype=np.float32)
     gray[..., :3] = numbers[..., np.newaxis]
     gray[..., 3] = 1.0
-    _write(image, gray)
+    write_color(image, gray)
 
 
 def read(image) -> np.ndarray:
-    """The stored pixels of an image.
-
-    Returns
-    -------
-    ndarray, shape (height, width, 4), float32
-        The pixels, row 0 on top.
-    """
+    """(height, width, 4) float32: the stored pixels of an image, row 0 on top."""
     width, height = image.size
     flat = np.empty(width * height * 4, dtype=np.float32)
     image.pixels.foreach_get(flat)
@@ -92,14 +76,14 @@ def read(image) -> np.ndarray:
 def copy_of(image):
     """A new image with the same pixels as one of ours; Blender's own copy loses unsaved pixels."""
     copy = ensure_image(None, image.name, *image.size, depth=image[MARK] == "depth")
-    _write(copy, read(image))
+    write_color(copy, read(image))
     return copy
 
 
 def clear(image) -> None:
     """Make every pixel transparent black, so that no outdated picture is shown."""
     width, height = image.size
-    _write(image, np.zeros((height, width, 4), dtype=np.float32))
+    write_color(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
 def save_exr(pixels: np.ndarray, path: str) -> None:
@@ -122,7 +106,7 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
     numbers = bpy.data.images.new("RLE Splat", width, height, alpha=True, float_buffer=True, is_data=True)
     try:
         numbers.alpha_mode = "CHANNEL_PACKED"
-        _write(numbers, pixels)
+        write_color(numbers, pixels)
         numbers.filepath_raw = path
         numbers.file_format = "OPEN_EXR"
         numbers.save()
@@ -145,12 +129,6 @@ def write_file(image, path: str) -> None:
     if image.source != "FILE":
         image.source = "FILE"
     image.reload()
-
-
-def _write(image, pixels: np.ndarray) -> None:
-    flipped = np.ascontiguousarray(pixels[::-1], dtype=np.float32)
-    image.pixels.foreach_set(flipped.ravel())
-    image.update()
 
 
 def placeholder(width: int, height: int) -> np.ndarray:

@@ -45,13 +45,7 @@ _out_of_date: set[int] = set()  # session ids of the images that the last ``upda
 
 
 def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
-    """The record of a picture's inputs.
-
-    Parameters
-    ----------
-    tolerance : float or None
-        The maximum error in levels of 1/255.
-    """
+    """The record of a picture's inputs; ``tolerance``: in levels of 1/255."""
     plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
     return MadeFrom(hash_plain(plain, quality, tolerance), hash_plain(plain.transfer_function), meshes)
 

@@ -53,13 +53,7 @@ def own(image, scene) -> None:
 
 
 def find(scene, volume_object, kind: str, camera=None):
-    """Find a picture of a scene.
-
-    Parameters
-    ----------
-    kind : str
-        A key of SUFFIXES.
-    """
+    """Find a picture of a scene; ``kind``: a key of SUFFIXES."""
     for row in scene.rle_splat.pictures:
         if (row.kind, row.volume, row.camera) == (kind, volume_object, camera) and owned_by(row.image, scene):
             return row.image
@@ -67,13 +61,7 @@ def find(scene, volume_object, kind: str, camera=None):
 
 
 def find_or_make(scene, volume_object, kind: str, width: int, height: int, camera=None):
-    """Find a picture of a scene and resize it, or create it.
-
-    Returns
-    -------
-    bpy.types.Image
-        The image; its pixels are cleared if its size changed.
-    """
+    """Find a picture of a scene and resize it, or create it; its pixels are cleared if its size changes."""
     existing = find(scene, volume_object, kind, camera)
     name = f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
     image = images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)

@@ -46,13 +46,7 @@ class CompositedPicture:
 
 
 def check_editable(scene) -> None:
-    """Check that the scene's compositor can be changed.
-
-    Raises
-    ------
-    RleSplatError
-        If the compositor is linked from another file.
-    """
+    """RleSplatError if the scene's compositor is linked from another file and cannot be changed."""
     tree = versions.compositor_tree(scene)
     if tree is not None and not tree.is_editable:
         raise RleSplatError(

@@ -29,13 +29,7 @@ def image_size(render) -> tuple[int, int]:
 
 
 def camera_object(depsgraph):
-    """The evaluated active camera.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no active camera, or the active one is another kind of object.
-    """
+    """The evaluated active camera; RleSplatError if there is none, or another kind of object is active."""
     original = depsgraph.scene_eval.camera or depsgraph.scene.camera
     if original is None:
         raise RleSplatError("The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.")

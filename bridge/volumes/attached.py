@@ -54,13 +54,7 @@ def world_matrix(one, depsgraph) -> np.ndarray:
 
 
 def rescale_attached(owner, ratio: float) -> None:
-    """Resize what is attached to a volume, about the volume's origin.
-
-    Parameters
-    ----------
-    ratio : float
-        New scene scale over the old one.
-    """
+    """Resize what is attached to a volume, about its origin, by the new scene scale over the old one."""
     for one in owner.children:
         if one.rle_splat.clip_only_parent or one.rle_splat.is_slice or SURFACE in one:
             one.matrix_parent_inverse = Matrix.Diagonal((ratio, ratio, ratio, 1.0)) @ one.matrix_parent_inverse

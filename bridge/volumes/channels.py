@@ -50,13 +50,7 @@ def is_placed(channel, volume) -> bool:
 
 
 def placed_steps(wish: store.Wish, channel, volume):
-    """Generator of Progress: a channel on the grid of a volume; both are Volumes.
-
-    Raises
-    ------
-    RleSplatError
-        If the channel lies elsewhere.
-    """
+    """Generator of Progress: a channel on the grid of a volume, both Volumes; RleSplatError if it lies elsewhere."""
     if not channel.holds_values:
         raise RleSplatError(f"A channel {encoded.NO_VALUES}.")
     make_steps = partial(on_grid_steps, channel, volume, values=True)

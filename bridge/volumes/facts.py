@@ -121,13 +121,7 @@ class StoredHistogram:
 
 
 def stored_histogram(properties) -> StoredHistogram | None:
-    """The histogram stored on an object.
-
-    Returns
-    -------
-    StoredHistogram or None
-        None before an import stored one, and for one that is damaged.
-    """
+    """The histogram stored on an object; None before an import stored one, and for one that is damaged."""
     if not properties.histogram:
         return None
     try:

@@ -226,13 +226,7 @@ def chosen_row(owner):
 
 
 def lowest_visible(owner, depsgraph=None) -> float:
-    """The lowest value that the transfer function of a volume object shows.
-
-    Raises
-    ------
-    RleSplatError
-        If it shows nothing.
-    """
+    """The lowest value that a volume object's transfer function shows; RleSplatError if it shows nothing."""
     properties = owner.rle_splat
     values = np.linspace(properties.value_low, properties.value_high, VALUES)
     opacities = transfer.read_transfer(owner, depsgraph).alpha_at(values)

@@ -69,12 +69,7 @@ def expose_modules() -> None:
 
 
 def file_steps(path: str, options: dict):
-    """Generator of Progress: read a volume and measure its values, or open encoded voxels.
-
-    Returns
-    -------
-    Volume or StoredVolume
-    """
+    """Generator of Progress: read a Volume and measure its values, or open a StoredVolume."""
     if encoded.is_encoded(path):
         return (yield from encoded.open_steps(path, options))
     expose_modules()
