@@ -4,7 +4,8 @@ import bpy
 
 from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
-from ..bridge.pictures import canvas, outdated, pictures
+from ..bridge.pictures import outdated, pictures, show_image
+from ..bridge.pictures.canvas import ProgressImage
 from ..bridge.scene import render_scene
 from .through_camera import ThroughCamera, report_picture
 
@@ -19,21 +20,21 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)
-        self._canvas = canvas.ProgressImage(self._scene, self._volume, "color")
+        self._canvas = ProgressImage(self._scene, self._volume, "color")
         tolerance = tolerance_of(context.scene)
         self._made_from = outdated.made_of(plain, quality, tolerance, self.with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
     def show_draft(self, context, rendering):
-        before = canvas.image_in_editor()
+        before = show_image.image_in_editor()
         self._in_editor = Held(before) if before is not None else None
-        canvas.show_in_editor(self._canvas.show(rendering.rgba))
+        show_image.show_in_editor(self._canvas.show(rendering.rgba))
 
     def put_back(self, context):
         self._canvas.put_back()
         before = self._in_editor and self._in_editor.find()
         if before is not None:
-            canvas.show_in_editor(before)
+            show_image.show_in_editor(before)
 
     def commit(self, context, rendering):
         scene, volume_object = self._scene.get(), self._volume.get()
@@ -45,7 +46,7 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         pictures.note_report(settings, rendering.report)
         report_picture(self, image, rendering)
         if self.was_in_window and not bpy.app.background:
-            canvas.show_soon(image)
+            show_image.show_soon(image)
 
 
 CLASSES = (RLE_SPLAT_OT_render_image,)
