@@ -20,8 +20,6 @@ class RLE_SPLAT_PG_series(bpy.types.PropertyGroup):
 class RLE_SPLAT_UL_series(bpy.types.UIList):
     """The list of series, each with its thumbnail."""
 
-    bl_idname = "RLE_SPLAT_UL_series"
-
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property):
         offer = series.offered()
         if offer is not None:
@@ -57,7 +55,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
         if offer is None:
             return
         layout = self.layout
-        layout.template_list(RLE_SPLAT_UL_series.bl_idname, "", self, "rows", self, "row", rows=ROWS)
+        layout.template_list(RLE_SPLAT_UL_series.__name__, "", self, "rows", self, "row", rows=ROWS)
         chosen = offer.rows[min(self.row, len(offer.rows) - 1)]
         split = layout.split(factor=0.35)
         if offer.icon(chosen.number):

@@ -404,7 +404,6 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
     """Import volumes that are dropped into the 3D view or the outliner"""
 
-    bl_idname = "RLE_SPLAT_FH_volume"
     bl_label = "Volume (RLE Splat)"
     bl_import_operator = "rle_splat.import_volume"
     bl_file_extensions = ";".join(DROPPED_SUFFIXES)

@@ -10,7 +10,6 @@ from .places import OfVolume, paragraph
 
 class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
     bl_label = "Channels"
-    bl_idname = "RLE_SPLAT_PT_channels"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 

@@ -9,7 +9,6 @@ from .places import Sidebar
 
 class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
     bl_label = "Cut"
-    bl_idname = "RLE_SPLAT_PT_clip_objects"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 

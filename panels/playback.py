@@ -10,7 +10,6 @@ from .places import Sidebar
 
 class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
     bl_label = "Time"
-    bl_idname = "RLE_SPLAT_PT_playback"
     bl_parent_id = "RLE_SPLAT_PT_scan"
 
     @classmethod

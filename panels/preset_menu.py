@@ -8,7 +8,6 @@ from ..bridge.look.preset_items import BY_MODALITY, IMPORT_ITEMS, SUGGESTED
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
     bl_label = "Presets"
-    bl_idname = "RLE_SPLAT_MT_presets"
 
     def draw(self, _context):
         layout = self.layout

@@ -15,7 +15,6 @@ MOST_COLUMNS = 6
 
 class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
     bl_label = "Presets"
-    bl_idname = "RLE_SPLAT_PT_presets"
     bl_parent_id = "RLE_SPLAT_PT_display"
     bl_options = {"DEFAULT_CLOSED"}
 

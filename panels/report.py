@@ -20,12 +20,10 @@ class ReportPanel:
 
 
 class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_report"
     bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_report(ReportPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_report"
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
 
 

@@ -12,7 +12,6 @@ from .places import OfVolume, paragraph
 
 class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
     bl_label = "Lighting"
-    bl_idname = "RLE_SPLAT_PT_shading"
     bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
 

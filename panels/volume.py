@@ -19,7 +19,6 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
     """With a header, without which Blender draws no background behind a panel's text."""
 
     bl_label = "Volume"
-    bl_idname = "RLE_SPLAT_PT_volume"
     bl_order = 0
 
     def draw_header_preset(self, context):

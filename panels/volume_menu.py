@@ -7,7 +7,6 @@ from ..bridge.volumes import volumes
 
 class RLE_SPLAT_MT_volumes(bpy.types.Menu):
     bl_label = "Volumes"
-    bl_idname = "RLE_SPLAT_MT_volumes"
 
     def draw(self, context):
         layout = self.layout

@@ -211,7 +211,7 @@ def open_panels(*idnames: str) -> None:
         for cls in module.CLASSES:
             if issubclass(cls, bpy.types.Panel):
                 others = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
-                cls.bl_options = others if not idnames or cls.bl_idname in shown else others | {"DEFAULT_CLOSED"}
+                cls.bl_options = others if not idnames or cls.__name__ in shown else others | {"DEFAULT_CLOSED"}
     panels.register()
 
 
