@@ -1,7 +1,5 @@
 """Linked data and library overrides: which file a value comes from, and whether edits are saved."""
 
-from __future__ import annotations
-
 import os
 
 

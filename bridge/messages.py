@@ -1,7 +1,5 @@
 """Messages from handlers, where no operator can report them: shown in the panel and printed on the console."""
 
-from __future__ import annotations
-
 from ..rle_splat.scene import RleSplatError
 
 

@@ -1,7 +1,5 @@
 """Detects deleted objects: Blender's Delete only unlinks an object from its scenes, and our pointers keep it alive."""
 
-from __future__ import annotations
-
 import bpy
 
 

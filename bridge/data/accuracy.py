@@ -1,7 +1,5 @@
 """The measured plans of a scene, saved in the .blend as rows of a list, and the image of the error map."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

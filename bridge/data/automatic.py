@@ -1,7 +1,5 @@
 """Checkboxes for numbers of which one value means something else, so that panels show a word instead of that number."""
 
-from __future__ import annotations
-
 
 def switch(name: str, special: float, other: float, *, when_special: bool = True) -> dict:
     """Getter and setter of a BoolProperty that says whether a number has its special value.

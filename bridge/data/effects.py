@@ -3,8 +3,6 @@
 Both are properties of the scene, so undo, saving and copying a scene include them.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import bpy

@@ -5,8 +5,6 @@ removed are replaced, and settings that were removed are taken out.  Gradient op
 lighting were a scene's, and are now each volume's own.
 """
 
-from __future__ import annotations
-
 import bpy
 from bpy.app.handlers import persistent
 

@@ -3,8 +3,6 @@
 Without a visible volume, during a render and in background mode nothing of this runs.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import bpy

@@ -6,8 +6,6 @@ The overlay is multiplied by what they let through: Solid and Material Preview k
 the grid and the axes behind the volume.
 """
 
-from __future__ import annotations
-
 from contextlib import contextmanager
 
 import bpy

@@ -1,7 +1,5 @@
 """The pictures of one view: a scene for each volume as the viewport sees it, rendered in steps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -6,8 +6,6 @@ property of ours could only be stored in the scene or the screen by the number o
 that is joined or split, or by an address in memory, which another file gives to another view.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where slices are: under the mouse, straight before a view, and how far one may be scrolled."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The window of a volume's slices: their own, or that of the volume's colors."""
 
-from __future__ import annotations
-
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.volume.histogram import percentile_steps
 from ..data.decimals import typed

@@ -5,8 +5,6 @@ where these are, which is outside the volume.  Pixels are of four 32-bit floats,
 Standard a screen shows the gray levels of the window themselves.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 from mathutils import Matrix

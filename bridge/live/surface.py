@@ -1,7 +1,5 @@
 """What a viewport looks up while it is redrawn: its matrices, the contents of its volumes and its depth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from time import perf_counter
 

@@ -4,8 +4,6 @@ A window matrix holds lens, shift and aspect of any view: perspective, orthograp
 offset.  Rows are from the top here, as in the renderer; Blender counts them from the bottom.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Nothing of Blender is used here.  What a viewport is drawn with comes as a Reque
 from a DrawnSurface, so that tests can stand in for both.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Generator

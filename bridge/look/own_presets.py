@@ -3,8 +3,6 @@
 The names are known from the folder's listing, so that panels open no file.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path

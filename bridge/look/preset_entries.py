@@ -1,7 +1,5 @@
 """The presets that a volume is offered: ours for its modality first, then the user's own, then the others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ...rle_splat.classify.presets import PRESETS

@@ -1,7 +1,5 @@
 """The value under the mouse: the first visible surface of the volumes along a ray, as a line of text."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ between two bites a window draws and handles events.  The function that is due l
 where Blender runs no timers, nothing is called: the work is done at once there.
 """
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections.abc import Callable

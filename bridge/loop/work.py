@@ -5,8 +5,6 @@ the queue until it is read, or until the object shows something else.  When noth
 volume in time is read ahead.  Scripts and background mode do not wait for timers: they read at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from dataclasses import dataclass, field
 

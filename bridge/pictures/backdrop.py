@@ -5,8 +5,6 @@ Fit and Crop assume square pixels and miss the frame when the pixel aspect is no
 Blender versions, so it is always set.
 """
 
-from __future__ import annotations
-
 import bpy
 
 from ..held import Held

@@ -1,7 +1,5 @@
 """The image that shows a draft while a picture is made, and its restoration when the work is canceled."""
 
-from __future__ import annotations
-
 import bpy
 
 from ..held import Held

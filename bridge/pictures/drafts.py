@@ -1,7 +1,5 @@
 """Drafts: a quick picture of the same scene before the picture itself, made from the same results of stages."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Figures in Blender: the view of a viewport, where the data is, and the files."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Our row 0 is the top of a picture, Blender's is the bottom.  This module is the only place that flips rows.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 

@@ -5,8 +5,6 @@ scrubbing and edits a slow picture would block the window.  So a draft is shown 
 picture is done or something changes.  Scripts that set a frame, and background mode, get the full picture at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Undo restores settings but not pixels.  So the record is kept outside Blender's 
 written into the image only when the file is saved.
 """
 
-from __future__ import annotations
-
 import json
 from contextlib import suppress
 from dataclasses import replace

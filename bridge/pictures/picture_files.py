@@ -4,8 +4,6 @@ Before that, pictures are only in memory, so that making one adds nothing to Ble
 relative only while a .blend is written, as those of volumes (see source_paths.py).
 """
 
-from __future__ import annotations
-
 import os
 
 import bpy

@@ -6,8 +6,6 @@ the user is never mistaken for one of ours.  A copy of a scene, which has copies
 id and pictures in ``settle_copies``.
 """
 
-from __future__ import annotations
-
 import json
 import uuid
 

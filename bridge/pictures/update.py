@@ -4,8 +4,6 @@ In a window this waits for a pause in the edits, so that dragging stays smooth. 
 run, it is done at once.
 """
 
-from __future__ import annotations
-
 import time
 
 import bpy

@@ -4,8 +4,6 @@ The Empty is in the middle of the volume's box.  Its own Z is the patient's leng
 placement is in its delta rotation, so that the one animated number is the azimuth, as of ``view.turntable``.
 """
 
-from __future__ import annotations
-
 import math
 
 import bpy

@@ -11,8 +11,6 @@ them.  Links that are drawn past them later are led through them by ``settle``. 
 marked node, never by name.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import bpy

@@ -1,7 +1,5 @@
 """Follow the links of a compositor backward, through muted nodes and in and out of node groups."""
 
-from __future__ import annotations
-
 
 def feeding(sockets, holders=(), end=None, links=None):
     """Find every output whose value reaches one of some input sockets.

@@ -3,8 +3,6 @@
 The file holds the grids of ``vdb_medium``, in the space of the volume object: its own units are world units.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import bpy

@@ -11,8 +11,6 @@ Files are named after a hash of all that decides their content.  They are beside
 folder before its first save.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The settings of a scene on which the files of an animation depend: changed for one render, then put back."""
 
-from __future__ import annotations
-
 import os
 
 import bpy

@@ -9,8 +9,6 @@ interface from drawing the images meanwhile.  A render without it says so.
 Problems are recorded for the whole render or animation, see ``render_log.py``.
 """
 
-from __future__ import annotations
-
 import bpy
 from bpy.app.handlers import persistent
 

@@ -5,8 +5,6 @@ normalized.  The image size is the resolution times the percentage, rounded down
 that is bound to a timeline marker.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.scene import Camera, RleSplatError

@@ -3,8 +3,6 @@
 Objects are changed by their own location, rotation and scale, so that these can be keyframed.
 """
 
-from __future__ import annotations
-
 import bpy
 from mathutils import Matrix, Quaternion, Vector
 

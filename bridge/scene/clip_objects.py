@@ -7,8 +7,6 @@ Objects in child collections count.  An Empty that is hidden from renders does n
 because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 

@@ -1,7 +1,5 @@
 """The light on the first volume of a scene: a headlight where the scene's own lights would leave it dark."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.classify.transfer_function import Shade

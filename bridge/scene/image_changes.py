@@ -4,8 +4,6 @@ Blender sends an event for an image that is painted or reloaded, but none where 
 unsaved pixels is therefore known by their hash, which is taken anew after each event and before each picture.
 """
 
-from __future__ import annotations
-
 import hashlib
 
 import bpy

@@ -8,8 +8,6 @@ The viewport's depsgraph includes collections that are hidden only from renders,
 settings.  The depsgraph of a render has neither limitation.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import bpy

@@ -6,8 +6,6 @@ parents and of the targets of its Track To constraints are evaluated here.  If a
 picture has no motion blur, and the report names the cause.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 

@@ -1,7 +1,5 @@
 """Where volumes stand in a scene: each volume object itself, and where instances of collections show it again."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

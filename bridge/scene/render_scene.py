@@ -3,8 +3,6 @@
 Everything is read before the first step of the work, so that edits during the work do not affect the picture.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps

@@ -4,8 +4,6 @@ A Background of one color is read from its node, and an environment texture from
 rendered before, see ``world_render.py``.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ...rle_splat.scene import LEAST_LENGTH, Environment, Mist

@@ -1,7 +1,5 @@
 """The light of a world as its nodes tell it: a Background of one color, or of the image of an environment texture."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 from mathutils import Euler

@@ -12,8 +12,6 @@ its own, where no datablock may be made: it shows the light that there is, and s
 The light is a property of the scene, so it follows undo and is saved: a line for each state of the world.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from contextlib import suppress

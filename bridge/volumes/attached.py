@@ -1,7 +1,5 @@
 """Objects attached to a volume: its children, which move with it and are resized with the scene scale."""
 
-from __future__ import annotations
-
 import numpy as np
 from mathutils import Matrix
 

@@ -4,8 +4,6 @@ A channel is imported like any other volume, so it has its own file, transfer fu
 how they lie in the patient, its values are brought onto the grid of the volume; the objects' own places do not count.
 """
 
-from __future__ import annotations
-
 import uuid
 from functools import partial
 

@@ -4,8 +4,6 @@ What decides their colors is part of the file.  So an encoded volume has no tran
 histogram and no voxel values; its object stores the transfer function as text, so that panels and scripts can read it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace

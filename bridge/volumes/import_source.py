@@ -1,7 +1,5 @@
 """Reads the file, the folder or the numbered files of a volume object in steps, for Import and Relocate."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 

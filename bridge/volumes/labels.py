@@ -3,8 +3,6 @@
 Like a volume's voxels, the label file stays outside the .blend and is read when it is first needed.
 """
 
-from __future__ import annotations
-
 import os
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What a picture of a volume object needs in memory: its voxels, its labels and its channels."""
 
-from __future__ import annotations
-
 from ...rle_splat.runtime.steps import rescale
 from ...rle_splat.scene import RleSplatError
 from ..data.playback import shown_frame

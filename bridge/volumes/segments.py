@@ -3,8 +3,6 @@
 Each change becomes a new file, so that undo finds the map of before and no file of the user is overwritten.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from dataclasses import dataclass, replace

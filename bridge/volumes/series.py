@@ -3,8 +3,6 @@
 Descriptions are free text of the files: they are shown here, and never stored.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import bpy.utils.previews

@@ -1,7 +1,5 @@
 """The surface of a volume as a mesh object: OpenVDB makes quads of a field, which get the volume's colors."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Probe pixels: the pixels of a picture that are compared with the truth, and what their errors say of all pixels."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import lgamma
 

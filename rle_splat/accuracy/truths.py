@@ -1,7 +1,5 @@
 """The two truths of a scene: T1 of the interpolated classified medium, T2 of the classified interpolated scalar."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

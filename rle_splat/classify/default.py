@@ -1,7 +1,5 @@
 """Automatic transfer function for a first picture, from the meaning and the distribution of the values."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Appearance of labels: hidden, in one color or opacity, by a preset or by a transfer function."""
 
-from __future__ import annotations
-
 import colorsys
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ The nearest entry is used. The table spans the visible values. One more entry, a
 other values and for samples that need a voxel that is not kept.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Built-in transfer functions, one JSON file each in ``presets/``, and how they are fitted to a volume."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

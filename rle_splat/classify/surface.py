@@ -4,8 +4,6 @@ The field is a distance in values, not in opacity: beside the surface it is line
 lies where the interpolated value has the opacity that was asked for, however steep the transfer function is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

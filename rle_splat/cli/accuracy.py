@@ -1,7 +1,5 @@
 """``rle-splat accuracy``: error against time of several plans on one volume and view, as table and report."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 from ..accuracy.metrics import ERRORS

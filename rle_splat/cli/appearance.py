@@ -1,7 +1,5 @@
 """The transfer function from the options, with the reason for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

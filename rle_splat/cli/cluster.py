@@ -7,8 +7,6 @@ finished pixels on the way back, and the pixels of sections between workers.  Da
 others.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import os

@@ -1,7 +1,5 @@
 """``rle-splat compare``: this renderer and the other methods that the paper names, on one volume and view."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 from ..runtime.outputs import check_outputs, write_report

@@ -1,7 +1,5 @@
 """``rle-splat encode``: classify, shade and run-length encode a volume into a .rle file, or a folder of tables."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import perf_counter

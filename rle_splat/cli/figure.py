@@ -1,7 +1,5 @@
 """``rle-splat figure``: make a figure for print, or make one again from its sidecar."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import perf_counter
 

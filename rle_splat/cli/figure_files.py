@@ -1,7 +1,5 @@
 """Writing a figure's files; PDF with matplotlib, which is optional and never part of the extension."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import numpy as np

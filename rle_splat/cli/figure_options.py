@@ -1,7 +1,5 @@
 """The options of ``rle-splat figure``, and the panels that they ask for."""
 
-from __future__ import annotations
-
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``rle-splat info``: describe a volume and report unusual data, without rendering."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes

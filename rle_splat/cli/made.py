@@ -5,8 +5,6 @@ picture depends on, and the size and a hash of the picture's file.  So a picture
 one that somebody edited are distinguished from one that is made.  The voxels are hashed, not the times of their files.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Labels and channels from the options."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

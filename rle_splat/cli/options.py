@@ -1,7 +1,5 @@
 """Option groups that several commands share, and the plain data made from them."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """The frames of one command, made one after the other: those that are there already are kept."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

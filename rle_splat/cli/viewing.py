@@ -1,7 +1,5 @@
 """The camera, placement and lights from the options, and the scene made from them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from time import perf_counter
 

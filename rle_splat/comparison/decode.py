@@ -1,7 +1,5 @@
 """Decode run-length tables to a dense grid; decode(encode(v)) is v."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..encode.tables import RunLengthVolume

@@ -1,7 +1,5 @@
 """The share of each voxel that clip objects keep, for shadows: what is cut away casts none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..classify.visible import VisibleVoxels

@@ -1,7 +1,5 @@
 """Depth of field and motion blur: the mean of sharp pictures through points of the lens at times of the shutter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ silhouettes.  Only blocks of pixels whose rays end elsewhere are splatted in it.
 first picture, with the same bits, because blocks do not depend on each other.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..splat.intermediate_image import IntermediateImage

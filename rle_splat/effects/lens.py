@@ -6,8 +6,6 @@ mean over the aperture is the lens's picture.  An orthographic camera has a lens
 sees along parallel rays that slant.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The effects of light: shading, light objects, a headlight, highlights."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from ..classify.transfer_function import Shade

@@ -1,7 +1,5 @@
 """Motion blur: pictures at several times while the shutter is open."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ once, how the pictures of these passes are mixed, and how the finished picture i
 the order in which they shorten rays; a new one is a module with a subclass and a row there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The effect mode: X-ray, MIP, MinIP and average instead of emission and absorption (see ``ray_values``)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ..scene import MODES, POST_ONLY, Quality, RleSplatError, Scene

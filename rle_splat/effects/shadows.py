@@ -6,8 +6,6 @@ The extinction that casts shadows is that of the voxels, interpolated, whatever 
 means of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial

@@ -5,8 +5,6 @@ These are the paper's scanline pointers, data pointers and runs of the voxels th
 voxel if there is any light.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A color bar: the colors and the opacity of a transfer function over the values, with ticks and unit."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """From a figure and its pictures to a page: where everything stands, in millimeters."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Makes a figure: renders its panels and lays them out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..pipeline.render import render_steps

@@ -1,7 +1,5 @@
 """What a figure shows: its panels and its style, as plain data."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from reprlib import repr as short

@@ -1,7 +1,5 @@
 """A page as pixels, scene-linear, with anti-aliasing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError

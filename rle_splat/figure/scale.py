@@ -1,7 +1,5 @@
 """The scale of a view: how long a pixel is in the volume, and round lengths for a scale bar."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

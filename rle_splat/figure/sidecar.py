@@ -4,8 +4,6 @@ It holds the names of files as the user gave them and hashes of their data, and 
 patient.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 from dataclasses import MISSING, asdict, dataclass, fields

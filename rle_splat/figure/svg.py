@@ -1,7 +1,5 @@
 """A page as SVG: lettering, lines and fills as vectors, pictures as embedded PNG files."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from xml.sax.saxutils import escape, quoteattr
 

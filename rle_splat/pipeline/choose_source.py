@@ -1,7 +1,5 @@
 """The door of the pipeline: decide once what the volume is, how it is classified and which effects there are."""
 
-from __future__ import annotations
-
 from ..effects.analyze import analyze_effects
 from ..scene import Quality, Scene
 from .file_source import FileSource

@@ -1,7 +1,5 @@
 """Pictures of volumes that are too large: with voxels twice as large until they fit, or as often as is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Light on the voxels of a source: what falls on them, what shadows leave of it, and the keys that name both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 It does not depend on the view: colors are those without highlights, which change with it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

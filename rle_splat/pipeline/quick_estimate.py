@@ -3,8 +3,6 @@
 No kernels are loaded here: what only looks at a file does not wait for a compiler.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,8 +5,6 @@ color and transmittance of every sheet pixel, which the sections before it cover
 sheet pixels. The command line calls the sections slabs (``--slabs``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ A tile is a crop of the scene, which has the bits of the whole picture whatever 
 on the tile (classification, light, shadows, tables) is made once and kept in the stage cache.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

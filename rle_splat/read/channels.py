@@ -1,7 +1,5 @@
 """Channels: further volumes whose values are brought onto the grid of a scan."""
 
-from __future__ import annotations
-
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import Volume
 from .formats import format_of, read_steps

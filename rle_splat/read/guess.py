@@ -3,8 +3,6 @@
 A guess that is not certain is marked as such.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Label maps: whole numbers on the grid of a scan, and the names of labels in ITK-SNAP's text files."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

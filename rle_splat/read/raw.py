@@ -1,7 +1,5 @@
 """Reader and writer of raw voxels, x fastest, then y, then z. The file size is checked before anything is read."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

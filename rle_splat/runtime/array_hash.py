@@ -1,7 +1,5 @@
 """Hashes of plain data; those of large arrays are computed once where nobody can write to the array."""
 
-from __future__ import annotations
-
 import hashlib
 import weakref
 from collections.abc import Mapping

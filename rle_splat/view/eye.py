@@ -4,8 +4,6 @@ The view is expressed in voxel-index space, the only space in which voxel scanli
 (algorithm.md 1.4).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

@@ -5,8 +5,6 @@ one voxel sideways per slice. Parallel rays share one axis. The rays of a perspe
 pyramids around the eye, one for each direction of each axis (algorithm.md 1.4).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .eye import IndexView

@@ -1,7 +1,5 @@
 """Projection of a camera: world points to homogeneous pixels, as in Blender."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

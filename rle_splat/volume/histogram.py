@@ -3,8 +3,6 @@
 The volume is not copied. Values that are not finite are left out and counted separately.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

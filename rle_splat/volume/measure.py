@@ -1,7 +1,5 @@
 """Measuring a volume in steps: what its keys, its histogram and its range need of every voxel."""
 
-from __future__ import annotations
-
 from ..runtime.steps import announce
 from .counts import count_steps, counts_values
 from .volume import Volume, key_steps, range_steps

@@ -1,7 +1,5 @@
 """Corrections of what a file says of its grid: spacing, orientation and mirrored axes.  Voxels stay as they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

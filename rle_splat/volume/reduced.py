@@ -1,7 +1,5 @@
 """A volume of fewer, larger voxels, for small pictures and for volumes that are too large."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import replace

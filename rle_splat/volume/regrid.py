@@ -3,8 +3,6 @@
 Labels take the nearest voxel; the values of channels are interpolated linearly.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Values between the voxels of a volume, at a few points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .interpolate import interpolate

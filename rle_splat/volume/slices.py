@@ -3,8 +3,6 @@
 A plane's own space has x and y from -1 to 1 over its rectangle, and z = 0. A matrix takes it to voxel indices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError

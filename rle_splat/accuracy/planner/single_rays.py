@@ -1,7 +1,5 @@
 """Pixels of a finished picture by single rays, where its sheets and warp would break the tolerance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ sheared affine, exactly. SliceThickness, SpacingBetweenSlices and GantryDetector
 Numbers of files are rounded, or jitter. No tolerance here is a rounding: what is close is never parted by a border.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a chooser says about a series: data and one line. Nothing here names a patient."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

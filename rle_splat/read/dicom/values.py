@@ -1,7 +1,5 @@
 """The meaning of stored voxels: bits, sign, slope and intercept, padding. Pure functions on arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .pictures import ImageFrame, Storage
