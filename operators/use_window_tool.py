@@ -2,8 +2,6 @@
 
 import bpy
 
-from .refusal import needs
-
 TOOL = "rle_splat.window_tool"  # as registered by panels/window_tool.py
 
 
@@ -16,9 +14,13 @@ class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        is_viewport = context.area is not None and context.area.type == "VIEW_3D"
-        return needs(cls, is_viewport, "The tool is one of the 3D viewport's") and needs(
-            cls, context.mode == "OBJECT", "The tool is one of Object Mode")  # fmt: skip
+        if context.area is None or context.area.type != "VIEW_3D":
+            cls.poll_message_set("The tool is one of the 3D viewport's")
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("The tool is one of Object Mode")
+            return False
+        return True
 
     def execute(self, _context):
         return bpy.ops.wm.tool_set_by_id(name=TOOL)

@@ -15,6 +15,7 @@ from ..translations import OURS
 from ..volumes import box
 from ..volumes.channels import ChannelProperties
 from ..volumes.labels import LabelProperties
+from . import knob_items
 from .accuracy import AccuracyRowProperties
 from .automatic import switch
 from .effects import EffectOverrideProperties, EffectRowProperties
@@ -35,49 +36,6 @@ from .overridable import (
 from .preferences import FAILED_FRAME_ITEMS
 from .settings import removed_sentence, scene_scale_of, suit_classification, suit_knobs
 from .volume_properties import VolumeProperties
-
-_TEXTS = {
-    "slice": ("Slices", "One layer at each slice of the volume"),
-    "slice-2": ("Every Second Slice", "One layer at every second slice; fast and coarse"),
-    "simpson": ("Simpson", "Layers at the slices and halfway between them, weighted by Simpson's rule"),
-    "gauss2": ("Gauss", "Two layers between neighboring slices, at Gauss's points"),
-    "nearest": ("Nearest", "Show each voxel as a box"),
-    "tent": ("Linear", "Interpolate linearly between voxels"),
-    "bspline2": ("Quadratic B-Spline", "Smooth over three voxels"),
-    "bspline3": ("Cubic B-Spline", "Smooth over four voxels"),
-    "gaussian": ("Gaussian", "Smooth by a bell curve"),
-    "off": ("Off", "Show exactly what lies on the ray of each pixel"),
-    "widen": ("Widen", "Enlarge voxels that are smaller than a pixel"),
-    "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
-    "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels"),
-    "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
-    "extinction": ("Extinction", "Add the extinctions of voxels that overlap"),
-    "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),
-}
-_COUNTED = {
-    "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
-    "preintegrated": ("{} Slabs", "{} layers between neighboring slices, each integrated exactly for linear values"),
-}
-RECORD_ITEMS = [
-    (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")
-    for size in tables.RECORDS
-]
-
-
-def _items_of(names) -> list:
-    """Enum items of the values of a knob."""
-    return [(name, *_texts(name)) for name in names]
-
-
-def _texts(name: str) -> tuple[str, str]:
-    if name in _TEXTS:
-        return _TEXTS[name]
-    kind, _, count = name.partition("-")
-    label, text = (part.format(count or 1) for part in _COUNTED[kind])
-    if count in ("", "1"):
-        return label.removesuffix("s"), text.replace("layers", "layer").replace(", each", ",")
-    return label, text
-
 
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
@@ -196,21 +154,21 @@ class SceneSettings(bpy.types.PropertyGroup):
         default=USUAL.classification, update=_classification_chosen)  # fmt: skip
     depth_rule: KnobEnum(
         name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,
-        items=_items_of((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))  # fmt: skip
+        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))  # fmt: skip
     kernel: KnobEnum(
-        name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=_items_of(tables.FOOTPRINTS),
+        name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
         default=USUAL.kernel)  # fmt: skip
     minification: KnobEnum(
-        name="When Small", description=PLAIN_TEXTS["minification"], items=_items_of(tables.MINIFICATIONS),
+        name="When Small", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)  # fmt: skip
     warp_filter: LiveEnum(
-        name="Final Filter", description=PLAIN_TEXTS["warp_filter"], items=_items_of(tables.WARP_FILTERS),
+        name="Final Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),
         default=USUAL.warp_filter)  # fmt: skip
     model: KnobEnum(
-        name="Overlap", description=PLAIN_TEXTS["model"], items=_items_of(tables.MODELS), default=USUAL.model
+        name="Overlap", description=PLAIN_TEXTS["model"], items=knob_items.items(tables.MODELS), default=USUAL.model
     )
     record: KnobEnum(
-        name="Voxel Memory", description=PLAIN_TEXTS["record"], items=RECORD_ITEMS, default=str(USUAL.record)
+        name="Voxel Memory", description=PLAIN_TEXTS["record"], items=knob_items.RECORD_ITEMS, default=str(USUAL.record)
     )
     sheet_density: LiveFloat(
         name="Pixel Density", description=PLAIN_TEXTS["sheet_density"], default=USUAL.sheet_density, min=0.0,

@@ -19,6 +19,10 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
 
     Parameters
     ----------
+    stored : StoredHistogram or None
+        The histogram.
+    transfer_function : TransferFunction
+        Colors and opacities.
     low, high : float
         The window: physical values at the left and the right edge of the curve below.
 
@@ -51,6 +55,11 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
 
 def as_icon(picture: np.ndarray) -> np.ndarray:
     """A picture at the top of a square, which is transparent below, because Blender's icons are squares.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (HEIGHT, WIDTH, 4)
+        The result of ``draw``.
 
     Returns
     -------

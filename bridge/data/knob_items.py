@@ -1,0 +1,45 @@
+"""The choices of the knobs of quality as enum items, each with its tooltip."""
+
+from ...rle_splat import scene as tables
+
+_TEXTS = {
+    "slice": ("Slices", "One layer at each slice of the volume"),
+    "slice-2": ("Every Second Slice", "One layer at every second slice; fast and coarse"),
+    "simpson": ("Simpson", "Layers at the slices and halfway between them, weighted by Simpson's rule"),
+    "gauss2": ("Gauss", "Two layers between neighboring slices, at Gauss's points"),
+    "nearest": ("Nearest", "Show each voxel as a box"),
+    "tent": ("Linear", "Interpolate linearly between voxels"),
+    "bspline2": ("Quadratic B-Spline", "Smooth over three voxels"),
+    "bspline3": ("Cubic B-Spline", "Smooth over four voxels"),
+    "gaussian": ("Gaussian", "Smooth by a bell curve"),
+    "off": ("Off", "Show exactly what lies on the ray of each pixel"),
+    "widen": ("Widen", "Enlarge voxels that are smaller than a pixel"),
+    "bilinear": ("Bilinear", "Linear interpolation of 2 x 2 pixels; fast, a little soft"),
+    "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels"),
+    "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
+    "extinction": ("Extinction", "Add the extinctions of voxels that overlap"),
+    "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),
+}
+_COUNTED = {
+    "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
+    "preintegrated": ("{} Slabs", "{} layers between neighboring slices, each integrated exactly for linear values"),
+}
+RECORD_ITEMS = [
+    (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")
+    for size in tables.RECORDS
+]
+
+
+def items(names) -> list:
+    """Enum items of the values of a knob: identifier, label and tooltip of each."""
+    return [(name, *_texts(name)) for name in names]
+
+
+def _texts(name: str) -> tuple[str, str]:
+    if name in _TEXTS:
+        return _TEXTS[name]
+    kind, _, count = name.partition("-")
+    label, text = (part.format(count or 1) for part in _COUNTED[kind])
+    if count in ("", "1"):
+        return label.removesuffix("s"), text.replace("layers", "layer").replace(", each", ",")
+    return label, text
