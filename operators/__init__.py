@@ -4,6 +4,7 @@ from importlib import import_module
 
 import bpy
 
+from ..bridge.classes import classes_of
 from . import import_volume, show_tab
 
 MODULES = [import_module(f".{name}", __name__) for name in (
@@ -14,6 +15,7 @@ MODULES = [import_module(f".{name}", __name__) for name in (
     "save_figure bake_volume remove_table keep_connected threshold_segment change_segment export_segments "
     "scroll_slice four_up plain_background fit_clip clear_labels show_tab update_world_light hide_mesh"
 ).split()]  # fmt: skip
+CLASSES = classes_of(MODULES)
 
 
 def _describe(cls) -> None:
@@ -23,16 +25,14 @@ def _describe(cls) -> None:
 
 
 def register():
-    for module in MODULES:
-        for cls in module.CLASSES:
-            _describe(cls)
-            bpy.utils.register_class(cls)
+    for cls in CLASSES:
+        _describe(cls)
+        bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
     show_tab.register()
 
 
 def unregister():
     bpy.types.TOPBAR_MT_file_import.remove(import_volume.draw_menu_entry)
-    for module in reversed(MODULES):
-        for cls in reversed(module.CLASSES):
-            bpy.utils.unregister_class(cls)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -106,6 +106,3 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
         scene = self._scene.get()
         image = accuracy.keep_error_map(scene, self._volume.get(), *result)
         self.report({"INFO"}, f"{image.name}: {scene.rle_splat.error_note}")
-
-
-CLASSES = (RLE_SPLAT_OT_measure_accuracy, RLE_SPLAT_OT_choose_plan, RLE_SPLAT_OT_error_map)

@@ -87,6 +87,3 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
         empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
         make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_clip,)

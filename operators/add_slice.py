@@ -68,6 +68,3 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
         make_active(self, context, one, "was added")
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_slice,)

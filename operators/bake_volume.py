@@ -75,6 +75,3 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
                                      f"{one.name} alone.")  # fmt: skip
         else:
             self.report({"INFO"}, f"{one.name} has {visible} voxels, in {self._path.name}.")
-
-
-CLASSES = (RLE_SPLAT_OT_bake_volume,)

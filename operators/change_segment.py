@@ -66,6 +66,3 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
             return labels.voxels == BACKGROUND if tool == "INVERT" else (yield from OF_MASK[tool](mask))
 
         return {"make_mask": make_mask, "number": number, "over_others": tool != "FILL"}
-
-
-CLASSES = (RLE_SPLAT_OT_change_segment,)

@@ -153,6 +153,3 @@ class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
     def execute(self, context):
         channels.remove_channel(volumes.volume_object(context), self.index)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_channels, RLE_SPLAT_OT_import_channel, RLE_SPLAT_OT_remove_channel)

@@ -26,6 +26,3 @@ class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
             return refuse(self, f"{self.name!r} is not in this view layer; include its collection in the Outliner.")
         select_alone(context, chosen)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_choose_object,)

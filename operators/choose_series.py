@@ -79,6 +79,3 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
 
     def cancel(self, _context):
         series.forget()
-
-
-CLASSES = (RLE_SPLAT_PG_series, RLE_SPLAT_UL_series, RLE_SPLAT_OT_choose_series)

@@ -79,6 +79,3 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
         self.report({"INFO"}, f"Added {len(found)} own presets")
         redraw_sidebars(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_choose_transfer, RLE_SPLAT_OT_import_presets)

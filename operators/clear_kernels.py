@@ -19,6 +19,3 @@ class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
     def execute(self, _context):
         self.report({"INFO"}, f"Deleted {bytes_text(preferences.clear_kernels())} of compiled code.")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_clear_kernels,)

@@ -26,6 +26,3 @@ class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
         properties.labels.clear()
         properties.active_label = 0
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_clear_labels,)

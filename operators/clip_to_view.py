@@ -57,6 +57,3 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
         else:
             point = middle if pivot is None or not clip_objects.is_at_depth(view, corners, pivot) else pivot
         return clip_objects.facing(view, corners, point)
-
-
-CLASSES = (RLE_SPLAT_OT_clip_to_view,)

@@ -20,6 +20,3 @@ class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
         found, count = labels.show_anatomy(volumes.volume_object(context).rle_splat.labels)
         self.report({"INFO"}, f"Names of {found} of {count} segments are known; the others have colors of their own.")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_color_anatomy,)

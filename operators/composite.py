@@ -88,6 +88,3 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
             compositor.drop(image)
         mesh_shadows.settle(context.scene)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_composite, RLE_SPLAT_OT_remove_composite)

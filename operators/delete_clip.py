@@ -30,6 +30,3 @@ class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
             return refuse(self, f"{self.name!r} is linked from another file; delete it there.")
         bpy.data.objects.remove(found)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_delete_clip,)

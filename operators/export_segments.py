@@ -86,6 +86,3 @@ def _export_steps(load_steps, names, path: str):
     """Generator of Progress: write a label map, which ``load_steps`` gives, with names."""
     found = (yield from rescale(load_steps, 0.0, 0.3)).volume
     yield from rescale(write_steps(replace(found, named_labels=names), path), 0.3, 1.0)
-
-
-CLASSES = (RLE_SPLAT_OT_export_segments,)

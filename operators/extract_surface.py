@@ -95,6 +95,3 @@ def _step_at(function: TransferFunction, value: float) -> TransferFunction:
     return TransferFunction(
         name=function.name, unit=function.unit, opacity=((value, 0.0), (value, 1.0)), color=function.color
     )
-
-
-CLASSES = (RLE_SPLAT_OT_extract_surface,)

@@ -39,6 +39,3 @@ class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
         )
         one.matrix_world = Matrix((matrix / np.array((*(one.empty_display_size,) * 3, 1.0))).tolist())
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_fit_clip,)

@@ -78,6 +78,3 @@ def _place_views(space, owner, kinds: dict) -> None:
     for view, kind in zip(straight, ("coronal", "axial", "sagittal")):
         view.lock_rotation = False
         view.view_rotation = slice_places.straight_onto(kinds[kind], kind, matrix)
-
-
-CLASSES = (RLE_SPLAT_OT_four_up,)

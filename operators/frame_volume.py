@@ -52,6 +52,3 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
             rotation = viewports.rotation_from(self.side, matrix)
         viewports.frame(context.window, [corners], rotation)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_frame_volume,)

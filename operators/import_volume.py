@@ -417,6 +417,3 @@ def draw_menu_entry(menu, _context):
     text = "Volume (RLE Splat) (DICOM, NIfTI, NRRD, OpenVDB, raw, ...)"  # of all names the menu would be too wide
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
     menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Folder (RLE Splat)")
-
-
-CLASSES = (RLE_SPLAT_OT_import_volume, RLE_SPLAT_OT_import_folder, RLE_SPLAT_FH_volume)

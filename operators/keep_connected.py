@@ -99,6 +99,3 @@ def _voxel_under(context, mouse) -> tuple:
             if found is not None:
                 return segments.brightest_near(found.plain.volume, found.surface.index)
     raise RleSplatError(AIR)
-
-
-CLASSES = (RLE_SPLAT_OT_keep_connected, RLE_SPLAT_OT_pick_connected)

@@ -21,6 +21,3 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
         self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}. "
                               "Keep the number of points the same at all keyframes.")  # fmt: skip
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_keyframe_transfer,)

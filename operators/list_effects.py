@@ -42,6 +42,3 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         names = [entry["name"] for entry in listed if entry["on"]]
         self.report({"INFO"}, f"On: {', '.join(names) or 'none'}.")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_list_effects,)

@@ -20,6 +20,3 @@ class RLE_SPLAT_OT_live_again(bpy.types.Operator):
     def execute(self, context):
         live.try_again(context.area)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_live_again,)

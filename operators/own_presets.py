@@ -79,6 +79,3 @@ class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
         self.report({"INFO"}, f"Deleted the preset {self.name}")
         redraw_sidebars(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_apply_own_preset, RLE_SPLAT_OT_save_own_preset, RLE_SPLAT_OT_delete_own_preset)

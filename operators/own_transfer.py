@@ -23,6 +23,3 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
     def execute(self, context):
         transfer.own_tree(volumes.volume_object(context))
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_own_transfer,)

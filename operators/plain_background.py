@@ -46,6 +46,3 @@ def draw_button(layout, shading, owner) -> None:
     layout.operator(
         "rle_splat.plain_background", text="White Background" if white else "Black Background",
         depress=is_plain(shading, white), icon="SHADING_SOLID")  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_plain_background,)

@@ -78,6 +78,3 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
         found = probe.look_along(context, depsgraph, ray, owners)
         self.report({"INFO"}, probe.line_of(found, len(owners) > 1) if found else "Nothing is visible along the ray")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_probe,)

@@ -47,6 +47,3 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         if not any(row.use_color for row in owner.rle_splat.labels):  # so that the picture is as before
             sentence += "; press Anatomy to see them in color"
         self.report({"INFO"}, sentence)
-
-
-CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -71,6 +71,3 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         source_options.keep_level(self._options, found.volume)
         source_options.copy(self._options, owner.rle_splat)
         new_volume.fill_volume(context.scene, owner, found)
-
-
-CLASSES = (RLE_SPLAT_OT_reload,)

@@ -64,6 +64,3 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
         elif before and before != owner.rle_splat.data_key:
             self.report({"WARNING"}, f"The voxels of {os.path.basename(found.path)} differ from those that were "
                                      "imported; undo if this is the wrong file.")  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_relocate,)

@@ -163,6 +163,3 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         page, sentences = made.page, " ".join(made.remarks)
         size = f"{page.width} x {page.height} pixels"
         self.report({"INFO"}, f"Saved {os.path.basename(self._path)} ({size}) and its sidecar. {sentences}".rstrip())
-
-
-CLASSES = (RLE_SPLAT_OT_save_figure,)

@@ -38,6 +38,3 @@ class RLE_SPLAT_OT_scroll_slice(bpy.types.Operator):
         if one is None or not one.rle_splat.is_slice:
             return refuse(self, "The active object is no slice; select one.")
         return {"FINISHED"} if slice_places.scroll(one, self.layers) else {"CANCELLED"}
-
-
-CLASSES = (RLE_SPLAT_OT_scroll_slice,)

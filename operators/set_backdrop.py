@@ -98,6 +98,3 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         context.scene.rle_splat.backdrop_object = None
         redraw(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_set_backdrop, RLE_SPLAT_OT_remove_backdrop)

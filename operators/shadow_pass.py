@@ -33,6 +33,3 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         _, share = made
         image = pictures.keep_numbers(self._scene.get(), self._volume.get(), share, "shadow")
         self.report({"INFO"}, f"{image.name}: shadows remove at most {share.max():.0%} of a pixel's light.")
-
-
-CLASSES = (RLE_SPLAT_OT_shadow_pass,)

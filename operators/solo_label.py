@@ -26,6 +26,3 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
         for row in rows:
             row.show = is_alone or row.label == self.label
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_solo_label,)

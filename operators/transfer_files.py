@@ -58,6 +58,3 @@ class RLE_SPLAT_OT_save_transfer(bpy.types.Operator, ExportHelper):
         owner = volumes.volume_object(context)
         transfer.read_transfer(owner, context.evaluated_depsgraph_get()).save(bpy.path.abspath(self.filepath))
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_load_transfer, RLE_SPLAT_OT_save_transfer)

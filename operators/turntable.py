@@ -261,6 +261,3 @@ def _sentence(problem: Exception) -> str:
         return sentence_of(problem)
     lines = [line.removeprefix("Error: ").strip() for line in str(problem).splitlines()]
     return " ".join(filter(None, lines)) or "Blender could not render the animation, and does not say why."
-
-
-CLASSES = (RLE_SPLAT_OT_turntable,)

@@ -33,6 +33,3 @@ class RLE_SPLAT_OT_update_world_light(StepwiseOperator, bpy.types.Operator):
         count = lines.count("\n") + 1
         self.report({"INFO"}, filled("Rendered the light of {count} states of the world.", count=count)
                     if count > 1 else filled("Rendered the world's light."))  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_update_world_light,)

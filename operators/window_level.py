@@ -77,6 +77,3 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
         if remark:
             self.report({"WARNING"}, remark)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_window_level,)

@@ -29,6 +29,3 @@ class RLE_SPLAT_PT_about(Sidebar, bpy.types.Panel):
         column = layout.box().column(align=True)
         for package in PACKAGES:
             paragraph(context, column, f"{package['name']}: {package['license']}")
-
-
-CLASSES = (RLE_SPLAT_PT_about,)

@@ -77,6 +77,3 @@ class RLE_SPLAT_PT_accuracy(AccuracyPanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_accuracy(AccuracyPanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_accuracy, RLE_SPLAT_PT_render_accuracy)

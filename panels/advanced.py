@@ -94,6 +94,3 @@ class RLE_SPLAT_PT_advanced(AdvancedPanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_advanced(AdvancedPanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render"
-
-
-CLASSES = (RLE_SPLAT_PT_advanced, RLE_SPLAT_PT_render_advanced)

@@ -30,6 +30,3 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
         if properties.frame_count > 1 and properties.playback == FIXED:
             layout.operator("rle_splat.import_channel", text="Add Channels of the File", icon="COLOR").of_file = True
         layout.operator("rle_splat.add_channels", icon="ADD")
-
-
-CLASSES = (RLE_SPLAT_PT_channels,)

@@ -156,6 +156,3 @@ class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
             return []
         places = clip_handles.plane_origin(plane)[:2], *(clip_handles.tilt_axis(plane, axis) for axis in (0, 1))
         return [clip_handles.pointing(base, direction) for base, direction in places]
-
-
-CLASSES = (RLE_SPLAT_GGT_clip_box, RLE_SPLAT_GGT_clip_plane)

@@ -56,6 +56,3 @@ def _is_box(one) -> bool:
     if one.type == "EMPTY":
         return one.empty_display_type == "CUBE"
     return min(one.dimensions) > clip_objects.FLAT * max(one.dimensions)
-
-
-CLASSES = (RLE_SPLAT_PT_clip_objects,)

@@ -21,6 +21,3 @@ class RLE_SPLAT_PT_diagnostics(DiagnosticsPanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_diagnostics(DiagnosticsPanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render_advanced"
-
-
-CLASSES = (RLE_SPLAT_PT_diagnostics, RLE_SPLAT_PT_render_diagnostics)

@@ -61,6 +61,3 @@ class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):
 
 class RLE_SPLAT_PT_data_display(DisplayPanel, DataTab, bpy.types.Panel):
     bl_order = 1
-
-
-CLASSES = (RLE_SPLAT_PT_display, RLE_SPLAT_PT_data_display)

@@ -67,6 +67,3 @@ class RLE_SPLAT_PT_effects(EffectsPanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_effects(EffectsPanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_effects, RLE_SPLAT_PT_render_effects)

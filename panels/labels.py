@@ -78,6 +78,3 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             layout.prop(chosen, "look", text="")
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")
-
-
-CLASSES = (RLE_SPLAT_UL_labels, RLE_SPLAT_MT_segments, RLE_SPLAT_PT_labels)

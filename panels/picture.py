@@ -111,6 +111,3 @@ class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):
 class RLE_SPLAT_PT_render(PicturePanel, RenderTab, bpy.types.Panel):
     bl_label = "RLE Splat"
     bl_options = {"DEFAULT_CLOSED"}
-
-
-CLASSES = (RLE_SPLAT_PT_picture, RLE_SPLAT_PT_render)

@@ -25,6 +25,3 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
         layout.separator()
         layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
         layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")
-
-
-CLASSES = (RLE_SPLAT_MT_presets,)

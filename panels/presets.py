@@ -68,6 +68,3 @@ def _columns(context, narrowest: float) -> tuple[int, float]:
     room = max(width - BORDERS, narrowest)
     columns = max(1, min(int(room / narrowest), MOST_COLUMNS))
     return columns, room / columns / BUTTON
-
-
-CLASSES = (RLE_SPLAT_PT_presets,)

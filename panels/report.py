@@ -25,6 +25,3 @@ class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_report(ReportPanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_report, RLE_SPLAT_PT_render_report)

@@ -44,6 +44,3 @@ class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
 
 class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):
     bl_order = 3
-
-
-CLASSES = (RLE_SPLAT_PT_scan, RLE_SPLAT_PT_data_scan)

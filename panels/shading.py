@@ -39,6 +39,3 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
-
-
-CLASSES = (RLE_SPLAT_PT_shading,)

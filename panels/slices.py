@@ -74,6 +74,3 @@ class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
             if name != "CUSTOM":
                 one = self.layout.operator("rle_splat.window_level", text=label)
                 one.preset, one.of_slices = name, True
-
-
-CLASSES = (RLE_SPLAT_MT_slice_windows, RLE_SPLAT_PT_slices)

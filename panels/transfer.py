@@ -89,6 +89,3 @@ class RLE_SPLAT_PT_transfer(ColorPanel, OfVolume, bpy.types.Panel):
 class RLE_SPLAT_PT_data_transfer(ColorPanel, DataTab, bpy.types.Panel):
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
-
-
-CLASSES = (RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer, RLE_SPLAT_PT_data_transfer)

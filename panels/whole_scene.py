@@ -44,6 +44,3 @@ class RLE_SPLAT_PT_whole_scene(ScenePanel, Sidebar, bpy.types.Panel):
 
 class RLE_SPLAT_PT_render_whole_scene(ScenePanel, RenderTab, bpy.types.Panel):
     bl_parent_id = "RLE_SPLAT_PT_render"
-
-
-CLASSES = (RLE_SPLAT_PT_whole_scene, RLE_SPLAT_PT_render_whole_scene)
