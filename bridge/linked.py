@@ -33,13 +33,7 @@ def file_name(library) -> str:
 
 
 def why_not_editable(owner) -> str:
-    """Why edits of an object would be lost.
-
-    Returns
-    -------
-    str
-        A clause with the reason and what to do, without a period; "" if edits are saved.
-    """
+    """Why edits of an object would be lost, and what to do: a clause without a period; "" if edits are saved."""
     if owner.library is None:
         return ""
     return (f"{owner.name!r} is linked from {file_name(owner.library)}; make a library override (Object > Library "

@@ -11,10 +11,7 @@ def is_deleted(one) -> bool:
 def is_kept_up(one, depsgraph) -> bool:
     """Whether Blender evaluates an object; one that is disabled in viewports keeps an outdated matrix.
 
-    Returns
-    -------
-    bool
-        Always True in a render's depsgraph.
+    Always True in a render's depsgraph.
     """
     if depsgraph.mode == "RENDER":
         return True

@@ -86,10 +86,7 @@ def plan_of(row) -> Quality:
 def is_current(scene, row) -> bool:
     """Whether the scene's settings are those of a row's plan.
 
-    Returns
-    -------
-    bool
-        False for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
+    False for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
     """
     try:
         return tolerance_of(scene) is None and _same(quality_of(scene), plan_of(row))

@@ -65,13 +65,7 @@ class EffectRowProperties(bpy.types.PropertyGroup):
 
 
 def overrides_of(scene) -> dict[str, bool]:
-    """The effects of our pictures that a scene forces on or off.
-
-    Returns
-    -------
-    dict of str to bool
-        Name of an effect to its forced state; effects left at Auto are missing.
-    """
+    """The effects of our pictures that a scene forces on or off, by name; effects left at Auto are missing."""
     chosen = {name: forced(scene, name) for name in EFFECTS}
     return {name: on for name, on in chosen.items() if on is not None}
 

@@ -123,15 +123,8 @@ def kernels_size() -> int:
 
 
 def clear_kernels() -> int:
-    """Delete all kernels on disk; those that are loaded stay in use until Blender ends.
+    """Delete all kernels on disk, and return their bytes; those that are loaded stay in use until Blender ends.
 
-    Returns
-    -------
-    int
-        Bytes that were deleted.
-
-    Notes
-    -----
     The folders of this version stay, because loaded kernels are saved to them.
     """
     _FolderSize.at = -FRESH

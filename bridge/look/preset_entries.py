@@ -62,14 +62,9 @@ def modality_of(properties) -> str | None:
 
 
 def groups(properties) -> list[PresetGroup]:
-    """The groups of a volume, those that suit it first.
+    """The groups of a volume, those that suit it first; none of them is empty.
 
     It reads only properties, so a panel may call it at every redraw.
-
-    Returns
-    -------
-    list of PresetGroup
-        None of them empty.
     """
     modality = modality_of(properties)
     kind = NAMES.get(modality, modality)

@@ -139,10 +139,7 @@ def line_under(context, mouse) -> str:
 def line_of(found: ProbeHit, with_name: bool = False) -> str:
     """A surface as a line: value, voxel, position, label, and the volume's name if there are several.
 
-    Returns
-    -------
-    str
-        Such as "312 HU, voxel 120 88 41, L 12.3 P 45.0 S 88.1 mm, Liver".
+    For example "312 HU, voxel 120 88 41, L 12.3 P 45.0 S 88.1 mm, Liver".
     """
     surface, volume = found.surface, found.plain.volume
     x, y, z = (int(n) for n in np.rint(surface.index))

@@ -93,14 +93,9 @@ def _key(owner, entry: Entry) -> tuple:
 
 
 def icon(owner, entry: Entry) -> int:
-    """The icon of a preset; one that is missing is asked for.
+    """The icon of a preset; one that is missing is asked for, and 0 meanwhile.
 
     It reads only properties of the object, so a panel may call it at every redraw.
-
-    Returns
-    -------
-    int
-        0 while there is none.
     """
     key = _key(owner, entry)
     name = repr(key)

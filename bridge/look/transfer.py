@@ -82,13 +82,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
 
 
 def why_unusable(volume_object) -> str:
-    """Why a volume object has no usable transfer function.
-
-    Returns
-    -------
-    str
-        A clause with the reason and what to do, without a period; "" if it has one.
-    """
+    """Why a volume object has no usable transfer function: a clause that says what to do, without a period, or ""."""
     tree = volume_object.rle_splat.transfer
     if encoded.is_of(volume_object):
         return ""
@@ -269,14 +263,9 @@ KEYED = (
 
 
 def keyframe(volume_object, frame: float) -> int:
-    """Insert keyframes on all values of the transfer function.
+    """Insert keyframes on all values of the transfer function, and return how many there are.
 
     Blender cannot build the data path of a curve's point, so the paths are written out.
-
-    Returns
-    -------
-    int
-        Number of keyed values.
     """
     properties = volume_object.rle_splat
     if not linked.is_own(properties.transfer):

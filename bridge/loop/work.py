@@ -46,11 +46,8 @@ _is_due = [False]  # whether the next frame may be read ahead; once for each fra
 def want(owner, depsgraph=None) -> bool:
     """Ask for the voxels that a volume object shows now, and for its labels.
 
-    Returns
-    -------
-    bool
-        Whether they are being read; the object is then tagged for an update when they are there. False if they are in
-        memory or could not be read, so that ``load_volume`` returns or says why at once.
+    Whether they are being read; the object is then tagged for an update when they are there.  False if they are in
+    memory or could not be read, so that ``load_volume`` returns or says why at once.
     """
     try:
         key = loading.key_of(owner, depsgraph)

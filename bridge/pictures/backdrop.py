@@ -44,12 +44,9 @@ def show(camera, image, place: str):
 
 
 def state(scene, camera) -> tuple:
-    """The state of the camera's backdrop, for ``restore``.
+    """The state of the camera's backdrop, for ``restore`` only.
 
-    Returns
-    -------
-    tuple
-        Opaque to the caller.  It holds no reference to a datablock, so it survives undo.
+    It holds no reference to a datablock, so it survives undo.
     """
     entry = find(scene, camera)
     if entry is None:

@@ -93,15 +93,10 @@ def forget() -> None:
 
 
 def update_status(scene, depsgraph) -> bool:
-    """Compare the scene's last picture and its camera's backdrop with the scene.
+    """Compare the scene's last picture and its camera's backdrop with the scene; whether one's state has changed.
 
     A picture whose volume or labels are not in memory is skipped, because reading could take long; but if another frame
     of the volume is in memory, the picture is outdated.
-
-    Returns
-    -------
-    bool
-        Whether a picture became outdated, or is no longer outdated.
     """
     before = set(_out_of_date)
     for row in shown_rows(scene):

@@ -158,13 +158,7 @@ def is_inserted(scene) -> bool:
 
 
 def images_of(scene) -> list:
-    """All pictures in the scene's compositor, whether they reach the render or not.
-
-    Returns
-    -------
-    list of bpy.types.Image
-        The images of our nodes that belong to the scene.
-    """
+    """The images of our nodes that belong to the scene, whether they reach the render or not."""
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else _marked(tree, _PICTURE)
     return list(dict.fromkeys(node.image for node in nodes if _is_ours(node.image, scene)))

@@ -30,12 +30,9 @@ HANDLERS = (("depsgraph_update_post", _on_update),)
 
 
 def events_of(one) -> int:
-    """How often Blender has said that a world or an image has changed.
+    """How often Blender has said that a world or an image has changed, since the file was opened.
 
-    Returns
-    -------
-    int
-        Since the file was opened.  A world counts what happens to its nodes and to their images, too.
+    A world counts what happens to its nodes and to their images, too.
     """
     return _events.get(one.original.session_uid, 0)
 

@@ -83,10 +83,7 @@ def why_no_values(owner) -> str:
 def suited(quality: Quality, volume) -> Quality:
     """A quality with what an encoded volume decides: classification, model and voxel records.
 
-    Returns
-    -------
-    Quality
-        The same one for a Volume.
+    For a Volume it is the same quality.
     """
     if volume.holds_values:
         return quality

@@ -30,10 +30,7 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
     """Whether nothing need be read for a picture of a volume object.
 
-    Returns
-    -------
-    bool
-        Labels and channels whose file is missing are not waited for: what needs them fails at once.
+    Labels and channels whose file is missing are not waited for: what needs them fails at once.
     """
     volume = volumes.at_hand(owner, depsgraph)
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
