@@ -10,13 +10,7 @@ from ..rle_splat.scene import RleSplatError
 
 
 class Held:
-    """A reference to one object, scene, image or world by its session id.
-
-    Parameters
-    ----------
-    datablock : bpy.types.Object, bpy.types.Scene, bpy.types.Image or bpy.types.World
-        The datablock.
-    """
+    """A reference to one object, scene, image or world by its session id."""
 
     def __init__(self, datablock):
         self.name = datablock.name

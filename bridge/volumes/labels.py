@@ -165,20 +165,7 @@ def _read_steps(file: LabelFile, volume):
 
 
 def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
-    """The labels of a volume object as plain data at the depsgraph's time.
-
-    Parameters
-    ----------
-    volume : Volume
-        Its voxels.
-    transfer_function : TransferFunction
-        Its transfer function.
-
-    Returns
-    -------
-    Labels or None
-        None without a label file or without rows.
-    """
+    """The labels of a volume object as plain data at the depsgraph's time; None without a label file or rows."""
     properties = owner.evaluated_get(depsgraph).rle_splat
     if not are_used(owner):
         return None
