@@ -141,6 +141,13 @@ def test_an_outdated_page_is_noticed(monkeypatch):
     assert page.name == "licenses.md" and "Nothing is bundled." in text and "| --- |" not in text
 
 
+def test_another_version_is_written_where_it_is_read_without_python(monkeypatch):
+    monkeypatch.setattr(docs_reference, "RELEASE", "10.2.0")
+    stale = docs_reference.outdated()
+    assert list(stale) == list(docs_reference.WITH_VERSION)
+    assert all(text.count("10.2.0") == 1 for text in stale.values())
+
+
 def test_docstrings_become_markdown():
     text = docs_reference._docstring(
         "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``."
