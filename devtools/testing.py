@@ -43,11 +43,13 @@ IDLE_THREADS = {
     "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
 }  # fmt: skip
 
-SLOW, DEEP, EXTRAS, EVERY_BLENDER = "slow", "deep", "extras", "every_blender"  # marks of tests
+SLOW, DEEP, EXTRAS = "slow", "deep", "extras"  # marks of tests
+EVERY_BLENDER, LONG_TERM = "every_blender", "every_blender or long_term"
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
+WITH_LONG_TERM = ("4.5", "5.2")
 QUICK = ("unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
 
 # The longest parts, which begin first; the others take a minute or less.  None of them waits for another's kernels:
@@ -229,8 +231,8 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
 def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str, Part]:
     """The parts of the whole run by name, in their order; ``options``: pytest's.
 
-    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version; and
-    the deep tests run.  ``quick``: only QUICK, and of the newest bpy those marked for every version.
+    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for them; and the deep
+    tests run.  ``quick``: only QUICK, and of the newest bpy those marked for every version.
     """
     slow = [*[SLOW] * quick, *[DEEP] * (not everywhere)]
     whole = not options
@@ -246,8 +248,9 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
     for version in _versions(quick):
-        marks = [] if everywhere or (version == NEWEST and not quick) else ["-m", EVERY_BLENDER]
-        words = [BLENDER_TESTS, *marks, *options]
+        marks = LONG_TERM if version in WITH_LONG_TERM else EVERY_BLENDER
+        whole_of_it = everywhere or (version == NEWEST and not quick)
+        words = [BLENDER_TESTS, *(() if whole_of_it else ("-m", marks)), *options]
         found[f"bpy-{version}"] = Part(
             lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
             needs="zip",
