@@ -10,28 +10,17 @@ from .live import bars, letters
 from .look import own_presets, previews, thumbnails
 from .loop import events
 
+REGISTERED = (
+    translations, preferences, properties, previews, events, letters.HANDLERS, bars.HANDLERS, live, own_presets,
+    thumbnails,
+)  # fmt: skip
+
 
 def register():
-    translations.register()
-    preferences.register()
-    properties.register()
-    previews.register()
-    events.register()
-    letters.HANDLERS.register()
-    bars.HANDLERS.register()
-    live.register()
-    own_presets.register()
-    thumbnails.register()
+    for one in REGISTERED:
+        one.register()
 
 
 def unregister():
-    thumbnails.unregister()
-    own_presets.unregister()
-    live.unregister()
-    bars.HANDLERS.unregister()
-    letters.HANDLERS.unregister()
-    events.unregister()
-    previews.unregister()
-    properties.unregister()
-    preferences.unregister()
-    translations.unregister()
+    for one in reversed(REGISTERED):
+        one.unregister()

@@ -4,8 +4,6 @@ Undo invalidates Python references to datablocks, and names can change.  Blender
 file is closed.
 """
 
-from __future__ import annotations
-
 import bpy
 
 from ..rle_splat.scene import RleSplatError

@@ -1,7 +1,5 @@
 """Linked data and library overrides: which file a value comes from, and whether edits are saved."""
 
-from __future__ import annotations
-
 import os
 
 
@@ -23,19 +21,19 @@ def own_action(block) -> None:
         animation.action = own_copy(animation.action)
 
 
+def put_into_scene(context, one) -> None:
+    """Link a new object to the active collection, or to that of the scene if edits of the active one would be lost."""
+    home = context.collection if is_own(context.collection) else context.scene.collection
+    home.objects.link(one)
+
+
 def file_name(library) -> str:
     """The name of a library's file, without its folder."""
     return os.path.basename(library.filepath.replace("\\", "/"))
 
 
 def why_not_editable(owner) -> str:
-    """Why edits of an object would be lost.
-
-    Returns
-    -------
-    str
-        A clause with the reason and what to do, without a period; "" if edits are saved.
-    """
+    """Why edits of an object would be lost, and what to do: a clause without a period; "" if edits are saved."""
     if owner.library is None:
         return ""
     return (f"{owner.name!r} is linked from {file_name(owner.library)}; make a library override (Object > Library "

@@ -1,7 +1,5 @@
 """Messages from handlers, where no operator can report them: shown in the panel and printed on the console."""
 
-from __future__ import annotations
-
 from ..rle_splat.scene import RleSplatError
 
 
@@ -17,15 +15,7 @@ def the_volume(*names: str) -> str:
 
 
 def complain(settings, sentence: str) -> None:
-    """Show a sentence in the panel and print it.
-
-    Parameters
-    ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
-    sentence : str
-        The sentence.
-    """
+    """Show a sentence in the panel and print it."""
     settings.message = sentence
     tell(sentence)
 

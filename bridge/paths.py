@@ -5,6 +5,8 @@ environment variable must be set before.
 """
 
 import os
+import re
+from itertools import count
 from pathlib import Path
 
 import bpy
@@ -35,6 +37,17 @@ def choose_kernel_cache() -> None:
 def is_reserved(name: str) -> bool:
     """Whether Windows takes a file name for a device, whatever its suffixes."""
     return name.split(".")[0].strip().upper() in RESERVED
+
+
+def usable_name(name: str, otherwise: str) -> str:
+    """An object's name as that of a file without suffix; an empty one is ``otherwise``, a reserved one begins so."""
+    plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or otherwise
+    return f"{otherwise} {plain}" if is_reserved(plain) else plain
+
+
+def free_name(name: str, suffix: str, is_free) -> str:
+    """The first of ``name``, ``name 2``, ``name 3`` and so on, with a suffix, that is free."""
+    return next(filter(is_free, (f"{name}{f' {n}' if n > 1 else ''}{suffix}" for n in count(1))))
 
 
 choose_kernel_cache()

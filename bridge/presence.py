@@ -1,28 +1,17 @@
 """Detects deleted objects: Blender's Delete only unlinks an object from its scenes, and our pointers keep it alive."""
 
-from __future__ import annotations
-
 import bpy
 
 
 def is_deleted(one) -> bool:
-    """Whether an object is in no scene, neither directly nor through an instanced collection.
-
-    Returns
-    -------
-    bool
-        True if it was deleted.
-    """
+    """Whether an object is in no scene, neither directly nor through an instanced collection."""
     return not _reached(one, set())
 
 
 def is_kept_up(one, depsgraph) -> bool:
     """Whether Blender evaluates an object; one that is disabled in viewports keeps an outdated matrix.
 
-    Returns
-    -------
-    bool
-        Always True in a render's depsgraph.
+    Always True in a render's depsgraph.
     """
     if depsgraph.mode == "RENDER":
         return True

@@ -142,11 +142,6 @@ def world_is_nodes(world) -> bool:
 def use_movie(render) -> None:
     """Have an animation written as an MP4 with the codec H.264 and without sound.
 
-    Parameters
-    ----------
-    render : bpy.types.RenderSettings
-        The settings of a scene.
-
     Raises
     ------
     RleSplatError
@@ -168,8 +163,6 @@ def use_pictures(render, file_format: str) -> None:
 
     Parameters
     ----------
-    render : bpy.types.RenderSettings
-        The settings of a scene.
     file_format : {"PNG", "OPEN_EXR"}
         8 bits with the view transform, or 32 bits, scene-linear.
     """

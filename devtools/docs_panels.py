@@ -95,9 +95,9 @@ def _texts(path: Path, node, local: dict) -> list[str]:
         parts = [_texts(path, getattr(part, "value", part), local) if isinstance(part, ast.FormattedValue)
                  else [part.value] for part in node.values]  # fmt: skip
         return ["".join(one) for one in product(*parts)]
-    if isinstance(node, ast.Attribute) and node.attr == "bl_idname":
+    if isinstance(node, ast.Attribute) and node.attr in ("bl_idname", "__name__"):
         known = _defined(path, node.value)
-        return [_assigned(known[1], "bl_idname")] if known is not None else []
+        return [_assigned(known[1], "bl_idname") or known[1].name] if known is not None else []
     known = _defined(path, node)
     return _texts(known[0], known[1], {}) if known is not None and known[1] is not None else []
 
@@ -112,7 +112,7 @@ def _assigned(node: ast.ClassDef, name: str) -> str:
 def _by_idname() -> dict:
     """Menus by the name that Blender registers, with their files."""
     return {
-        _assigned(node, "bl_idname"): (path, node)
+        node.name: (path, node)
         for path in sorted((ROOT / "panels").glob("*.py")) for node in module(path).body
         if isinstance(node, ast.ClassDef) and "_MT_" in node.name
     }  # fmt: skip

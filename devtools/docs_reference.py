@@ -378,7 +378,7 @@ def _settings_of(file: str) -> dict[str, dict]:
 
 def _where(one: Declared) -> str:
     """Where a panel is, by the labels that lead to it."""
-    parent = {_text(other, "bl_idname"): other for other in _of_kind("RLE_SPLAT_PT_")}.get(_text(one, "bl_parent_id"))
+    parent = {other.name: other for other in _of_kind("RLE_SPLAT_PT_")}.get(_text(one, "bl_parent_id"))
     place = PLACES[_text(one, "bl_space_type"), _text(one, "bl_category") or _text(one, "bl_context")]
     return f"{_where(parent) if parent else place} > {_text(one, 'bl_label')}"
 

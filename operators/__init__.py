@@ -1,68 +1,21 @@
 """The operators, one file for each action."""
 
+from importlib import import_module
+
 import bpy
 
-from . import (
-    accuracy,
-    add_clip,
-    add_slice,
-    apply_preset,
-    bake_volume,
-    change_segment,
-    channels,
-    choose_object,
-    choose_series,
-    choose_transfer,
-    clear_kernels,
-    clear_labels,
-    clip_to_view,
-    color_anatomy,
-    composite,
-    delete_clip,
-    drag_window,
-    export_segments,
-    extract_surface,
-    fit_clip,
-    four_up,
-    frame_volume,
-    hide_mesh,
-    import_volume,
-    keep_connected,
-    keyframe_transfer,
-    list_effects,
-    live_view,
-    own_presets,
-    own_transfer,
-    plain_background,
-    probe,
-    read_labels,
-    reload,
-    relocate,
-    remove_table,
-    render_image,
-    save_figure,
-    scroll_slice,
-    set_backdrop,
-    shadow_pass,
-    show_tab,
-    solo_label,
-    threshold_segment,
-    transfer_files,
-    turntable,
-    update_world_light,
-    use_window_tool,
-    window_level,
-)
+from ..bridge.classes import classes_of
+from . import import_volume, show_tab
 
-MODULES = (
-    import_volume, choose_series, relocate, apply_preset, transfer_files, window_level, own_transfer, keyframe_transfer,
-    render_image, set_backdrop, composite, list_effects, accuracy, add_clip, read_labels, channels, shadow_pass,
-    frame_volume, live_view, choose_object, delete_clip, clear_kernels, reload, clip_to_view, add_slice,
-    drag_window, use_window_tool, probe, own_presets, choose_transfer, solo_label, color_anatomy,
-    turntable, extract_surface, save_figure, bake_volume, remove_table, keep_connected, threshold_segment,
-    change_segment, export_segments, scroll_slice, four_up, plain_background, fit_clip, clear_labels, show_tab,
-    update_world_light, hide_mesh,
-)  # fmt: skip
+MODULES = [import_module(f".{name}", __name__) for name in (
+    "import_volume choose_series relocate apply_preset transfer_files window_level own_transfer keyframe_transfer "
+    "render_image set_backdrop composite list_effects accuracy add_clip read_labels channels shadow_pass "
+    "frame_volume live_view choose_object delete_clip clear_kernels reload clip_to_view add_slice drag_window "
+    "use_window_tool probe own_presets choose_transfer solo_label color_anatomy turntable extract_surface "
+    "save_figure bake_volume remove_table keep_connected threshold_segment change_segment export_segments "
+    "scroll_slice four_up plain_background fit_clip clear_labels show_tab update_world_light hide_mesh"
+).split()]  # fmt: skip
+CLASSES = classes_of(MODULES)
 
 
 def _describe(cls) -> None:
@@ -72,16 +25,14 @@ def _describe(cls) -> None:
 
 
 def register():
-    for module in MODULES:
-        for cls in module.CLASSES:
-            _describe(cls)
-            bpy.utils.register_class(cls)
+    for cls in CLASSES:
+        _describe(cls)
+        bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
     show_tab.register()
 
 
 def unregister():
     bpy.types.TOPBAR_MT_file_import.remove(import_volume.draw_menu_entry)
-    for module in reversed(MODULES):
-        for cls in reversed(module.CLASSES):
-            bpy.utils.unregister_class(cls)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

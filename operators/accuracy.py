@@ -14,7 +14,7 @@ from ..rle_splat.accuracy.planner.measure_plans import sweep_steps
 from ..rle_splat.accuracy.planner.plans import sensible_plans
 from ..rle_splat.runtime.figures import figure_text
 from ..rle_splat.scene import RleSplatError
-from .refusal import refuse
+from .refusal import needs, refuses
 from .through_camera import evaluated, has_values_and_camera
 
 PROBES, REPEATS = 400, 3
@@ -23,9 +23,7 @@ PROBES, REPEATS = 400, 3
 class _Measurement(StepwiseOperator):
     """Base class: reads the volume without meshes and motion blur, as the truths are defined; pre has no shadows."""
 
-    @classmethod
-    def poll(cls, context):
-        return has_values_and_camera(cls, context)
+    poll = classmethod(has_values_and_camera)
 
     def read(self, context):
         """Return (Scene, Quality), and remember Blender's scene and volume for ``commit``."""
@@ -76,20 +74,15 @@ class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not context.scene.rle_splat.accuracy_rows:
-            cls.poll_message_set("Measure the accuracy first")
-            return False
-        return True
+        return needs(cls, context.scene.rle_splat.accuracy_rows, "Measure the accuracy first")
 
+    @refuses
     def execute(self, context):
         rows = context.scene.rle_splat.accuracy_rows
-        try:
-            if self.index >= len(rows):
-                raise RleSplatError(f"There is no measured plan {self.index}; choose a row from 0 to {len(rows) - 1}.")
-            accuracy.choose(context.scene, rows[self.index])
-            quality_of(context.scene)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        if self.index >= len(rows):
+            raise RleSplatError(f"There is no measured plan {self.index}; choose a row from 0 to {len(rows) - 1}.")
+        accuracy.choose(context.scene, rows[self.index])
+        quality_of(context.scene)
         return {"FINISHED"}
 
 
@@ -113,6 +106,3 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
         scene = self._scene.get()
         image = accuracy.keep_error_map(scene, self._volume.get(), *result)
         self.report({"INFO"}, f"{image.name}: {scene.rle_splat.error_note}")
-
-
-CLASSES = (RLE_SPLAT_OT_measure_accuracy, RLE_SPLAT_OT_choose_plan, RLE_SPLAT_OT_error_map)

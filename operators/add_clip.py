@@ -13,7 +13,7 @@ from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
-from .refusal import has_volume, refuse
+from .refusal import has_volume, refuses
 
 FIT = EnumProperty(
     name="Fit", description="What a clip box holds, or what a new plane halves",
@@ -75,22 +75,15 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
                ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])  # fmt: skip
     fit: FIT
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume(cls, context)
+    poll = classmethod(has_volume)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            clip_objects.check_can_add(context.scene, context.view_layer)
-            volume = volumes.load_volume(owner)
-            unit = fitted(owner, volume, self.fit)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        clip_objects.check_can_add(context.scene, context.view_layer)
+        volume = volumes.load_volume(owner)
+        unit = fitted(owner, volume, self.fit)
         matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ unit
         empty = clip_objects.add_clip(context.scene, owner, self.kind, self.keep, matrix)
         make_active(self, context, empty, "cuts the volume")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_clip,)

@@ -7,10 +7,9 @@ from ..bridge import linked
 from ..bridge.live import slice_pictures, slice_window, slices
 from ..bridge.scene import viewports
 from ..bridge.volumes import volumes
-from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
-from .refusal import has_values, refuse
+from .refusal import has_values, refuses
 
 ALL = "ALL"
 KINDS = (
@@ -55,16 +54,12 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
 
     kind: EnumProperty(name="Kind", description="How the slice lies", items=KINDS)
 
-    @classmethod
-    def poll(cls, context):
-        return has_values(cls, context)
+    poll = classmethod(has_values)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            volume = volumes.load_volume(owner)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        volume = volumes.load_volume(owner)
         one = add_slices(context, owner, volume, [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)])[-1]
         if one.name not in context.view_layer.objects:
             self.report({"WARNING"}, f"{one.name} is in a collection that is excluded from the view layer; include it "
@@ -73,6 +68,3 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
         make_active(self, context, one, "was added")
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_slice,)

@@ -23,6 +23,3 @@ class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
 
     def chosen(self, volume):
         return chosen_transfer(self.preset, volume)
-
-
-CLASSES = (RLE_SPLAT_OT_apply_preset,)

@@ -2,9 +2,8 @@
 
 from ..bridge.look import transfer
 from ..bridge.volumes import volumes
-from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import has_editable_values, refuse
+from .refusal import has_editable_values, refuses
 
 
 class AppliesTransfer(LoadsFirst):
@@ -12,19 +11,15 @@ class AppliesTransfer(LoadsFirst):
 
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_values(cls, context)
+    poll = classmethod(has_editable_values)
 
     def _warn(self, sentence):
         self.report({"WARNING"}, sentence)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            function, reason = self.chosen(volumes.load_volume(owner, self._warn))
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        function, reason = self.chosen(volumes.load_volume(owner, self._warn))
         remark = transfer.write_transfer(owner, function)
         if remark:
             self._warn(remark)

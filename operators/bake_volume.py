@@ -35,9 +35,7 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
         name="Resolution", description="Voxels along the longest side; 0 keeps every voxel", default=0, min=0,
         soft_max=1024)  # fmt: skip
 
-    @classmethod
-    def poll(cls, context):
-        return has_values_and_camera(cls, context)
+    poll = classmethod(has_values_and_camera)
 
     def invoke(self, context, event):
         self.is_confirmed = True
@@ -63,10 +61,11 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
     def commit(self, context, visible):
         scene, owner = self._scene.get(), self._volume.get()
         title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Baked"
-        one = medium_volumes.new_object(title, medium_volumes.material_for(self.look, title))
+        is_lit = self.look == LOOKS[0][0]
+        make_material = medium_volumes.emitting_material if is_lit else medium_volumes.scattering_material
+        one = medium_volumes.new_object(title, make_material(title))
         one.data.filepath = kept_path(str(self._path), bpy.data.filepath)
-        home = context.collection if linked.is_own(context.collection) else scene.collection
-        home.objects.link(one)
+        linked.put_into_scene(context, one)
         one.matrix_world = self._basis
         context.view_layer.update()
         if one.name in context.view_layer.objects:
@@ -76,6 +75,3 @@ class RLE_SPLAT_OT_bake_volume(ThroughCamera, bpy.types.Operator, ExportHelper):
                                      f"{one.name} alone.")  # fmt: skip
         else:
             self.report({"INFO"}, f"{one.name} has {visible} voxels, in {self._path.name}.")
-
-
-CLASSES = (RLE_SPLAT_OT_bake_volume,)

@@ -6,6 +6,7 @@ from bpy.props import EnumProperty, FloatProperty
 from ..bridge.volumes import segments, volumes
 from ..rle_splat.segment.label_map import BACKGROUND
 from ..rle_splat.segment.masks import fill_steps, grow_steps, keep_largest_steps, shrink_steps, smooth_steps
+from .refusal import needs
 from .segmenting import MakesSegments
 
 TOOLS = [
@@ -35,12 +36,11 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not super().poll(context):
-            return False
-        if segments.chosen_row(volumes.volume_object(context)) is None:
-            cls.poll_message_set("Choose a segment in the list, not the background")
-            return False
-        return True
+        return super().poll(context) and needs(
+            cls,
+            segments.chosen_row(volumes.volume_object(context)) is not None,
+            "Choose a segment in the list, not the background",
+        )
 
     @classmethod
     def description(cls, _context, properties):
@@ -66,6 +66,3 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
             return labels.voxels == BACKGROUND if tool == "INVERT" else (yield from OF_MASK[tool](mask))
 
         return {"make_mask": make_mask, "number": number, "over_others": tool != "FILL"}
-
-
-CLASSES = (RLE_SPLAT_OT_change_segment,)

@@ -17,7 +17,7 @@ from ..rle_splat.scene import RleSplatError
 from .import_volume import LAST_SUFFIXES, ImportsVolumes
 from .placing import make_active
 from .reading import LoadsFirst
-from .refusal import has_editable_values, has_editable_volume, refuse
+from .refusal import has_editable_values, has_editable_volume, needs, refuses
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
@@ -29,23 +29,17 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_values(cls, context):
-            return False
-        owner = volumes.volume_object(context)
-        if not any(channels.can_be_added(owner, one) for one in context.selected_objects):
-            cls.poll_message_set("Select another volume of the same place, then Shift-click this volume")
-            return False
-        return True
+        return has_editable_values(cls, context) and needs(
+            cls, cls._others(context), "Select another volume of the same place, then Shift-click this volume"
+        )
 
     def loading(self, context):
         return loading.missing_steps(volumes.volume_object(context), further=self._others(context))
 
+    @refuses
     def execute(self, context):
         owner, others = volumes.volume_object(context), self._others(context)
-        try:
-            remarks = channels.add_channels(owner, others)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        remarks = channels.add_channels(owner, others)
         for remark in remarks:
             self.report({"INFO"}, remark)
         added = "A channel was" if len(others) == 1 else f"{len(others)} channels were"
@@ -153,16 +147,9 @@ class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
 
     index: IntProperty(name="Number", description="Row in the list of channels, from 0", min=0)
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_volume(cls, context)
+    poll = classmethod(has_editable_volume)
 
+    @refuses
     def execute(self, context):
-        try:
-            channels.remove_channel(volumes.volume_object(context), self.index)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        channels.remove_channel(volumes.volume_object(context), self.index)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_add_channels, RLE_SPLAT_OT_import_channel, RLE_SPLAT_OT_remove_channel)

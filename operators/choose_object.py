@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .placing import select_alone
-from .refusal import refuse
+from .refusal import needs, refuse
 
 
 class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
@@ -18,10 +18,7 @@ class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to Object Mode first")
-            return False
-        return True
+        return needs(cls, context.mode == "OBJECT", "Switch to Object Mode first")
 
     def execute(self, context):
         chosen = context.view_layer.objects.get(self.name)
@@ -29,6 +26,3 @@ class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
             return refuse(self, f"{self.name!r} is not in this view layer; include its collection in the Outliner.")
         select_alone(context, chosen)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_choose_object,)

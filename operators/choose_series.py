@@ -4,7 +4,7 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty, StringProperty
 
 from ..bridge.volumes import series
-from .refusal import refuse
+from .refusal import needs, refuse
 
 WIDTH = 520  # pixels at interface scale 1
 THUMBNAIL_SCALE = 8.0
@@ -19,8 +19,6 @@ class RLE_SPLAT_PG_series(bpy.types.PropertyGroup):
 
 class RLE_SPLAT_UL_series(bpy.types.UIList):
     """The list of series, each with its thumbnail."""
-
-    bl_idname = "RLE_SPLAT_UL_series"
 
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property):
         offer = series.offered()
@@ -43,10 +41,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
 
     @classmethod
     def poll(cls, _context):
-        if series.offered() is None:
-            cls.poll_message_set("Import a folder that holds several series first")
-            return False
-        return True
+        return needs(cls, series.offered() is not None, "Import a folder that holds several series first")
 
     def invoke(self, context, _event):
         self.rows.clear()
@@ -60,7 +55,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
         if offer is None:
             return
         layout = self.layout
-        layout.template_list(RLE_SPLAT_UL_series.bl_idname, "", self, "rows", self, "row", rows=ROWS)
+        layout.template_list(RLE_SPLAT_UL_series.__name__, "", self, "rows", self, "row", rows=ROWS)
         chosen = offer.rows[min(self.row, len(offer.rows) - 1)]
         split = layout.split(factor=0.35)
         if offer.icon(chosen.number):
@@ -84,6 +79,3 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
 
     def cancel(self, _context):
         series.forget()
-
-
-CLASSES = (RLE_SPLAT_PG_series, RLE_SPLAT_UL_series, RLE_SPLAT_OT_choose_series)

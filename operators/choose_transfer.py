@@ -7,8 +7,7 @@ from bpy_extras.io_utils import ImportHelper
 from ..bridge.look import own_presets
 from ..bridge.pictures.canvas import redraw_sidebars
 from ..rle_splat.classify.transfer_files import SUFFIXES, read_transfer_functions
-from ..rle_splat.scene import RleSplatError
-from .refusal import refuse
+from .refusal import refuses
 
 FILES = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 WIDTH = 360  # pixels at interface scale 1
@@ -70,18 +69,13 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
         name="Replace Presets of the Same Name", description="Replace own presets that have the same names",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
 
+    @refuses
     def execute(self, context):
-        try:
-            found = read_transfer_functions(bpy.path.abspath(self.filepath))
-            own_presets.save_all([one.function for one in found], self.overwrite)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        found = read_transfer_functions(bpy.path.abspath(self.filepath))
+        own_presets.save_all([one.function for one in found], self.overwrite)
         for remark in sorted({remark for one in found for remark in one.remarks}):
             names = ", ".join(one.function.name for one in found if remark in one.remarks)
             self.report({"WARNING"}, f"{names}: {remark}")
         self.report({"INFO"}, f"Added {len(found)} own presets")
         redraw_sidebars(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_choose_transfer, RLE_SPLAT_OT_import_presets)

@@ -2,8 +2,8 @@
 
 import bpy
 
-from ..bridge.data import kernel_cache
-from ..bridge.volumes.facts import memory_text
+from ..bridge.data import preferences
+from ..rle_splat.runtime.memory import bytes_text
 
 
 class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
@@ -17,8 +17,5 @@ class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _context):
-        self.report({"INFO"}, f"Deleted {memory_text(kernel_cache.clear())} of compiled code.")
+        self.report({"INFO"}, f"Deleted {bytes_text(preferences.clear_kernels())} of compiled code.")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_clear_kernels,)

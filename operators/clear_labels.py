@@ -3,7 +3,7 @@
 import bpy
 
 from ..bridge.volumes import volumes
-from .refusal import has_editable_volume
+from .refusal import has_editable_volume, needs
 
 
 class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
@@ -15,13 +15,10 @@ class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_volume(cls, context):
-            return False
-        properties = volumes.volume_object(context).rle_splat
-        if not (properties.label_file or properties.labels):
-            cls.poll_message_set("The volume has no segments")
-            return False
-        return True
+        owner = volumes.volume_object(context)
+        return has_editable_volume(cls, context) and needs(
+            cls, owner.rle_splat.label_file or owner.rle_splat.labels, "The volume has no segments"
+        )
 
     def execute(self, context):
         properties = volumes.volume_object(context).rle_splat
@@ -29,6 +26,3 @@ class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
         properties.labels.clear()
         properties.active_label = 0
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_clear_labels,)

@@ -8,7 +8,7 @@ from ..bridge.scene import clip_objects, viewports
 from ..bridge.volumes import box, volumes
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
-from .refusal import has_volume, refuse
+from .refusal import has_volume, refuses
 
 
 class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
@@ -25,19 +25,15 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
                                        "point is not at the depth of the volume or the view is through a camera"),
                ("CURSOR", "3D Cursor", "The 3D cursor, which Shift and the right mouse button set")])  # fmt: skip
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume(cls, context)
+    poll = classmethod(has_volume)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            matrix = self._facing_plane(context, owner)
-            plane = clip_objects.active_plane(context, owner)
-            if plane is None:
-                clip_objects.check_can_add(context.scene, context.view_layer)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        matrix = self._facing_plane(context, owner)
+        plane = clip_objects.active_plane(context, owner)
+        if plane is None:
+            clip_objects.check_can_add(context.scene, context.view_layer)
         if plane is None:
             plane = clip_objects.add_clip(context.scene, owner, "PLANE", "INSIDE", matrix)
             make_active(self, context, plane, "cuts the volume")
@@ -61,6 +57,3 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
         else:
             point = middle if pivot is None or not clip_objects.is_at_depth(view, corners, pivot) else pivot
         return clip_objects.facing(view, corners, point)
-
-
-CLASSES = (RLE_SPLAT_OT_clip_to_view,)

@@ -14,14 +14,9 @@ class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
     bl_label = "Anatomy"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_segments(cls, context)
+    poll = classmethod(has_segments)
 
     def execute(self, context):
         found, count = labels.show_anatomy(volumes.volume_object(context).rle_splat.labels)
         self.report({"INFO"}, f"Names of {found} of {count} segments are known; the others have colors of their own.")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_color_anatomy,)

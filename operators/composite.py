@@ -11,9 +11,8 @@ from ..bridge.scene import world_render
 from ..bridge.scene.camera import read_camera
 from ..bridge.translations import filled
 from ..bridge.volumes import volumes
-from ..rle_splat.scene import RleSplatError
 from .reading import LoadsFirst
-from .refusal import refuse
+from .refusal import needs, refuses
 from .through_camera import has_volume_and_camera
 
 
@@ -25,23 +24,19 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     )
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume_and_camera(cls, context)
+    poll = classmethod(has_volume_and_camera)
 
+    @refuses
     def execute(self, context):
         scene = context.scene
         volume_object = volumes.volume_object(context)
-        try:
-            depsgraph = context.evaluated_depsgraph_get()
-            world_render.make_ready(scene, depsgraph)
-            _camera, width, height = read_camera(depsgraph)
-            volumes.load_volume(volume_object, lambda sentence: self.report({"WARNING"}, sentence))
-            read_transfer(volume_object, depsgraph)
-            versions.check_compositor_can_run(scene)
-            compositor.check_editable(scene)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        depsgraph = context.evaluated_depsgraph_get()
+        world_render.make_ready(scene, depsgraph)
+        _camera, width, height = read_camera(depsgraph)
+        volumes.load_volume(volume_object, lambda sentence: self.report({"WARNING"}, sentence))
+        read_transfer(volume_object, depsgraph)
+        versions.check_compositor_can_run(scene)
+        compositor.check_editable(scene)
 
         def make_image(earlier, layer):
             parts = [volume_object.name[: pictures.LONGEST_NAME], pictures.SUFFIXES["composite"], layer]
@@ -57,7 +52,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         settings.composite_object, settings.composite_image = volume_object, compositor.images_of(scene)[0]
         settings.use_composite = True
         if not settings.is_property_set("on_failed_frame"):
-            settings.on_failed_frame = preferences.failed_frame()
+            settings.on_failed_frame = preferences.value("failed_frame")
         settings.message = settings.render_problem = settings.failed_frames = ""
         settings.deleted_volume = volume_object.name
         mesh_shadows.settle(scene)
@@ -79,10 +74,8 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not (context.scene.rle_splat.use_composite or compositor.is_inserted(context.scene)):
-            cls.poll_message_set("Renders include no volume")
-            return False
-        return True
+        is_shown = context.scene.rle_splat.use_composite or compositor.is_inserted(context.scene)
+        return needs(cls, is_shown, "Renders include no volume")
 
     def execute(self, context):
         settings = context.scene.rle_splat
@@ -95,6 +88,3 @@ class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
             compositor.drop(image)
         mesh_shadows.settle(context.scene)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_composite, RLE_SPLAT_OT_remove_composite)

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..bridge.scene import clip_objects
-from .refusal import refuse
+from .refusal import needs, refuse
 
 
 class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
@@ -18,10 +18,9 @@ class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not clip_objects.clip_objects(context.scene):
-            cls.poll_message_set("The scene has no clip objects; add a box or a plane")
-            return False
-        return True
+        return needs(
+            cls, clip_objects.clip_objects(context.scene), "The scene has no clip objects; add a box or a plane"
+        )
 
     def execute(self, context):
         found = next((one for one in clip_objects.clip_objects(context.scene) if one.name == self.name), None)
@@ -31,6 +30,3 @@ class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
             return refuse(self, f"{self.name!r} is linked from another file; delete it there.")
         bpy.data.objects.remove(found)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_delete_clip,)

@@ -107,6 +107,3 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
             context.workspace.status_text_set(None)
         if context.window is not None:
             context.window.cursor_modal_restore()
-
-
-CLASSES = (RLE_SPLAT_OT_drag_window,)

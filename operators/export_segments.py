@@ -15,7 +15,7 @@ from ..bridge.volumes.source_paths import check_is_no_scan
 from ..rle_splat.read.formats import write_steps
 from ..rle_splat.runtime.steps import rescale
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_values
+from .refusal import has_values, needs
 
 FORMATS = [
     (".nii.gz", "NIfTI", "Label map with a table of names in its header, as TotalSegmentator writes it"),
@@ -41,12 +41,9 @@ class RLE_SPLAT_OT_export_segments(StepwiseOperator, bpy.types.Operator, ExportH
 
     @classmethod
     def poll(cls, context):
-        if not has_values(cls, context):
-            return False
-        if not volumes.volume_object(context).rle_splat.labels:
-            cls.poll_message_set("Make or read segments first")
-            return False
-        return True
+        return has_values(cls, context) and needs(
+            cls, volumes.volume_object(context).rle_splat.labels, "Make or read segments first"
+        )
 
     def loading(self, context):
         return loading.missing_steps(volumes.volume_object(context), with_labels=True)
@@ -89,6 +86,3 @@ def _export_steps(load_steps, names, path: str):
     """Generator of Progress: write a label map, which ``load_steps`` gives, with names."""
     found = (yield from rescale(load_steps, 0.0, 0.3)).volume
     yield from rescale(write_steps(replace(found, named_labels=names), path), 0.3, 1.0)
-
-
-CLASSES = (RLE_SPLAT_OT_export_segments,)

@@ -43,9 +43,7 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         default=0.5, min=0.001, max=1.0, subtype="FACTOR")  # fmt: skip
     value: FloatProperty(name="Value", description="Value of the volume at the surface", default=300.0)
 
-    @classmethod
-    def poll(cls, context):
-        return has_values(cls, context)
+    poll = classmethod(has_values)
 
     def draw(self, _context):
         layout = self.layout
@@ -97,6 +95,3 @@ def _step_at(function: TransferFunction, value: float) -> TransferFunction:
     return TransferFunction(
         name=function.name, unit=function.unit, opacity=((value, 0.0), (value, 1.0)), color=function.color
     )
-
-
-CLASSES = (RLE_SPLAT_OT_extract_surface,)

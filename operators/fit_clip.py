@@ -9,10 +9,9 @@ from ..bridge.data.settings import scene_scale_of
 from ..bridge.scene import clip_handles
 from ..bridge.volumes import volumes
 from ..bridge.volumes.attached import volume_frame
-from ..rle_splat.scene import RleSplatError
 from .add_clip import FIT, fitted
 from .reading import LoadsFirst
-from .refusal import has_volume, refuse
+from .refusal import has_volume, needs, refuses
 
 
 class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
@@ -26,25 +25,17 @@ class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_volume(cls, context):
-            return False
         one = clip_handles.active_box(context)
-        if one is None or not linked.is_own(one):
-            cls.poll_message_set("Add a clip box, or choose one in the list")
-            return False
-        return True
+        return has_volume(cls, context) and needs(
+            cls, one is not None and linked.is_own(one), "Add a clip box, or choose one in the list"
+        )
 
+    @refuses
     def execute(self, context):
         owner, one = volumes.volume_object(context), clip_handles.active_box(context)
-        try:
-            volume = volumes.load_volume(owner)
-            matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted(
-                owner, volume, self.fit
-            )
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        volume = volumes.load_volume(owner)
+        matrix = volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit)) @ fitted(
+            owner, volume, self.fit
+        )
         one.matrix_world = Matrix((matrix / np.array((*(one.empty_display_size,) * 3, 1.0))).tolist())
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_fit_clip,)

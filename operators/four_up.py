@@ -6,10 +6,9 @@ import numpy as np
 from ..bridge.live import slice_pictures, slice_places, slices
 from ..bridge.scene import viewports
 from ..bridge.volumes import box, volumes
-from ..rle_splat.scene import RleSplatError
 from .add_slice import add_slices
 from .reading import LoadsFirst
-from .refusal import has_values, refuse
+from .refusal import has_values, refuse, refuses
 from .use_window_tool import TOOL
 
 
@@ -21,10 +20,9 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
     bl_label = "Four-Up View"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_values(cls, context)
+    poll = classmethod(has_values)
 
+    @refuses
     def execute(self, context):
         area, region = _viewport(context)
         if area is None:
@@ -34,10 +32,7 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
         if len(space.region_quadviews):
             _leave(context, space, where)
             return {"FINISHED"}
-        try:
-            volume = volumes.load_volume(owner)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        volume = volumes.load_volume(owner)
         kinds = {one.rle_splat.slice_kind: one for one in slices.slice_objects(context.scene)
                  if slices.volume_of(one) == owner}  # fmt: skip
         for one in add_slices(context, owner, volume, [kind for kind in slice_places.SIDE_OF if kind not in kinds]):
@@ -83,6 +78,3 @@ def _place_views(space, owner, kinds: dict) -> None:
     for view, kind in zip(straight, ("coronal", "axial", "sagittal")):
         view.lock_rotation = False
         view.view_rotation = slice_places.straight_onto(kinds[kind], kind, matrix)
-
-
-CLASSES = (RLE_SPLAT_OT_four_up,)

@@ -28,9 +28,7 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
 
     side: EnumProperty(name="From", description="The side of the patient to look from", items=SIDES)
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume(cls, context)
+    poll = classmethod(has_volume)
 
     @classmethod
     def description(cls, _context, properties):
@@ -54,6 +52,3 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
             rotation = viewports.rotation_from(self.side, matrix)
         viewports.frame(context.window, [corners], rotation)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_frame_volume,)

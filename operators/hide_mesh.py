@@ -26,6 +26,3 @@ class RLE_SPLAT_OT_hide_mesh(bpy.types.Operator):
             one.hide_render = True
         self.report({"INFO"}, filled("{mesh} is hidden in viewports and renders.", mesh=one.name))
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_hide_mesh,)

@@ -14,15 +14,17 @@ from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
 from ..bridge.translations import filled, translate
-from ..bridge.volumes import box, encoded, facts, labels, new_volume, segments, volumes
+from ..bridge.volumes import box, encoded, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.read.tiff import is_page
+from ..rle_splat.runtime.memory import bytes_text
 from ..rle_splat.runtime.steps import Progress, rescale
 from ..rle_splat.scene import RleSplatError
 from .reading import ReadsFiles
+from .refusal import needs
 
 # Blender filters by the last suffix only, so .raw.gz is listed as .gz; the format is checked when the file is opened.
 LAST_SUFFIXES = tuple(dict.fromkeys("." + suffix.rpartition(".")[2] for suffix in (*suffixes(), encoded.SUFFIX)))
@@ -116,10 +118,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     @classmethod
     def poll(cls, context):
-        if context.mode != "OBJECT":
-            cls.poll_message_set("Switch to Object Mode first")
-            return False
-        return True
+        return needs(cls, context.mode == "OBJECT", "Switch to Object Mode first")
 
     def options_again(self) -> dict:
         options = source_options.PlainOptions()
@@ -172,7 +171,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
     def _show(self, context, added: int) -> None:
         """Open the eyes of the window's viewports, or close them for a scene's first volumes, as the user prefers."""
-        if self.was_in_window and preferences.shows_imported():
+        if self.was_in_window and preferences.value("show_imported"):
             shown.switch_all(context.window, True)
         elif self.was_in_window and len(volumes.volume_objects(context.scene)) == added:
             shown.switch_all(context.window, False)
@@ -360,9 +359,8 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
             row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
-            layout.label(
-                text=filled("In memory: {size}", size=facts.memory_text(source_options.bytes_of(self))), icon="MEMORY"
-            )
+            size = bytes_text(source_options.bytes_of(self))
+            layout.label(text=filled("In memory: {size}", size=size), icon="MEMORY")
         if self.guess_text:
             box = layout.box().column(align=True)
             box.scale_y = 0.8
@@ -406,7 +404,6 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
 class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
     """Import volumes that are dropped into the 3D view or the outliner"""
 
-    bl_idname = "RLE_SPLAT_FH_volume"
     bl_label = "Volume (RLE Splat)"
     bl_import_operator = "rle_splat.import_volume"
     bl_file_extensions = ";".join(DROPPED_SUFFIXES)
@@ -420,6 +417,3 @@ def draw_menu_entry(menu, _context):
     text = "Volume (RLE Splat) (DICOM, NIfTI, NRRD, OpenVDB, raw, ...)"  # of all names the menu would be too wide
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
     menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Folder (RLE Splat)")
-
-
-CLASSES = (RLE_SPLAT_OT_import_volume, RLE_SPLAT_OT_import_folder, RLE_SPLAT_FH_volume)

@@ -46,9 +46,7 @@ class RLE_SPLAT_OT_pick_connected(bpy.types.Operator):
     bl_label = "Keep What Is Under the Mouse"
     bl_options = set()
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_values(cls, context)
+    poll = classmethod(has_editable_values)
 
     def execute(self, _context):
         return refuse(self, "This needs a click in a window; scripts use keep_connected with a voxel.")
@@ -101,6 +99,3 @@ def _voxel_under(context, mouse) -> tuple:
             if found is not None:
                 return segments.brightest_near(found.plain.volume, found.surface.index)
     raise RleSplatError(AIR)
-
-
-CLASSES = (RLE_SPLAT_OT_keep_connected, RLE_SPLAT_OT_pick_connected)

@@ -14,15 +14,10 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
     bl_label = "Keyframe Transfer Function"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_transfer(cls, context)
+    poll = classmethod(has_editable_transfer)
 
     def execute(self, context):
         count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)
         self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}. "
                               "Keep the number of points the same at all keyframes.")  # fmt: skip
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_keyframe_transfer,)

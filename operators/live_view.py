@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge import live
+from .refusal import needs
 
 
 class RLE_SPLAT_OT_live_again(bpy.types.Operator):
@@ -13,14 +14,9 @@ class RLE_SPLAT_OT_live_again(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if context.area is not None and context.area.type == "VIEW_3D":
-            return True
-        cls.poll_message_set("Only a 3D viewport shows volumes live")
-        return False
+        is_viewport = context.area is not None and context.area.type == "VIEW_3D"
+        return needs(cls, is_viewport, "Only a 3D viewport shows volumes live")
 
     def execute(self, context):
         live.try_again(context.area)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_live_again,)

@@ -7,9 +7,8 @@ from ..bridge.look import own_presets, transfer
 from ..bridge.pictures.canvas import redraw_sidebars
 from ..bridge.volumes import volumes
 from ..rle_splat.runtime.steps import drain
-from ..rle_splat.scene import RleSplatError
 from .applying import AppliesTransfer
-from .refusal import has_volume, refuse
+from .refusal import has_volume, refuses
 
 WIDTH = 300  # pixels at interface scale 1
 
@@ -37,9 +36,7 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
         name="Replace", description="Replace a preset of the same name", default=False, options={"SKIP_SAVE"}
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume(cls, context)
+    poll = classmethod(has_volume)
 
     def invoke(self, context, _event):
         if not self.name:
@@ -53,13 +50,11 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
         if own_presets.is_known(self.name):
             layout.prop(self, "overwrite", text=f"Replace {self.name.strip()}")
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            function = transfer.read_transfer(owner, context.evaluated_depsgraph_get())
-            own_presets.save(self.name, function, self.overwrite)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        function = transfer.read_transfer(owner, context.evaluated_depsgraph_get())
+        own_presets.save(self.name, function, self.overwrite)
         self.report({"INFO"}, f"Saved the preset {self.name.strip()}")
         redraw_sidebars(context)
         return {"FINISHED"}
@@ -78,14 +73,9 @@ class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
             self, event, title=f"Delete the preset {self.name}?", message="Its file is deleted for good.",
             confirm_text="Delete", icon="WARNING")  # fmt: skip
 
+    @refuses
     def execute(self, context):
-        try:
-            own_presets.delete(self.name)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        own_presets.delete(self.name)
         self.report({"INFO"}, f"Deleted the preset {self.name}")
         redraw_sidebars(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_apply_own_preset, RLE_SPLAT_OT_save_own_preset, RLE_SPLAT_OT_delete_own_preset)

@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge.look import transfer
 from ..bridge.volumes import volumes
-from .refusal import has_editable_transfer
+from .refusal import has_editable_transfer, needs
 
 
 class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
@@ -16,16 +16,10 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_transfer(cls, context):
-            return False
-        if not transfer.is_shared(volumes.volume_object(context)):
-            cls.poll_message_set("No other object shares this transfer function")
-            return False
-        return True
+        return has_editable_transfer(cls, context) and needs(
+            cls, transfer.is_shared(volumes.volume_object(context)), "No other object shares this transfer function"
+        )
 
     def execute(self, context):
         transfer.own_tree(volumes.volume_object(context))
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_own_transfer,)

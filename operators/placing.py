@@ -6,10 +6,6 @@ def make_active(operator, context, one, does: str) -> None:
 
     Parameters
     ----------
-    operator : bpy.types.Operator
-        The operator that reports.
-    one : bpy.types.Object
-        The object, in the view layer.
     does : str
         What it does although it is not visible, such as "cuts the volume".
     """

@@ -4,8 +4,7 @@ import bpy
 
 from ..bridge.look import transfer
 from ..bridge.volumes import volumes
-
-NOT_SOLID = "Only Solid shading has a background of its own; other shading shows the world"
+from .refusal import needs
 
 
 def wants_white(owner) -> bool:
@@ -28,10 +27,9 @@ class RLE_SPLAT_OT_plain_background(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if getattr(context.space_data, "type", "") != "VIEW_3D" or context.space_data.shading.type != "SOLID":
-            cls.poll_message_set(NOT_SOLID)
-            return False
-        return True
+        space = context.space_data
+        is_solid = getattr(space, "type", "") == "VIEW_3D" and space.shading.type == "SOLID"
+        return needs(cls, is_solid, "Only Solid shading has a background of its own; other shading shows the world")
 
     def execute(self, context):
         shading, white = context.space_data.shading, wants_white(volumes.volume_object(context))
@@ -48,6 +46,3 @@ def draw_button(layout, shading, owner) -> None:
     layout.operator(
         "rle_splat.plain_background", text="White Background" if white else "Black Background",
         depress=is_plain(shading, white), icon="SHADING_SOLID")  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_plain_background,)

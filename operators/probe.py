@@ -7,8 +7,7 @@ from bpy.props import FloatVectorProperty
 
 from ..bridge.look import probe
 from ..bridge.loop import index
-from ..rle_splat.scene import RleSplatError
-from .refusal import NO_VOLUME, refuse
+from .refusal import NO_VOLUME, needs, refuse, refuses
 
 REST = 20.0  # seconds without a move until the mouse is no longer followed
 
@@ -30,10 +29,7 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if index.of(context.scene).volumes:
-            return True
-        cls.poll_message_set(NO_VOLUME)
-        return False
+        return needs(cls, index.of(context.scene).volumes, NO_VOLUME)
 
     def invoke(self, context, event):
         if context.region is None or context.region_data is None:
@@ -72,18 +68,13 @@ class RLE_SPLAT_OT_probe(bpy.types.Operator):
         context.window_manager.event_timer_remove(self._timer)
         return {"CANCELLED", "PASS_THROUGH"}
 
+    @refuses
     def execute(self, context):
         if not any(self.direction):
             return refuse(self, "The ray has no direction; give one that is not zero.")
         ray = probe.Ray(tuple(self.origin), tuple(self.direction), 0.0, math.inf)
         depsgraph = context.evaluated_depsgraph_get()
         owners = probe.visible_owners(context)
-        try:
-            found = probe.look_along(context, depsgraph, ray, owners)
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        found = probe.look_along(context, depsgraph, ray, owners)
         self.report({"INFO"}, probe.line_of(found, len(owners) > 1) if found else "Nothing is visible along the ray")
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_probe,)

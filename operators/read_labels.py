@@ -7,7 +7,7 @@ from ..bridge.loop import store
 from ..bridge.loop.jobs import READ_BUDGET, StepwiseOperator
 from ..bridge.volumes import labels, loading, volumes
 from .reading import TOO_LARGE
-from .refusal import has_editable_values
+from .refusal import has_editable_values, needs
 
 
 class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
@@ -23,12 +23,9 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_editable_values(cls, context):
-            return False
-        if not volumes.volume_object(context).rle_splat.label_file:
-            cls.poll_message_set("Choose a label file first")
-            return False
-        return True
+        return has_editable_values(cls, context) and needs(
+            cls, volumes.volume_object(context).rle_splat.label_file, "Choose a label file first"
+        )
 
     def loading(self, context):
         return loading.missing_steps(volumes.volume_object(context), with_labels=True)
@@ -50,6 +47,3 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         if not any(row.use_color for row in owner.rle_splat.labels):  # so that the picture is as before
             sentence += "; press Anatomy to see them in color"
         self.report({"INFO"}, sentence)
-
-
-CLASSES = (RLE_SPLAT_OT_read_labels,)

@@ -25,9 +25,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         name="Dialog", description="Ask for spacing, unit, orientation and flips before reading", default=False,
         options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_volume(cls, context)
+    poll = classmethod(has_editable_volume)
 
     def invoke(self, context, _event):
         if not self.use_dialog:
@@ -73,6 +71,3 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         source_options.keep_level(self._options, found.volume)
         source_options.copy(self._options, owner.rle_splat)
         new_volume.fill_volume(context.scene, owner, found)
-
-
-CLASSES = (RLE_SPLAT_OT_reload,)

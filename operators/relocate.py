@@ -31,9 +31,7 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
         name="Dialog", description="Ask for the file before reading", default=True, options={"SKIP_SAVE", "HIDDEN"}
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_volume(cls, context)
+    poll = classmethod(has_editable_volume)
 
     def invoke(self, context, event):
         if not self.use_dialog:
@@ -66,6 +64,3 @@ class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
         elif before and before != owner.rle_splat.data_key:
             self.report({"WARNING"}, f"The voxels of {os.path.basename(found.path)} differ from those that were "
                                      "imported; undo if this is the wrong file.")  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_relocate,)

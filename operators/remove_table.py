@@ -16,6 +16,3 @@ class RLE_SPLAT_OT_remove_table(MakesSegments, bpy.types.Operator):
 
     def changes(self, _context, _owner, volume):
         return {"make_mask": lambda _labels, _shown: body_steps(volume), "name": "Body", "over_others": False}
-
-
-CLASSES = (RLE_SPLAT_OT_remove_table,)

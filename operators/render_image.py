@@ -47,6 +47,3 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
         report_picture(self, image, rendering)
         if self.was_in_window and not bpy.app.background:
             show_image.show_soon(image)
-
-
-CLASSES = (RLE_SPLAT_OT_render_image,)

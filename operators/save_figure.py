@@ -75,9 +75,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     is_new = False  # only files are written
     _viewport_has_depth = False  # whether the view of the button is a perspective one
 
-    @classmethod
-    def poll(cls, context):
-        return has_values(cls, context)
+    poll = classmethod(has_values)
 
     def invoke(self, context, _event):
         self.is_confirmed = True
@@ -165,6 +163,3 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         page, sentences = made.page, " ".join(made.remarks)
         size = f"{page.width} x {page.height} pixels"
         self.report({"INFO"}, f"Saved {os.path.basename(self._path)} ({size}) and its sidecar. {sentences}".rstrip())
-
-
-CLASSES = (RLE_SPLAT_OT_save_figure,)

@@ -6,7 +6,7 @@ from bpy.props import IntProperty
 from ..bridge import linked
 from ..bridge.live import slice_places
 from ..bridge.loop import index
-from .refusal import refuse
+from .refusal import needs, refuse
 
 NO_SLICE = "Add a slice first"
 
@@ -23,10 +23,7 @@ class RLE_SPLAT_OT_scroll_slice(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if index.of(context.scene).slices:
-            return True
-        cls.poll_message_set(NO_SLICE)
-        return False
+        return needs(cls, index.of(context.scene).slices, NO_SLICE)
 
     def invoke(self, context, event):
         if context.region is None or context.region_data is None:
@@ -41,6 +38,3 @@ class RLE_SPLAT_OT_scroll_slice(bpy.types.Operator):
         if one is None or not one.rle_splat.is_slice:
             return refuse(self, "The active object is no slice; select one.")
         return {"FINISHED"} if slice_places.scroll(one, self.layers) else {"CANCELLED"}
-
-
-CLASSES = (RLE_SPLAT_OT_scroll_slice,)

@@ -22,9 +22,7 @@ class MakesSegments(StepwiseOperator):
     out_of_memory = TOO_LARGE
     hide = ""  # as of ``segments.show``
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_values(cls, context)
+    poll = classmethod(has_editable_values)
 
     def loading(self, context):
         owner = volumes.volume_object(context)

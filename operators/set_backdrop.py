@@ -10,6 +10,7 @@ from ..bridge.pictures import backdrop, live_backdrop, outdated, pictures
 from ..bridge.pictures.canvas import ProgressImage, redraw
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
+from .refusal import needs
 from .through_camera import evaluated, has_volume_and_camera, is_looked_through, look_through_camera, report_picture
 
 
@@ -28,9 +29,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         name="Keep Up to Date", description="Update the picture whenever the frame or the scene changes",
         options={"SKIP_SAVE"})  # fmt: skip
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume_and_camera(cls, context)
+    poll = classmethod(has_volume_and_camera)
 
     def invoke(self, context, event):
         look_through_camera(context)
@@ -89,11 +88,9 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        scene = context.scene
-        if scene.camera is None or scene.camera.type != "CAMERA" or backdrop.find(scene, scene.camera) is None:
-            cls.poll_message_set("The active camera shows no picture of a volume")
-            return False
-        return True
+        camera = context.scene.camera
+        is_shown = camera is not None and camera.type == "CAMERA" and backdrop.find(context.scene, camera) is not None
+        return needs(cls, is_shown, "The active camera shows no picture of a volume")
 
     def execute(self, context):
         live_backdrop.stop()
@@ -101,6 +98,3 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         context.scene.rle_splat.backdrop_object = None
         redraw(context)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_set_backdrop, RLE_SPLAT_OT_remove_backdrop)

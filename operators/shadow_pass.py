@@ -18,9 +18,7 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         "(none) to 1 (all)"
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_values_and_camera(cls, context)
+    poll = classmethod(has_values_and_camera)
 
     def prepare(self, context):
         plain, quality = self.read_scene(context)
@@ -35,6 +33,3 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         _, share = made
         image = pictures.keep_numbers(self._scene.get(), self._volume.get(), share, "shadow")
         self.report({"INFO"}, f"{image.name}: shadows remove at most {share.max():.0%} of a pixel's light.")
-
-
-CLASSES = (RLE_SPLAT_OT_shadow_pass,)

@@ -42,6 +42,3 @@ def show_once() -> None:
 def register():
     if not bpy.app.background:
         timer.start(show_once, WAIT)
-
-
-CLASSES = (RLE_SPLAT_OT_show_tab,)

@@ -16,9 +16,7 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
 
     label: IntProperty(name="Segment", description="Value of the segment's voxels in the label file")
 
-    @classmethod
-    def poll(cls, context):
-        return has_segments(cls, context)
+    poll = classmethod(has_segments)
 
     def execute(self, context):
         rows = volumes.volume_object(context).rle_splat.labels
@@ -28,6 +26,3 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
         for row in rows:
             row.show = is_alone or row.label == self.label
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_solo_label,)

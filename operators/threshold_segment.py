@@ -43,6 +43,3 @@ class RLE_SPLAT_OT_threshold_segment(MakesSegments, bpy.types.Operator):
             return shown & (yield from threshold_steps(volume, low, high))
 
         return {"make_mask": make_mask, "name": f"{low:g} to {high:g}"}
-
-
-CLASSES = (RLE_SPLAT_OT_threshold_segment,)

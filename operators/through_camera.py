@@ -8,7 +8,19 @@ from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.scene import render_scene, viewports, world_render
 from ..bridge.translations import filled
 from ..bridge.volumes import volumes
-from .refusal import has_values, has_volume
+from .refusal import has_values, has_volume, needs
+
+
+def has_volume_and_camera(cls, context) -> bool:
+    """For ``poll``: whether there is a volume and a camera; otherwise the button's tooltip says what is missing."""
+    return has_volume(cls, context) and needs(
+        cls, context.scene.camera is not None,
+        "The scene has no active camera; add one and make it active with Ctrl+Numpad 0")  # fmt: skip
+
+
+def has_values_and_camera(cls, context) -> bool:
+    """For ``poll``: as ``has_volume_and_camera``, and the volume has values."""
+    return has_volume_and_camera(cls, context) and has_values(cls, context)
 
 
 class ThroughCamera(StepwiseOperator):
@@ -21,9 +33,7 @@ class ThroughCamera(StepwiseOperator):
         "used",
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume_and_camera(cls, context)
+    poll = classmethod(has_volume_and_camera)
 
     def read_scene(self, context):
         """Return (Scene, Quality), and remember Blender's scene and volume for ``commit``."""
@@ -34,21 +44,6 @@ class ThroughCamera(StepwiseOperator):
         return render_scene.read_scene(
             volume_object, evaluated(context, volume_object), with_meshes=self.with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
-
-
-def has_volume_and_camera(cls, context) -> bool:
-    """For ``poll``: whether there is a volume and a camera; otherwise the button's tooltip says what is missing."""
-    if not has_volume(cls, context):
-        return False
-    if context.scene.camera is None:
-        cls.poll_message_set("The scene has no active camera; add one and make it active with Ctrl+Numpad 0")
-        return False
-    return True
-
-
-def has_values_and_camera(cls, context) -> bool:
-    """For ``poll``: as ``has_volume_and_camera``, and the volume has values."""
-    return has_volume_and_camera(cls, context) and has_values(cls, context)
 
 
 def evaluated(context, volume_object):
@@ -73,17 +68,7 @@ def is_looked_through(context) -> bool:
 
 
 def report_picture(operator, image, rendering) -> None:
-    """Report the image's name, size and remarks; a blank picture is reported as a warning.
-
-    Parameters
-    ----------
-    operator : bpy.types.Operator
-        The operator that reports.
-    image : bpy.types.Image
-        The image that holds the picture.
-    rendering : Rendering
-        The picture, with ``report["remarks"]``.
-    """
+    """Report the image's name, size and remarks; a blank picture is reported as a warning."""
     sentences = " ".join(rendering.report["remarks"])
     if rendering.rgba[..., 3].any():
         height, width = rendering.depth.shape

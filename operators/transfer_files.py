@@ -8,9 +8,8 @@ from ..bridge.look import transfer
 from ..bridge.volumes import volumes
 from ..rle_splat.classify.presets import RELATIVE
 from ..rle_splat.classify.transfer_files import choose_function, fit_function, read_transfer_functions
-from ..rle_splat.scene import RleSplatError
 from .choose_transfer import FILES, choose
-from .refusal import has_editable_values, has_volume, refuse
+from .refusal import has_editable_values, has_volume, refuses
 
 
 class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
@@ -25,23 +24,19 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
         name="Name", description="Which transfer function of a file that holds several", options={"SKIP_SAVE"}
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_values(cls, context)
+    poll = classmethod(has_editable_values)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
         path = bpy.path.abspath(self.filepath)
-        try:
-            found = read_transfer_functions(path)
-            if len(found) > 1 and not self.name and context.window is not None and not bpy.app.background:
-                return choose(path, found)
-            one = choose_function(found, self.name or None, path, "Name")
-            function = one.function
-            if function.unit == RELATIVE:
-                function = fit_function(function, volumes.load_volume(owner))
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        found = read_transfer_functions(path)
+        if len(found) > 1 and not self.name and context.window is not None and not bpy.app.background:
+            return choose(path, found)
+        one = choose_function(found, self.name or None, path, "Name")
+        function = one.function
+        if function.unit == RELATIVE:
+            function = fit_function(function, volumes.load_volume(owner))
         for remark in filter(None, (*one.remarks, transfer.write_transfer(owner, function))):
             self.report({"WARNING"}, remark)
         return {"FINISHED"}
@@ -56,17 +51,10 @@ class RLE_SPLAT_OT_save_transfer(bpy.types.Operator, ExportHelper):
     filename_ext = ".json"
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
 
-    @classmethod
-    def poll(cls, context):
-        return has_volume(cls, context)
+    poll = classmethod(has_volume)
 
+    @refuses
     def execute(self, context):
         owner = volumes.volume_object(context)
-        try:
-            transfer.read_transfer(owner, context.evaluated_depsgraph_get()).save(bpy.path.abspath(self.filepath))
-        except RleSplatError as problem:
-            return refuse(self, problem)
+        transfer.read_transfer(owner, context.evaluated_depsgraph_get()).save(bpy.path.abspath(self.filepath))
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_load_transfer, RLE_SPLAT_OT_save_transfer)

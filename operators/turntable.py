@@ -32,7 +32,7 @@ from ..bridge.render.output_settings import (
 from ..bridge.translations import filled
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
-from .refusal import has_volume, refuse
+from .refusal import has_volume, needs, refuse
 
 TURN, OWN = "TURN", "CAMERA"
 LETTERS = 38  # characters in a line of the dialog
@@ -103,12 +103,10 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not has_volume(cls, context):
-            return False
-        if StepwiseOperator.is_running() or bpy.app.is_job_running("RENDER"):
-            cls.poll_message_set("Other work is in progress; wait for it, or press Esc to cancel it")
-            return False
-        return True
+        is_busy = StepwiseOperator.is_running() or bpy.app.is_job_running("RENDER")
+        return has_volume(cls, context) and needs(
+            cls, not is_busy, "Other work is in progress; wait for it, or press Esc to cancel it"
+        )
 
     def draw(self, context):
         layout = self.layout
@@ -263,6 +261,3 @@ def _sentence(problem: Exception) -> str:
         return sentence_of(problem)
     lines = [line.removeprefix("Error: ").strip() for line in str(problem).splitlines()]
     return " ".join(filter(None, lines)) or "Blender could not render the animation, and does not say why."
-
-
-CLASSES = (RLE_SPLAT_OT_turntable,)

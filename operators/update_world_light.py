@@ -6,6 +6,7 @@ from ..bridge.held import Held
 from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.scene import world_render
 from ..bridge.translations import filled
+from .refusal import needs
 
 
 class RLE_SPLAT_OT_update_world_light(StepwiseOperator, bpy.types.Operator):
@@ -16,10 +17,9 @@ class RLE_SPLAT_OT_update_world_light(StepwiseOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not world_render.is_needed(context.scene):
-            cls.poll_message_set("The light of this world needs no rendering, or volumes do not use it; see Lighting")
-            return False
-        return True
+        return needs(
+            cls, world_render.is_needed(context.scene),
+            "The light of this world needs no rendering, or volumes do not use it; see Lighting")  # fmt: skip
 
     def loading(self, _context):
         return None
@@ -33,6 +33,3 @@ class RLE_SPLAT_OT_update_world_light(StepwiseOperator, bpy.types.Operator):
         count = lines.count("\n") + 1
         self.report({"INFO"}, filled("Rendered the light of {count} states of the world.", count=count)
                     if count > 1 else filled("Rendered the world's light."))  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_OT_update_world_light,)

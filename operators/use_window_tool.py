@@ -24,6 +24,3 @@ class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
 
     def execute(self, _context):
         return bpy.ops.wm.tool_set_by_id(name=TOOL)
-
-
-CLASSES = (RLE_SPLAT_OT_use_window_tool,)

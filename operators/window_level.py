@@ -42,9 +42,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
         name="Of Slices", description="Set the range that the volume's slices show from black to white", default=False
     )
 
-    @classmethod
-    def poll(cls, context):
-        return has_editable_transfer(cls, context)
+    poll = classmethod(has_editable_transfer)
 
     @classmethod
     def description(cls, _context, properties):
@@ -79,6 +77,3 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
         if remark:
             self.report({"WARNING"}, remark)
         return {"FINISHED"}
-
-
-CLASSES = (RLE_SPLAT_OT_window_level,)

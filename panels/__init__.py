@@ -1,44 +1,22 @@
 """The panels, one file each.  A draw function reads properties only: it opens no file and touches no voxel."""
 
+from importlib import import_module
+
 import bpy
 
-from . import (
-    about,
-    accuracy,
-    advanced,
-    channels,
-    clip_gizmos,
-    clip_objects,
-    diagnostics,
-    display,
-    effects,
-    labels,
-    live_view,
-    picture,
-    playback,
-    preset_menu,
-    presets,
-    report,
-    scan,
-    shading,
-    slices,
-    transfer,
-    volume,
-    volume_menu,
-    whole_scene,
-    window_tool,
-)
+from ..bridge.classes import classes_of
+from . import live_view, window_tool
 
-MODULES = (
-    volume, volume_menu, preset_menu, display, presets, transfer, shading, clip_objects, slices, labels, channels,
-    picture, whole_scene, scan, playback, advanced, diagnostics, effects, report, accuracy, about, clip_gizmos,
-)  # fmt: skip
+MODULES = [import_module(f".{name}", __name__) for name in (
+    "volume volume_menu preset_menu display presets transfer shading clip_objects slices labels channels picture "
+    "whole_scene scan playback advanced diagnostics effects report accuracy about clip_gizmos"
+).split()]  # fmt: skip
+CLASSES = classes_of(MODULES)
 
 
 def register():
-    for module in MODULES:
-        for cls in module.CLASSES:
-            bpy.utils.register_class(cls)
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
     live_view.register()
     window_tool.register()
 
@@ -46,6 +24,5 @@ def register():
 def unregister():
     window_tool.unregister()
     live_view.unregister()
-    for module in reversed(MODULES):
-        for cls in reversed(module.CLASSES):
-            bpy.utils.unregister_class(cls)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -17,7 +17,6 @@ PACKAGES = json.loads(BUNDLED.read_text(encoding="utf-8"))  # read once, for dra
 
 class RLE_SPLAT_PT_about(Sidebar, bpy.types.Panel):
     bl_label = "About"
-    bl_idname = "RLE_SPLAT_PT_about"
     bl_parent_id = "RLE_SPLAT_PT_advanced"
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 10
@@ -30,6 +29,3 @@ class RLE_SPLAT_PT_about(Sidebar, bpy.types.Panel):
         column = layout.box().column(align=True)
         for package in PACKAGES:
             paragraph(context, column, f"{package['name']}: {package['license']}")
-
-
-CLASSES = (RLE_SPLAT_PT_about,)

@@ -72,13 +72,8 @@ def _draw_cells(box, name: str, cells, index: int | None = None, current: bool =
 
 
 class RLE_SPLAT_PT_accuracy(AccuracyPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_accuracy"
     bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_accuracy(AccuracyPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_accuracy"
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_accuracy, RLE_SPLAT_PT_render_accuracy)

@@ -89,13 +89,8 @@ def _memory(context) -> str:
 
 
 class RLE_SPLAT_PT_advanced(AdvancedPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_advanced"
     bl_order = 8
 
 
 class RLE_SPLAT_PT_render_advanced(AdvancedPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_advanced"
     bl_parent_id = "RLE_SPLAT_PT_render"
-
-
-CLASSES = (RLE_SPLAT_PT_advanced, RLE_SPLAT_PT_render_advanced)

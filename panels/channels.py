@@ -10,7 +10,6 @@ from .places import OfVolume, paragraph
 
 class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
     bl_label = "Channels"
-    bl_idname = "RLE_SPLAT_PT_channels"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -31,6 +30,3 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
         if properties.frame_count > 1 and properties.playback == FIXED:
             layout.operator("rle_splat.import_channel", text="Add Channels of the File", icon="COLOR").of_file = True
         layout.operator("rle_splat.add_channels", icon="ADD")
-
-
-CLASSES = (RLE_SPLAT_PT_channels,)

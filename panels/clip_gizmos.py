@@ -116,7 +116,6 @@ def _push_undo() -> None:
 class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
     """A handle on each face of a clip box. The opposite face stays"""
 
-    bl_idname = "RLE_SPLAT_GGT_clip_box"
     bl_label = "Handles of a Clip Box"
 
     moved = staticmethod(clip_handles.active_box)
@@ -138,7 +137,6 @@ class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
 class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
     """A handle that moves a clip plane or a slice along its normal, and two rings that tilt it"""
 
-    bl_idname = "RLE_SPLAT_GGT_clip_plane"
     bl_label = "Handles of a Plane"
 
     moved = staticmethod(clip_handles.active_plane)
@@ -158,6 +156,3 @@ class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
             return []
         places = clip_handles.plane_origin(plane)[:2], *(clip_handles.tilt_axis(plane, axis) for axis in (0, 1))
         return [clip_handles.pointing(base, direction) for base, direction in places]
-
-
-CLASSES = (RLE_SPLAT_GGT_clip_box, RLE_SPLAT_GGT_clip_plane)

@@ -9,7 +9,6 @@ from .places import Sidebar
 
 class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
     bl_label = "Cut"
-    bl_idname = "RLE_SPLAT_PT_clip_objects"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -57,6 +56,3 @@ def _is_box(one) -> bool:
     if one.type == "EMPTY":
         return one.empty_display_type == "CUBE"
     return min(one.dimensions) > clip_objects.FLAT * max(one.dimensions)
-
-
-CLASSES = (RLE_SPLAT_PT_clip_objects,)

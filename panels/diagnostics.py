@@ -16,13 +16,8 @@ class DiagnosticsPanel:
 
 
 class RLE_SPLAT_PT_diagnostics(DiagnosticsPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_diagnostics"
     bl_parent_id = "RLE_SPLAT_PT_advanced"
 
 
 class RLE_SPLAT_PT_render_diagnostics(DiagnosticsPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_diagnostics"
     bl_parent_id = "RLE_SPLAT_PT_render_advanced"
-
-
-CLASSES = (RLE_SPLAT_PT_diagnostics, RLE_SPLAT_PT_render_diagnostics)

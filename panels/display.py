@@ -56,13 +56,8 @@ class DisplayPanel:
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_display"
     bl_order = 1
 
 
 class RLE_SPLAT_PT_data_display(DisplayPanel, DataTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_data_display"
     bl_order = 1
-
-
-CLASSES = (RLE_SPLAT_PT_display, RLE_SPLAT_PT_data_display)

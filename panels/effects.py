@@ -62,13 +62,8 @@ def _time(row) -> str:
 
 
 class RLE_SPLAT_PT_effects(EffectsPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_effects"
     bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_effects(EffectsPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_effects"
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_effects, RLE_SPLAT_PT_render_effects)

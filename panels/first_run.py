@@ -6,15 +6,7 @@ from .places import paragraph
 
 
 def draw(context, layout) -> None:
-    """Draw the hint.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        Gives the width for texts.
-    layout : bpy.types.UILayout
-        Where it is added.
-    """
+    """Draw the hint."""
     step = _step(context, layout, "1. Import a volume, or drop its file into the view")
     step.operator("rle_splat.import_volume", text="Import File…", icon="IMPORT")
     step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")

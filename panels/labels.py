@@ -16,8 +16,6 @@ BUTTON = 2.5  # width of a button beside a path, in buttons
 class RLE_SPLAT_UL_labels(bpy.types.UIList):
     """The list of segments."""
 
-    bl_idname = "RLE_SPLAT_UL_labels"
-
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property):
         row = layout.row(align=True)
         row.prop(item, "show", text="", icon="HIDE_OFF" if item.show else "HIDE_ON", emboss=False)
@@ -33,7 +31,6 @@ class RLE_SPLAT_UL_labels(bpy.types.UIList):
 
 class RLE_SPLAT_MT_segments(bpy.types.Menu):
     bl_label = "Segment Tools"
-    bl_idname = "RLE_SPLAT_MT_segments"
 
     def draw(self, _context):
         layout = self.layout
@@ -50,7 +47,6 @@ class RLE_SPLAT_MT_segments(bpy.types.Menu):
 
 class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
     bl_label = "Segments"
-    bl_idname = "RLE_SPLAT_PT_labels"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -62,7 +58,7 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         if encoded.is_of(owner):
             paragraph(context, layout, NO_SEGMENTS, icon="INFO")
             return
-        layout.menu(RLE_SPLAT_MT_segments.bl_idname, icon="TOOL_SETTINGS")
+        layout.menu(RLE_SPLAT_MT_segments.__name__, icon="TOOL_SETTINGS")
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
         button = row.row(align=True)
@@ -72,7 +68,7 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         if not properties.labels:
             return
         layout.template_list(
-            RLE_SPLAT_UL_labels.bl_idname, "", properties, "labels", properties, "active_label", rows=ROWS
+            RLE_SPLAT_UL_labels.__name__, "", properties, "labels", properties, "active_label", rows=ROWS
         )
         if properties.active_label < len(properties.labels):
             chosen = properties.labels[properties.active_label]
@@ -82,6 +78,3 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             layout.prop(chosen, "look", text="")
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")
-
-
-CLASSES = (RLE_SPLAT_UL_labels, RLE_SPLAT_MT_segments, RLE_SPLAT_PT_labels)

@@ -16,12 +16,8 @@ def draw_switch(layout, space, text: str = "") -> None:
 
     Parameters
     ----------
-    layout : bpy.types.UILayout
-        Where it is added.
     space : bpy.types.Space
         Nothing is drawn for another editor than a 3D view.
-    text : str
-        Label of the checkbox.
     """
     if space is None or space.type != "VIEW_3D":
         return
@@ -61,7 +57,7 @@ def draw_state(context, layout) -> None:
         layout.operator(
             "rle_splat.hide_mesh", text=filled("Hide {mesh}", mesh=mesh), translate=False, icon="HIDE_ON"
         ).mesh = mesh
-    elif not preferences.shows_live():
+    elif not preferences.value("show_live"):
         paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
     elif viewports := live.viewports_of(area):
         if any(one.waits for one in viewports):

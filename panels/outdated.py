@@ -6,20 +6,7 @@ from .places import paragraph
 
 
 def draw_outdated(context, layout) -> bool:
-    """Name each outdated picture, with a button that makes it again.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        Gives the scene.
-    layout : bpy.types.UILayout
-        Where they are added.
-
-    Returns
-    -------
-    bool
-        Whether there is any.
-    """
+    """Name each outdated picture, with a button that makes it again; return whether there is any."""
     pinned = {row.image for row in context.scene.rle_splat.pictures if row.kind == "backdrop"}
     images = outdated.out_of_date(context.scene)
     for image in images:

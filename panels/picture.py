@@ -105,14 +105,9 @@ def _draw_composite(context, layout) -> None:
 
 class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):
     bl_label = "Render"
-    bl_idname = "RLE_SPLAT_PT_picture"
     bl_order = 6
 
 
 class RLE_SPLAT_PT_render(PicturePanel, RenderTab, bpy.types.Panel):
     bl_label = "RLE Splat"
-    bl_idname = "RLE_SPLAT_PT_render"
     bl_options = {"DEFAULT_CLOSED"}
-
-
-CLASSES = (RLE_SPLAT_PT_picture, RLE_SPLAT_PT_render)

@@ -55,10 +55,6 @@ def paragraph(context, layout, text: str, icon: str = "NONE") -> None:
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the interface scale and the width of the region in pixels.
-    layout : bpy.types.UILayout
-        Where the labels are added.
     text : str
         The text, which is translated, see ``translate``; it is broken at spaces.
     icon : str

@@ -10,7 +10,6 @@ from .places import Sidebar
 
 class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
     bl_label = "Time"
-    bl_idname = "RLE_SPLAT_PT_playback"
     bl_parent_id = "RLE_SPLAT_PT_scan"
 
     @classmethod
@@ -28,6 +27,3 @@ class RLE_SPLAT_PT_playback(Sidebar, bpy.types.Panel):
         for name in ("frame",) if properties.playback == FIXED else ("frame_offset", "frame_step"):
             column.prop(properties, name)
         layout.label(text=filled("Shows {frame} of {frames}", frame=shown_frame(owner), frames=properties.frame_count))
-
-
-CLASSES = (RLE_SPLAT_PT_playback,)

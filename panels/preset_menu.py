@@ -8,7 +8,6 @@ from ..bridge.look.preset_items import BY_MODALITY, IMPORT_ITEMS, SUGGESTED
 
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
     bl_label = "Presets"
-    bl_idname = "RLE_SPLAT_MT_presets"
 
     def draw(self, _context):
         layout = self.layout
@@ -26,6 +25,3 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
         layout.separator()
         layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
         layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")
-
-
-CLASSES = (RLE_SPLAT_MT_presets,)

@@ -15,7 +15,6 @@ MOST_COLUMNS = 6
 
 class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
     bl_label = "Presets"
-    bl_idname = "RLE_SPLAT_PT_presets"
     bl_parent_id = "RLE_SPLAT_PT_display"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -69,6 +68,3 @@ def _columns(context, narrowest: float) -> tuple[int, float]:
     room = max(width - BORDERS, narrowest)
     columns = max(1, min(int(room / narrowest), MOST_COLUMNS))
     return columns, room / columns / BUTTON
-
-
-CLASSES = (RLE_SPLAT_PT_presets,)

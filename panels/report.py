@@ -20,13 +20,8 @@ class ReportPanel:
 
 
 class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_report"
     bl_parent_id = "RLE_SPLAT_PT_diagnostics"
 
 
 class RLE_SPLAT_PT_render_report(ReportPanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_report"
     bl_parent_id = "RLE_SPLAT_PT_render_diagnostics"
-
-
-CLASSES = (RLE_SPLAT_PT_report, RLE_SPLAT_PT_render_report)

@@ -39,13 +39,8 @@ class ScanPanel:
 
 
 class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_scan"
     bl_order = 7
 
 
 class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_data_scan"
     bl_order = 3
-
-
-CLASSES = (RLE_SPLAT_PT_scan, RLE_SPLAT_PT_data_scan)

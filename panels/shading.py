@@ -12,7 +12,6 @@ from .places import OfVolume, paragraph
 
 class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
     bl_label = "Lighting"
-    bl_idname = "RLE_SPLAT_PT_shading"
     bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -40,6 +39,3 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
-
-
-CLASSES = (RLE_SPLAT_PT_shading,)

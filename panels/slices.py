@@ -11,7 +11,6 @@ from .places import Sidebar, paragraph
 
 class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
     bl_label = "Slices"
-    bl_idname = "RLE_SPLAT_PT_slices"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -69,13 +68,9 @@ def _draw_window(layout, properties) -> None:
 
 class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
     bl_label = "Level and Window of Slices"
-    bl_idname = "RLE_SPLAT_MT_slice_windows"
 
     def draw(self, _context):
         for name, label, _description in WINDOW_ITEMS:
             if name != "CUSTOM":
                 one = self.layout.operator("rle_splat.window_level", text=label)
                 one.preset, one.of_slices = name, True
-
-
-CLASSES = (RLE_SPLAT_MT_slice_windows, RLE_SPLAT_PT_slices)

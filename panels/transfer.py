@@ -13,7 +13,6 @@ from .places import DataTab, OfVolume, paragraph
 
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
     bl_label = "Level and Window"
-    bl_idname = "RLE_SPLAT_MT_windows"
 
     def draw(self, _context):
         for name, label, _description in WINDOW_ITEMS:
@@ -84,14 +83,9 @@ def _draw_opacity(layout, properties) -> None:
 
 
 class RLE_SPLAT_PT_transfer(ColorPanel, OfVolume, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_transfer"
     bl_order = 2
 
 
 class RLE_SPLAT_PT_data_transfer(ColorPanel, DataTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_data_transfer"
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
-
-
-CLASSES = (RLE_SPLAT_MT_windows, RLE_SPLAT_PT_transfer, RLE_SPLAT_PT_data_transfer)

@@ -19,7 +19,6 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
     """With a header, without which Blender draws no background behind a panel's text."""
 
     bl_label = "Volume"
-    bl_idname = "RLE_SPLAT_PT_volume"
     bl_order = 0
 
     def draw_header_preset(self, context):
@@ -76,6 +75,3 @@ def _warn_without_numba(context, layout) -> None:
         box.label(text="No compiled code: rendering is very slow", icon="ERROR")
         paragraph(context, box, f"numba cannot be loaded ({NUMBA_PROBLEM}). Disable other extensions that bring a "
                                 "numba of their own, or reinstall this one, then restart Blender")  # fmt: skip
-
-
-CLASSES = (RLE_SPLAT_PT_volume,)

@@ -7,7 +7,6 @@ from ..bridge.volumes import volumes
 
 class RLE_SPLAT_MT_volumes(bpy.types.Menu):
     bl_label = "Volumes"
-    bl_idname = "RLE_SPLAT_MT_volumes"
 
     def draw(self, context):
         layout = self.layout
@@ -23,6 +22,3 @@ def icon_of(owner) -> str:
     if owner.library is not None:
         return "LIBRARY_DATA_DIRECT"
     return "OUTLINER_OB_VOLUME" if owner.override_library is None else "LIBRARY_DATA_OVERRIDE"
-
-
-CLASSES = (RLE_SPLAT_MT_volumes,)

@@ -39,13 +39,8 @@ class ScenePanel:
 
 
 class RLE_SPLAT_PT_whole_scene(ScenePanel, Sidebar, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_whole_scene"
     bl_parent_id = "RLE_SPLAT_PT_picture"
 
 
 class RLE_SPLAT_PT_render_whole_scene(ScenePanel, RenderTab, bpy.types.Panel):
-    bl_idname = "RLE_SPLAT_PT_render_whole_scene"
     bl_parent_id = "RLE_SPLAT_PT_render"
-
-
-CLASSES = (RLE_SPLAT_PT_whole_scene, RLE_SPLAT_PT_render_whole_scene)

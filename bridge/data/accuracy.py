@@ -1,7 +1,5 @@
 """The measured plans of a scene, saved in the .blend as rows of a list, and the image of the error map."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -88,15 +86,7 @@ def plan_of(row) -> Quality:
 def is_current(scene, row) -> bool:
     """Whether the scene's settings are those of a row's plan.
 
-    Parameters
-    ----------
-    row : AccuracyRowProperties
-        A row of its measured plans.
-
-    Returns
-    -------
-    bool
-        False for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
+    False for a row that cannot be read, and with a maximum error, which chooses a plan by itself.
     """
     try:
         return tolerance_of(scene) is None and _same(quality_of(scene), plan_of(row))
@@ -106,13 +96,6 @@ def is_current(scene, row) -> bool:
 
 def choose(scene, row) -> None:
     """Set the scene's settings to a row's plan; ``quality`` becomes "custom" unless a preset equals the plan.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene to change.
-    row : AccuracyRowProperties
-        A row of its measured plans.
 
     Raises
     ------
@@ -150,17 +133,10 @@ def keep_error_map(scene, volume_object, errors, report: dict):
 
     Parameters
     ----------
-    scene : bpy.types.Scene
-        The scene that owns the image.
     errors : ndarray, shape (height, width)
         Errors in levels of 1/255, row 0 on top.
     report : dict
         The report of the error map, with ``error``.
-
-    Returns
-    -------
-    bpy.types.Image
-        The image.
     """
     settings, image = scene.rle_splat, pictures.keep_numbers(scene, volume_object, errors, ERROR_KIND)
     found, settings.error_image = report["error"], image

@@ -1,7 +1,5 @@
 """Checkboxes for numbers of which one value means something else, so that panels show a word instead of that number."""
 
-from __future__ import annotations
-
 
 def switch(name: str, special: float, other: float, *, when_special: bool = True) -> dict:
     """Getter and setter of a BoolProperty that says whether a number has its special value.
@@ -38,10 +36,6 @@ def draw_number(layout, data, name: str, switch: str, text: str = "") -> None:
 
     Parameters
     ----------
-    layout : bpy.types.UILayout
-        Where they are added.
-    data : bpy.types.bpy_struct
-        What has both properties.
     name, switch : str
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
     text : str

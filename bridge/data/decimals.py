@@ -9,16 +9,6 @@ def typed(value) -> float:
     """The shortest decimal that rounds to the same float32, such as 0.1 for the stored 0.10000000149.
 
     So a picture made from properties equals the one made from the same numbers on the command line.
-
-    Parameters
-    ----------
-    value : float
-        A number stored in single precision.
-
-    Returns
-    -------
-    float
-        The decimal in double precision.
     """
     return float(str(np.float32(value)))
 
@@ -38,7 +28,6 @@ def rounded_to_span(values, span: float) -> list[float]:
 
     Parameters
     ----------
-    values : sequence of float
     span : float
         The length of their range; one that is not above zero leaves the values unchanged.
     """

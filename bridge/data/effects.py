@@ -3,14 +3,13 @@
 Both are properties of the scene, so undo, saving and copying a scene include them.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ...rle_splat.effects.analyze import EFFECTS
+from .overridable import evaluate_anew
 
 # An effect on what Blender renders, not on our pictures.
 SHADOWS_ON_MESHES = "shadows on meshes"
@@ -44,11 +43,7 @@ def property_of(name: str) -> str:
     return name.replace(" ", "_").replace("-", "_")
 
 
-def _evaluate_anew(overrides, _context):
-    overrides.id_data.update_tag()
-
-
-_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=_evaluate_anew)
+_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)
 
 
 class EffectOverrideProperties(bpy.types.PropertyGroup):
@@ -70,13 +65,7 @@ class EffectRowProperties(bpy.types.PropertyGroup):
 
 
 def overrides_of(scene) -> dict[str, bool]:
-    """The effects of our pictures that a scene forces on or off.
-
-    Returns
-    -------
-    dict of str to bool
-        Name of an effect to its forced state; effects left at Auto are missing.
-    """
+    """The effects of our pictures that a scene forces on or off, by name; effects left at Auto are missing."""
     chosen = {name: forced(scene, name) for name in EFFECTS}
     return {name: on for name, on in chosen.items() if on is not None}
 
@@ -87,15 +76,7 @@ def forced(scene, name: str) -> bool | None:
 
 
 def note_report(settings, report: dict) -> None:
-    """Save the effects of a finished picture and their times.
-
-    Parameters
-    ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
-    report : dict
-        The report of the picture.
-    """
+    """Save the effects of a finished picture and their times."""
     note_effects(settings, report.get("effects", ()), "For the last picture; the milliseconds are those of each "
                  "effect's own work.")  # fmt: skip
 
@@ -105,8 +86,6 @@ def note_effects(settings, listed, note: str) -> None:
 
     Parameters
     ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
     listed : list of dict
         ``name``, ``on`` and ``reason`` of each effect, and ``ms`` if a picture was made.
     note : str

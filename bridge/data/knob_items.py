@@ -31,18 +31,7 @@ RECORD_ITEMS = [
 
 
 def items(names) -> list:
-    """Enum items of the values of a knob.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The values.
-
-    Returns
-    -------
-    list of (str, str, str)
-        Identifier, label and tooltip.
-    """
+    """Enum items of the values of a knob: identifier, label and tooltip of each."""
     return [(name, *_texts(name)) for name in names]
 
 

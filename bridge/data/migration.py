@@ -5,8 +5,6 @@ removed are replaced, and settings that were removed are taken out.  Gradient op
 lighting were a scene's, and are now each volume's own.
 """
 
-from __future__ import annotations
-
 import bpy
 from bpy.app.handlers import persistent
 
@@ -17,7 +15,7 @@ from ..pictures import images, pictures
 from ..render import compositor
 from ..volumes import volumes
 from . import settings
-from .animation import curves_of
+from .playback import curves_of
 from .volume_properties import LIGHTING_ITEMS, MODE_ITEMS
 
 # Settings of a scene in files of earlier versions -> their items in the order of their numbers; None of a checkbox.

@@ -7,13 +7,11 @@ from 1, as on the command line.
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import bpy
 
-from .animation import curves_of
 from .decimals import typed
-from .overridable import EnumProperty, FloatProperty, IntProperty
+from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 
 FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
 PLAYBACK_ITEMS = [
@@ -23,13 +21,6 @@ PLAYBACK_ITEMS = [
 ]
 PREFIX = "rle_splat."  # of the paths of a volume object's properties
 NEAR = 1e-6  # of a frame; 3 frames at a step of 1/3 are one volume, not a little less
-
-
-def _evaluate_anew(group, _context):
-    group.id_data.update_tag()
-
-
-LiveEnum, LiveFloat, LiveInt = (partial(k, update=_evaluate_anew) for k in (EnumProperty, FloatProperty, IntProperty))
 
 
 class Playback:
@@ -49,6 +40,15 @@ class Playback:
     frame_step: LiveFloat(
         name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
         "negative step plays backward", default=1.0, precision=3)  # fmt: skip
+
+
+def curves_of(datablock) -> list:
+    """The F-curves of the action that a datablock uses, of its own slot; [] without an action."""
+    data = datablock.animation_data
+    if data is None or data.action is None or data.action_slot is None:
+        return []
+    bags = (strip.channelbag(data.action_slot) for layer in data.action.layers for strip in layer.strips)
+    return [curve for bag in bags if bag is not None for curve in bag.fcurves]
 
 
 def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:

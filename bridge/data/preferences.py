@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
+import time
+from contextlib import suppress
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ...rle_splat.runtime import memory
-from ...rle_splat.runtime.jit import cache_folder
+from ...rle_splat.runtime.jit import KERNELS, cache_folder
 from ..paths import EXTENSION
 from ..translations import filled
-from . import kernel_cache
 from .automatic import draw_number, switch
 
 BESIDE, PACKED = "BESIDE", "PACKED"
@@ -98,9 +100,51 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
             draw_number(layout, self, name, automatic)
         row = layout.row()
-        row.label(text=filled("Compiled code: {size}", size=memory.bytes_text(kernel_cache.size())))
+        row.label(text=filled("Compiled code: {size}", size=memory.bytes_text(kernels_size())))
         row.operator("rle_splat.clear_kernels", icon="TRASH")
         layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
+
+
+FRESH = 10.0  # seconds for which a size counts, because the preferences draw often
+
+
+class _FolderSize:
+    """The size of the folder as last looked up, and when."""
+
+    size, at = 0, -FRESH
+
+
+def kernels_size() -> int:
+    """Bytes of the files in the folder; looked up again after FRESH seconds."""
+    now = time.monotonic()
+    if now - _FolderSize.at > FRESH:
+        _FolderSize.size, _FolderSize.at = sum(map(_bytes_of, cache_folder().rglob("*"))), now
+    return _FolderSize.size
+
+
+def clear_kernels() -> int:
+    """Delete all kernels on disk, and return their bytes; those that are loaded stay in use until Blender ends.
+
+    The folders of this version stay, because loaded kernels are saved to them.
+    """
+    _FolderSize.at = -FRESH
+    before = kernels_size()
+    with suppress(OSError):
+        for other in cache_folder().glob("kernels-*"):
+            if other != KERNELS:
+                shutil.rmtree(other, ignore_errors=True)
+    for file in [path for path in KERNELS.rglob("*") if path.is_file()]:
+        with suppress(OSError):  # another Blender has it open
+            file.unlink()
+    _FolderSize.at = -FRESH
+    return max(before - kernels_size(), 0)
+
+
+def _bytes_of(path) -> int:
+    try:
+        return path.stat().st_size if path.is_file() else 0
+    except OSError:
+        return 0
 
 
 def current():
@@ -109,40 +153,10 @@ def current():
     return None if addon is None else addon.preferences
 
 
-def pictures_are_packed() -> bool:
-    """Whether the user prefers pictures packed into the .blend."""
+def value(name: str):
+    """A preference of the user; its default while the extension is not enabled."""
     found = current()
-    return found is not None and found.pictures == PACKED
-
-
-def failed_frame() -> str:
-    """What the user wants of renders in which the volume cannot be drawn."""
-    found = current()
-    return FAILED_FRAME_ITEMS[0][0] if found is None else found.failed_frame
-
-
-def shows_live() -> bool:
-    """Whether the user wants volumes in viewports."""
-    found = current()
-    return found is None or found.show_live
-
-
-def shows_imported() -> bool:
-    """Whether viewports show what is imported."""
-    found = current()
-    return found is None or found.show_imported
-
-
-def live_habits() -> tuple[bool, int]:
-    """What the user wants of views that are still, and of drafts: the arguments of ``live.viewport.Habits``."""
-    found = current()
-    return (True, 0) if found is None else (found.refine_live, int(found.live_pixels == "HALF"))
-
-
-def threads() -> int:
-    """Threads of scenes that set none; 0 for all cores."""
-    found = current()
-    return 0 if found is None else found.threads
+    return RLE_SPLAT_AP_preferences.bl_rna.properties[name].default if found is None else getattr(found, name)
 
 
 def register():

@@ -30,18 +30,13 @@ def quality_of(scene) -> Quality:
 
     The classification counts with every quality but "paper".  The other knobs count only with "custom".
 
-    Returns
-    -------
-    Quality
-        The knobs.
-
     Raises
     ------
     RleSplatError
         For a knob out of range, or one that the classification does not support.
     """
     settings = scene.rle_splat
-    threads = settings.threads or preferences.threads()
+    threads = settings.threads or preferences.value("threads")
     common = dict(threads=threads, record=saved_value(settings, "record"))
     if settings.quality == "paper":
         return Quality.paper(**common)
@@ -109,18 +104,5 @@ def is_pre_classified(settings) -> bool:
 
 
 def scene_scale_of(scene, unit: str = "mm") -> float:
-    """World units per length unit of a volume.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        Gives the world units per millimeter.
-    unit : str
-        The volume's unit of length; an unknown one counts as a millimeter.
-
-    Returns
-    -------
-    float
-        The factor.
-    """
+    """World units per length unit of a volume; a unit that is not known counts as a millimeter."""
     return typed(scene.rle_splat.scene_scale) * MILLIMETERS.get(unit, 1.0)

@@ -71,10 +71,6 @@ ARRAYS = ("shape", "spacing", "flip")
 NAMES = tuple(entry.name for entry in fields(PlainOptions))
 
 
-def _is_files_spacing(source) -> bool:
-    return not any(source.spacing)
-
-
 def _choose_spacing(source, of_file: bool) -> None:
     """Take the file's spacing, or begin to edit: with that in use, where it is known."""
     if of_file:
@@ -99,7 +95,7 @@ class SourceOptions:
     )
     use_file_spacing: BoolProperty(
         name="From File", description="Use the spacing that the file states, or 1 where it states none",
-        get=_is_files_spacing, set=_choose_spacing)  # fmt: skip
+        get=lambda source: not any(source.spacing), set=_choose_spacing)  # fmt: skip
     length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
     orientation: StringProperty(
         name="Orientation",
@@ -148,18 +144,7 @@ class SourceOptions:
 
 
 def read_options(source) -> dict:
-    """The options that differ from their defaults.
-
-    Parameters
-    ----------
-    source : SourceOptions or PlainOptions
-        The options.
-
-    Returns
-    -------
-    dict
-        Keyword arguments of ``read_volume``.
-    """
+    """The options that differ from their defaults, as keyword arguments of ``read_volume``."""
     options = {}
     if any(source.shape):
         options["shape"] = tuple(source.shape)
@@ -189,15 +174,7 @@ def bytes_of(source) -> int:
 
 
 def fill_from_guess(target, guess) -> None:
-    """Set the layout of a raw file from a RawGuess.
-
-    Parameters
-    ----------
-    target : SourceOptions or PlainOptions
-        The options to set.
-    guess : RawGuess
-        The guess; fields that are None leave an option unchanged.
-    """
+    """Set the layout of a raw file from a RawGuess, whose fields that are None leave an option unchanged."""
     if guess.shape is not None:
         target.shape = guess.shape
     if guess.dtype is not None:

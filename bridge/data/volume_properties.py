@@ -69,16 +69,8 @@ def _shift(group, by: float) -> None:
     group.window_center = group.preset_center + by
 
 
-def _is_flipped(group) -> bool:
-    return group.clip_keep == "OUTSIDE"
-
-
 def _flip(group, on: bool) -> None:
     group.clip_keep = "OUTSIDE" if on else "INSIDE"
-
-
-def _file_chosen(group, context):
-    make_absolute(group, "filepath")
 
 
 def _labels_chosen(group, context):
@@ -126,7 +118,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         update=_look_again)  # fmt: skip
     filepath: StringProperty(
         name="File", description="File of the volume, relative to the .blend if possible", subtype="FILE_PATH",
-        options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_file_chosen)  # fmt: skip
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        update=lambda group, _context: make_absolute(group, "filepath"))  # fmt: skip
     data_key: StringProperty(name="Data Hash", description="Hash of the voxels at the import")
     files_digest: StringProperty(
         name="Files Hash", description="Hash of the names, sizes and times of the volume's files at the import"
@@ -164,7 +157,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     channels: CollectionProperty(
         type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture"
     )
-    clip_flipped: BoolProperty(name="Flip", description="Keep the other part of the volume", get=_is_flipped, set=_flip)
+    clip_flipped: BoolProperty(
+        name="Flip", description="Keep the other part of the volume", set=_flip,
+        get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_keep: LiveEnum(name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
     clip_only_parent: LiveBool(
         name="Only Its Volume", default=False,

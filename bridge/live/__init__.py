@@ -3,11 +3,10 @@
 Without a visible volume, during a render and in background mode nothing of this runs.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 
 import bpy
+import gpu
 import numpy as np
 from bpy.app.handlers import persistent
 
@@ -61,7 +60,7 @@ HANDLERS = (*shown.HANDLERS, ("depsgraph_update_post", _on_update))
 
 def is_allowed() -> bool:
     """Whether viewports may draw volumes now: wanted by the user, not in background mode and not during a render."""
-    return preferences.shows_live() and not (bpy.app.background or bpy.app.is_job_running("RENDER"))
+    return preferences.value("show_live") and not (bpy.app.background or bpy.app.is_job_running("RENDER"))
 
 
 def _volumes_of(context) -> tuple:
@@ -81,7 +80,7 @@ def _before() -> None:
     context = bpy.context
     keys = _volumes_of(context)
     if not keys:
-        if bpy.app.is_job_running("RENDER") and preferences.shows_live() and shown.has_volumes(context.scene):
+        if bpy.app.is_job_running("RENDER") and preferences.value("show_live") and shown.has_volumes(context.scene):
             _missed.add(context.region.as_pointer())
             timer.start(_tick, timer.PAUSE)
         elif _lives and is_allowed():
@@ -95,7 +94,7 @@ def _before() -> None:
     was_local, live.is_local = live.is_local, context.space_data.local_view is not None
     if live.is_local and not was_local:
         timer.start(_frame_local, 1e-3 * context.preferences.view.smooth_view + AFTER_LOCAL)
-    live.keys, live.framebuffer = keys, surface.active_framebuffer()
+    live.keys, live.framebuffer = keys, gpu.state.active_framebuffer_get()
 
 
 def _forget_closed() -> None:
@@ -151,7 +150,7 @@ def _tick():
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
     if not busy and not _missed:
         return None
-    if not preferences.shows_live():
+    if not preferences.value("show_live"):
         _missed.clear()
         for live in busy.values():
             live.viewport.stop()

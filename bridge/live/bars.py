@@ -1,7 +1,5 @@
 """A scale bar and a color bar in the viewports, drawn over what they show."""
 
-from __future__ import annotations
-
 import math
 
 import blf

@@ -6,8 +6,6 @@ The overlay is multiplied by what they let through: Solid and Material Preview k
 the grid and the axes behind the volume.
 """
 
-from __future__ import annotations
-
 from contextlib import contextmanager
 
 import bpy
@@ -101,10 +99,6 @@ def drawn_with(blend: str, depth_test: str):
 
 def texture_of(picture: RegionPicture):
     """A new texture that holds a picture; a texture cannot be written to again.
-
-    Parameters
-    ----------
-    picture : RegionPicture
 
     Returns
     -------

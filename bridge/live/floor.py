@@ -26,7 +26,6 @@ def without_floor_steps(view: ViewportView, ends: np.ndarray, part):
 
     Parameters
     ----------
-    view : ViewportView
     ends : (height, width) ndarray of float32
         As of ``view.ray_ends``.
     part : (left, top, right, bottom)

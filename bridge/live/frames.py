@@ -1,7 +1,5 @@
 """The pictures of one view: a scene for each volume as the viewport sees it, rendered in steps."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,7 +48,6 @@ class Ends:
     ----------
     drawn : (height, width) ndarray of float32
         Depths as ``view.ray_ends`` returns them.
-    view : ViewportView
     part : (left, top, right, bottom)
         The region's pixels that hold depths.
     has_floor : bool
@@ -97,7 +94,6 @@ class Shot:
 
     Attributes
     ----------
-    matrices : Matrices
     view : ViewportView
         In the region's own size.
     contents : tuple of Contents
@@ -124,22 +120,7 @@ class Shot:
 
 
 def shot_of(matrices: Matrices, contents) -> Shot:
-    """A view of volumes, the furthest first.
-
-    Parameters
-    ----------
-    matrices : Matrices
-    contents : sequence of Contents
-
-    Returns
-    -------
-    Shot
-
-    Raises
-    ------
-    RleSplatError
-        As ``view_of``.
-    """
+    """A view of volumes, the furthest first; RleSplatError as of ``view_of``."""
     view = view_of(matrices, 0.0)
     row = depth_row(view.camera)
     depths = [one.corners @ row[:3] + row[3] - view.set_back for one in contents]
@@ -160,10 +141,8 @@ def picture_steps(shot: Shot, drawn: Ends | None, cache, coarseness: int | None)
 
     Parameters
     ----------
-    shot : Shot
     drawn : Ends or None
         Depths at which rays end, of the whole region; None where none is known.
-    cache : StageCache
     coarseness : int or None
         Of a draft: 0 for every pixel of the region, 1 for every second one, and above that also a volume with half as
         many voxels along each side, so often. None for refined pictures, which are coarser only where memory runs out.

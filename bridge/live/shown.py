@@ -6,8 +6,6 @@ property of ours could only be stored in the scene or the screen by the number o
 that is joined or split, or by an address in memory, which another file gives to another view.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -96,8 +94,6 @@ def visible_volumes(scene, view_layer, space) -> tuple:
 
     Parameters
     ----------
-    view_layer : bpy.types.ViewLayer
-        Its view layer.
     space : bpy.types.SpaceView3D
         The viewport, whose local view, collections and object type filters count.
     """
@@ -121,13 +117,7 @@ def is_on(space) -> bool:
 
 
 def switch_all(window, on: bool) -> None:
-    """Let all viewports of a window show volumes, or none.
-
-    Parameters
-    ----------
-    window : bpy.types.Window
-    on : bool
-    """
+    """Let all viewports of a window show volumes, or none."""
     for area in window.screen.areas:
         if area.type == "VIEW_3D":
             setattr(area.spaces.active, SWITCH, on)

@@ -4,8 +4,6 @@ In PRE_VIEW the framebuffer in use is the viewport's own, see ``drawing``.  The 
 the meshes that Blender has shaded, where these are what is seen.
 """
 
-from __future__ import annotations
-
 import bpy
 import gpu
 from bpy_extras.view3d_utils import location_3d_to_region_2d

@@ -7,8 +7,6 @@ each image shows is recorded outside Blender's data, and the record is dropped a
 pictures are, see ``picture_files.py``.
 """
 
-from __future__ import annotations
-
 import time
 
 import bpy

@@ -1,7 +1,5 @@
 """Where slices are: under the mouse, straight before a view, and how far one may be scrolled."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -106,8 +104,6 @@ def straight_onto(one, kind: str, matrix: np.ndarray):
 
     Parameters
     ----------
-    one : bpy.types.Object
-        The slice.
     kind : {"axial", "coronal", "sagittal"}
         How it lies.
     matrix : (4, 4) ndarray

@@ -1,7 +1,5 @@
 """The window of a volume's slices: their own, or that of the volume's colors."""
 
-from __future__ import annotations
-
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.volume.histogram import percentile_steps
 from ..data.decimals import typed
@@ -13,11 +11,6 @@ PERCENTS = 1.0, 99.5  # of the values that other scans show black and white: sin
 
 def read(properties) -> tuple[float, float, bool]:
     """The window of a volume's slices.
-
-    Parameters
-    ----------
-    properties : VolumeProperties
-        Of the volume.
 
     Returns
     -------
@@ -44,8 +37,6 @@ def begin(properties, volume) -> None:
     ----------
     properties : VolumeProperties
         Of the volume; a window that was set before stays.
-    volume : Volume
-        Its voxels.
     """
     if properties.is_property_set("slices_follow_window") or properties.is_property_set("slice_width"):
         return

@@ -5,8 +5,6 @@ where these are, which is outside the volume.  Pixels are of four 32-bit floats,
 Standard a screen shows the gray levels of the window themselves.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -38,10 +36,6 @@ def add_slice(context, owner, volume, name: str):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene and the collection.
-    volume : Volume
-        Its voxels.
     name : {"axial", "coronal", "sagittal"}
         How the slice lies.
 
@@ -57,8 +51,7 @@ def add_slice(context, owner, volume, name: str):
         "vector", np.array([(0.5 * (x + 1), 0.5 * (y + 1)) for x, y, _ in CORNERS], np.float32).ravel()
     )
     one = bpy.data.objects.new(title, mesh)
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(one)
+    linked.put_into_scene(context, one)
     one.rle_splat.is_slice = True
     one.rle_splat.slice_kind = name
     for ray in LAMPS:
@@ -101,13 +94,7 @@ def _material(image):
 
 
 def settle_copies(objects) -> None:
-    """Give slices that share an image with another one, as a copied object does, an image and a material of their own.
-
-    Parameters
-    ----------
-    objects : iterable of bpy.types.Object
-        Slices.
-    """
+    """Give each slice that shares an image with another one, such as a copy, an image and a material of its own."""
     taken = set()
     for one in sorted(filter(linked.is_own, objects), key=lambda one: one.session_uid):
         image = one.rle_splat.slice_image

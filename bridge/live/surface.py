@@ -1,7 +1,5 @@
 """What a viewport looks up while it is redrawn: its matrices, the contents of its volumes and its depth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from time import perf_counter
 
@@ -17,8 +15,8 @@ from ..loop import work
 from ..messages import sentence_of
 from ..pictures import outdated
 from ..scene import render_scene
-from ..scene.glass import has_glass
 from ..scene.lights import is_any_lit
+from ..scene.meshes import has_glass
 from ..volumes import encoded
 from . import shown
 from .frames import Contents
@@ -47,19 +45,20 @@ def request_of(context, volumes: tuple) -> Request:
         shading.type, context.scene.render.engine, space.overlay.show_overlays, shading.show_xray,
         shading.show_xray_wireframe,
     )  # fmt: skip
-    matrices, habits = matrices_of(context, space, region, view), Habits(*preferences.live_habits())
-    return Request(matrices, volumes, drawn, habits, _draws_floor(space.overlay))
+    overlay = space.overlay
+    has_floor = overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
+    return Request(matrices_of(context, space, region, view), volumes, drawn, preferred_habits(), has_floor)
+
+
+def preferred_habits() -> Habits:
+    """What the user wants of views that are still, and of drafts."""
+    return Habits(preferences.value("refine_live"), int(preferences.value("live_pixels") == "HALF"))
 
 
 def matrices_of(context, space, region, view) -> Matrices:
     """The view of a region; ``view``: its bpy.types.RegionView3D."""
     both = (tuple(value for row in matrix for value in row) for matrix in (view.view_matrix, view.window_matrix))
     return Matrices(*both, region.width, region.height, clip_of(context, space, view))
-
-
-def _draws_floor(overlay) -> bool:
-    """Whether a viewport draws lines in the plane z = 0."""
-    return overlay.show_overlays and (overlay.show_floor or overlay.show_axis_x or overlay.show_axis_y)
 
 
 def clip_of(context, space, view) -> tuple:
@@ -94,7 +93,6 @@ class BlenderSurface:
     ----------
     context : bpy.types.Context
         While a draw handler runs.
-    request : Request
     framebuffer : gpu.types.GPUFrameBuffer or None
         The viewport's own, with the depth of its objects.
     waits : list of float
@@ -150,7 +148,8 @@ class BlenderSurface:
 
     def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
-        if self._framebuffer is None or not has_depth(self._request) or _are_slow(self._waits):
+        is_slow = len(self._waits) == MOST_WAITS and min(self._waits) > WAITS
+        if self._framebuffer is None or not has_depth(self._request) or is_slow:
             return None
         if self._request.drawn[0] in ("MATERIAL", "RENDERED") and has_glass(self._depsgraph):
             return None  # the depth is that of the glass: triangles end rays
@@ -169,10 +168,6 @@ class BlenderSurface:
         if not buffer.any():  # nothing has been drawn into it
             return None
         return ray_ends(view, buffer, part)
-
-
-def _are_slow(waits: list) -> bool:
-    return len(waits) == MOST_WAITS and min(waits) > WAITS
 
 
 def region_of(address: int):
@@ -194,8 +189,3 @@ def window_of(region):
             if any(one.as_pointer() == address for one in area.regions):
                 return window
     return None
-
-
-def active_framebuffer():
-    """The framebuffer that is being drawn to."""
-    return gpu.state.active_framebuffer_get()

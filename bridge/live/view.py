@@ -4,8 +4,6 @@ A window matrix holds lens, shift and aspect of any view: perspective, orthograp
 offset.  Rows are from the top here, as in the renderer; Blender counts them from the bottom.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +44,6 @@ class ViewportView:
 
     Attributes
     ----------
-    camera : Camera
     width, height : int
         Pixels of the picture.
     window : (4, 4) ndarray of float64
@@ -68,14 +65,9 @@ def view_of(matrices: Matrices, nearest: float = np.inf) -> ViewportView:
 
     Parameters
     ----------
-    matrices : Matrices
     nearest : float
         Smallest depth ahead of the view's origin of what is to be shown, world units; only used for orthographic views
         that begin behind their origin.
-
-    Returns
-    -------
-    ViewportView
 
     Raises
     ------
@@ -116,14 +108,7 @@ def _of_size(window: np.ndarray, width: int, height: int) -> dict:
 
 
 def resized(view: ViewportView, width: int, height: int) -> ViewportView:
-    """The same view in another size, from the same place.
-
-    Parameters
-    ----------
-    view : ViewportView
-    width, height : int
-        Pixels.
-    """
+    """The same view in another size, from the same place."""
     camera = replace(view.camera, **_of_size(view.window, width, height))
     return replace(view, camera=camera, width=width, height=height)
 
@@ -155,7 +140,6 @@ def pixels_of(view: ViewportView, corners: np.ndarray) -> tuple[int, int, int, i
 
     Parameters
     ----------
-    view : ViewportView
     corners : (n, 3) array_like
         World coordinates of the corners of a convex body.
 
@@ -253,7 +237,6 @@ def furthest_of_blocks(depths: np.ndarray, side: int) -> np.ndarray:
     Parameters
     ----------
     depths : (H, W) ndarray of float32
-    side : int
 
     Returns
     -------

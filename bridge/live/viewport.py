@@ -4,8 +4,6 @@ Nothing of Blender is used here.  What a viewport is drawn with comes as a Reque
 from a DrawnSurface, so that tests can stand in for both.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Generator
@@ -64,7 +62,6 @@ class Request:
         Keys of the visible volumes.
     drawn : tuple
         How the viewport draws its objects, because their depth depends on it.
-    habits : Habits
     has_floor : bool
         Whether the viewport draws lines in the plane z = 0.
     """
@@ -95,7 +92,6 @@ class Viewport:
 
     Parameters
     ----------
-    cache : StageCache
     now : callable
         Returns seconds.
 
@@ -156,10 +152,8 @@ class Viewport:
 
         Parameters
         ----------
-        request : Request
         stamp : object
             Differs from that of the last redraw after any event that may have changed the contents.
-        surface : DrawnSurface
         """
         if self._failed in (FOR_GOOD, (request, stamp)):
             return

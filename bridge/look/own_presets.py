@@ -3,8 +3,6 @@
 The names are known from the folder's listing, so that panels open no file.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -76,21 +74,7 @@ def unregister():
 
 
 def checked_name(name: str) -> str:
-    """A name without blanks around it.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    RleSplatError
-        If no file can have it.
-    """
+    """A name without blanks around it; RleSplatError if no file can have it."""
     name = name.strip()
     if not name:
         raise RleSplatError("A preset needs a name; type one.")
@@ -124,13 +108,6 @@ def taken(name: str) -> str:
 def save(name: str, function: TransferFunction, overwrite: bool = False) -> None:
     """Save a transfer function as a preset of the user.
 
-    Parameters
-    ----------
-    name : str
-    function : TransferFunction
-    overwrite : bool
-        Whether to replace a preset of this name.
-
     Raises
     ------
     RleSplatError
@@ -152,12 +129,6 @@ def save(name: str, function: TransferFunction, overwrite: bool = False) -> None
 
 def save_all(functions, overwrite: bool = False) -> None:
     """Save transfer functions under their own names, with dashes for what file names cannot have.
-
-    Parameters
-    ----------
-    functions : sequence of TransferFunction
-    overwrite : bool
-        Whether to replace presets of the same names.
 
     Raises
     ------
@@ -201,11 +172,6 @@ def _path_of(name: str) -> Path:
 
 def transfer_steps(name: str, volume):
     """Generator of Progress: the transfer function of a preset of the user, in the values of a volume.
-
-    Parameters
-    ----------
-    name : str
-    volume : Volume
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """The presets that a volume is offered: ours for its modality first, then the user's own, then the others."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ...rle_splat.classify.presets import PRESETS
@@ -56,13 +54,7 @@ class PresetGroup:
 
 
 def modality_of(properties) -> str | None:
-    """The modality of a volume.
-
-    Returns
-    -------
-    str or None
-        A key of NAMES; None if it is not known.
-    """
+    """The modality of a volume, a key of NAMES; None if it is not known."""
     if properties.value_unit == "HU":
         return "CT"
     line = next((line for line in properties.facts.splitlines() if line.startswith(MODALITY)), MODALITY)
@@ -70,14 +62,9 @@ def modality_of(properties) -> str | None:
 
 
 def groups(properties) -> list[PresetGroup]:
-    """The groups of a volume, those that suit it first.
+    """The groups of a volume, those that suit it first; none of them is empty.
 
     It reads only properties, so a panel may call it at every redraw.
-
-    Returns
-    -------
-    list of PresetGroup
-        None of them empty.
     """
     modality = modality_of(properties)
     kind = NAMES.get(modality, modality)

@@ -31,8 +31,6 @@ def chosen_transfer_steps(item: str, volume, is_channel: bool = False):
     ----------
     item : str
         Identifier in IMPORT_ITEMS.
-    volume : Volume
-        The volume.
     is_channel : bool
         Whether it is added to the picture of another one.
 

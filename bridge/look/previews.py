@@ -21,14 +21,9 @@ def unregister():
 
 
 def histogram_icon(volume_object) -> int:
-    """The icon of a volume's histogram, ``histogram_picture.as_icon``.
+    """The icon of a volume's histogram, ``histogram_picture.as_icon``; 0 without a transfer function or a window.
 
     It reads only properties of the object, so a panel may call it at every redraw.
-
-    Returns
-    -------
-    int
-        Its id; 0 without a transfer function, or without a window.
     """
     if not _collections:
         return 0

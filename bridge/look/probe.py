@@ -1,7 +1,5 @@
 """The value under the mouse: the first visible surface of the volumes along a ray, as a line of text."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -76,13 +74,6 @@ def visible_owners(context) -> list:
 def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
     """Find the first visible surface of volumes along a ray.
 
-    Parameters
-    ----------
-    context : bpy.types.Context
-    ray : Ray
-    owners : list of bpy.types.Object
-        The volume objects.
-
     Returns
     -------
     ProbeHit or None
@@ -131,18 +122,7 @@ def _reach(depsgraph, ray: Ray) -> float:
 
 
 def line_under(context, mouse) -> str:
-    """What lies under the mouse in a viewport, for people.
-
-    Parameters
-    ----------
-    context, mouse
-        As of ``ray_under``.
-
-    Returns
-    -------
-    str
-        "" in a viewport without volumes.
-    """
+    """What lies under the mouse in a viewport, for people; "" in a viewport without volumes."""
     owners = visible_owners(context)
     if not owners:
         return ""
@@ -159,16 +139,7 @@ def line_under(context, mouse) -> str:
 def line_of(found: ProbeHit, with_name: bool = False) -> str:
     """A surface as a line: value, voxel, position, label, and the volume's name if there are several.
 
-    Parameters
-    ----------
-    found : ProbeHit
-    with_name : bool
-        Whether to add the volume's name.
-
-    Returns
-    -------
-    str
-        Such as "312 HU, voxel 120 88 41, L 12.3 P 45.0 S 88.1 mm, Liver".
+    For example "312 HU, voxel 120 88 41, L 12.3 P 45.0 S 88.1 mm, Liver".
     """
     surface, volume = found.surface, found.plain.volume
     x, y, z = (int(n) for n in np.rint(surface.index))

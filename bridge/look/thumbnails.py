@@ -93,18 +93,9 @@ def _key(owner, entry: Entry) -> tuple:
 
 
 def icon(owner, entry: Entry) -> int:
-    """The icon of a preset; one that is missing is asked for.
+    """The icon of a preset; one that is missing is asked for, and 0 meanwhile.
 
     It reads only properties of the object, so a panel may call it at every redraw.
-
-    Parameters
-    ----------
-    entry : Entry
-
-    Returns
-    -------
-    int
-        0 while there is none.
     """
     key = _key(owner, entry)
     name = repr(key)
@@ -197,11 +188,6 @@ def _show(key: tuple, pixels: np.ndarray) -> None:
 
 def picture_steps(entry: Entry, volume):
     """Generator of Progress: the thumbnail of a preset, from the disk or rendered and then kept there.
-
-    Parameters
-    ----------
-    entry : Entry
-    volume : Volume
 
     Returns
     -------

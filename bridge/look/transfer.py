@@ -8,8 +8,8 @@ group, as copies share a material, but has its own window.
 from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
 from .. import linked
-from ..data.animation import curves_of
 from ..data.decimals import rounded_to_span, typed, typed_tuple
+from ..data.playback import curves_of
 from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA
@@ -18,13 +18,7 @@ INVERTED = 1.0, 0.0  # grays of the low and the high end of the window
 
 
 def window_of(properties) -> tuple[float, float]:
-    """The window of a volume.
-
-    Returns
-    -------
-    low, high : float
-        Physical values at positions 0 and 1 of ramp and curve.
-    """
+    """The window of a volume: physical values at positions 0 and 1 of ramp and curve."""
     center, width = typed_tuple((properties.window_center, properties.window_width))
     return center - 0.5 * width, center + 0.5 * width
 
@@ -36,8 +30,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     ----------
     volume_object : bpy.types.Object
         The volume object; it gets a node group if it has no local one.
-    transfer_function : TransferFunction
-        The transfer function.
     window : tuple of float, optional
         Low and high value of the window; default is the range of the function's points.
 
@@ -90,13 +82,7 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
 
 
 def why_unusable(volume_object) -> str:
-    """Why a volume object has no usable transfer function.
-
-    Returns
-    -------
-    str
-        A clause with the reason and what to do, without a period; "" if it has one.
-    """
+    """Why a volume object has no usable transfer function: a clause that says what to do, without a period, or ""."""
     tree = volume_object.rle_splat.transfer
     if encoded.is_of(volume_object):
         return ""
@@ -116,11 +102,6 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     ----------
     depsgraph : bpy.types.Depsgraph, optional
         The evaluated scene, for the animated values at its frame.
-
-    Returns
-    -------
-    TransferFunction
-        The transfer function in physical values.
 
     Raises
     ------
@@ -282,19 +263,9 @@ KEYED = (
 
 
 def keyframe(volume_object, frame: float) -> int:
-    """Insert keyframes on all values of the transfer function.
+    """Insert keyframes on all values of the transfer function, and return how many there are.
 
     Blender cannot build the data path of a curve's point, so the paths are written out.
-
-    Parameters
-    ----------
-    frame : float
-        The frame.
-
-    Returns
-    -------
-    int
-        Number of keyed values.
     """
     properties = volume_object.rle_splat
     if not linked.is_own(properties.transfer):

@@ -111,8 +111,6 @@ def write_curve(mapping, points) -> None:
 
     Parameters
     ----------
-    mapping : bpy.types.CurveMapping
-        The curve mapping.
     points : sequence of (position, height)
         Control points with ascending positions in [0, 1], connected by straight lines.
     """
@@ -136,11 +134,6 @@ def write_curve(mapping, points) -> None:
 
 def read_curve(mapping) -> list[tuple[float, float]]:
     """Read a curve as a polyline.
-
-    Parameters
-    ----------
-    mapping : bpy.types.CurveMapping
-        The curve mapping.
 
     Returns
     -------
@@ -167,8 +160,6 @@ def write_ramp(ramp, points) -> None:
 
     Parameters
     ----------
-    ramp : bpy.types.ColorRamp
-        The color ramp.
     points : sequence of (position, r, g, b)
         At most MOST_STOPS stops with ascending positions in [0, 1], interpolated linearly.
     """
@@ -207,8 +198,6 @@ def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
     ----------
     points : sequence of (value, r, g, b)
         Color points in ascending order.
-    most : int
-        Largest number of points to choose.
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """Window and level by dragging the mouse, as plain numbers: to the right the window grows, upward the level rises."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 In a file without anything of ours an update and a frame change call nobody but the index.
 """
 
-from __future__ import annotations
-
 import traceback
 
 import bpy

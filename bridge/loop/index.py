@@ -5,8 +5,6 @@ object is linked, unlinked, deleted, excluded or instanced.  Where a script has 
 has come yet, their number says so.  Entries are keys with the session ids of objects, never references.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import bpy

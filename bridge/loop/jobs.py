@@ -5,8 +5,6 @@ timer, shows progress and a draft, and stops on Esc.  Success, failure and Esc a
 and Esc everything is as it was before the draft.
 """
 
-from __future__ import annotations
-
 import time
 
 import bpy

@@ -5,8 +5,6 @@ last, and an entry stays in memory while an object wants it.  Beyond MOST_BYTES 
 theirs, the least recently used first.  No reference to a Blender datablock is stored.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import bpy

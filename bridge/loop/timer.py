@@ -5,8 +5,6 @@ between two bites a window draws and handles events.  The function that is due l
 where Blender runs no timers, nothing is called: the work is done at once there.
 """
 
-from __future__ import annotations
-
 import time
 import traceback
 from collections.abc import Callable
@@ -33,8 +31,6 @@ def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
     ----------
     function : callable
         Without arguments; returns the seconds after which it is called again, AT_ONCE, or None.
-    after : float
-        Seconds.
     bite : float
         Seconds after which it is not called again at once.
     """

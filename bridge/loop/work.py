@@ -5,8 +5,6 @@ the queue until it is read, or until the object shows something else.  When noth
 volume in time is read ahead.  Scripts and background mode do not wait for timers: they read at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -29,7 +27,6 @@ class ReadingWork:
 
     Attributes
     ----------
-    steps : generator of Progress
     waiting : dict
         ``store.Wish`` -> Held volume object that waits; empty when reading ahead.
     progress : Progress or None
@@ -49,16 +46,8 @@ _is_due = [False]  # whether the next frame may be read ahead; once for each fra
 def want(owner, depsgraph=None) -> bool:
     """Ask for the voxels that a volume object shows now, and for its labels.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
-
-    Returns
-    -------
-    bool
-        Whether they are being read; the object is then tagged for an update when they are there. False if they are in
-        memory or could not be read, so that ``load_volume`` returns or says why at once.
+    Whether they are being read; the object is then tagged for an update when they are there.  False if they are in
+    memory or could not be read, so that ``load_volume`` returns or says why at once.
     """
     try:
         key = loading.key_of(owner, depsgraph)

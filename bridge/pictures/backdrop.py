@@ -5,8 +5,6 @@ Fit and Crop assume square pixels and miss the frame when the pixel aspect is no
 Blender versions, so it is always set.
 """
 
-from __future__ import annotations
-
 import bpy
 
 from ..held import Held
@@ -23,17 +21,12 @@ def show(camera, image, place: str):
 
     Parameters
     ----------
-    image : bpy.types.Image
-        The picture.
     place : {"BACK", "FRONT"}
         Behind or in front of the objects.
-
-    Returns
-    -------
-    bpy.types.CameraBackgroundImage
-        The entry in the camera's background images.
     """
-    entry = _find_of_any_scene(camera) or camera.data.background_images.new()
+    # Scenes that share a camera use one entry in turn.
+    known = (find(scene, camera) for scene in bpy.data.scenes)
+    entry = next(filter(None, known), None) or camera.data.background_images.new()
     entry.source = "IMAGE"
     entry.image = image
     entry.alpha = 1.0
@@ -51,17 +44,9 @@ def show(camera, image, place: str):
 
 
 def state(scene, camera) -> tuple:
-    """The state of the camera's backdrop, for ``restore``.
+    """The state of the camera's backdrop, for ``restore`` only.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
-    Returns
-    -------
-    tuple
-        Opaque to the caller.  It holds no reference to a datablock, so it survives undo.
+    It holds no reference to a datablock, so it survives undo.
     """
     entry = find(scene, camera)
     if entry is None:
@@ -71,15 +56,7 @@ def state(scene, camera) -> tuple:
 
 
 def restore(scene, camera, earlier: tuple) -> None:
-    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-    earlier : tuple
-        The result of ``state``.
-    """
+    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone."""
     background_images, values, held = earlier
     entry, image = find(scene, camera), held.find() if held else None
     if values is None or image is None:
@@ -93,18 +70,7 @@ def restore(scene, camera, earlier: tuple) -> None:
 
 
 def hide(scene, camera) -> bool:
-    """Remove the scene's backdrop from the camera; the user's own background images stay.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
-    Returns
-    -------
-    bool
-        Whether there was a backdrop.
-    """
+    """Remove the scene's backdrop from the camera, not the user's images; return whether there was one."""
     entry = find(scene, camera)
     if entry is not None:
         camera.data.background_images.remove(entry)
@@ -113,26 +79,9 @@ def hide(scene, camera) -> bool:
 
 
 def find(scene, camera):
-    """The camera's background image that shows a backdrop of the scene, or None.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrop.
-
-    Returns
-    -------
-    bpy.types.CameraBackgroundImage or None
-        The entry.
-    """
+    """The camera's background image that shows a backdrop of the scene, or None."""
     shown = {row.image for row in scene.rle_splat.pictures if row.kind == "backdrop"}
     for entry in camera.data.background_images:
         if entry.source == "IMAGE" and entry.image in shown and pictures.owned_by(entry.image, scene):
             return entry
     return None
-
-
-def _find_of_any_scene(camera):
-    """As ``find``, for any scene, since scenes that share a camera use one entry in turn."""
-    found = (find(scene, camera) for scene in bpy.data.scenes)
-    return next((entry for entry in found if entry is not None), None)

@@ -1,7 +1,5 @@
 """The image that shows a draft while a picture is made, and its restoration when the work is canceled."""
 
-from __future__ import annotations
-
 import bpy
 
 from ..held import Held
@@ -17,12 +15,8 @@ class ProgressImage:
 
     Parameters
     ----------
-    scene, volume_object : Held
-        The scene and the volume.
     kind : str
         A key of ``pictures.SUFFIXES``.
-    camera : Held, optional
-        The camera of a backdrop.
     """
 
     def __init__(self, scene: Held, volume_object: Held, kind: str, camera: Held | None = None):
@@ -31,18 +25,7 @@ class ProgressImage:
         self._before = None  # the image's pixels before the draft; None if the image is new
 
     def show(self, rgba):
-        """Write a draft into the image.
-
-        Parameters
-        ----------
-        rgba : ndarray, shape (height, width, 4), float32
-            Premultiplied scene-linear colors, row 0 on top.
-
-        Returns
-        -------
-        bpy.types.Image
-            The image.
-        """
+        """Write a draft into the image: (H, W, 4) premultiplied scene-linear colors, row 0 on top."""
         scene, volume_object = self._scene.get(), self._volume.get()
         camera = self._camera.get() if self._camera else None
         existing = pictures.find(scene, volume_object, self._kind, camera)
@@ -67,13 +50,7 @@ class ProgressImage:
 
 
 def redraw(context) -> None:
-    """Redraw every area that may show our images or settings.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        Gives the window manager.
-    """
+    """Redraw every area that may show our images or settings."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in SHOWN_IN:

@@ -1,7 +1,5 @@
 """Drafts: a quick picture of the same scene before the picture itself, made from the same results of stages."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -35,12 +33,8 @@ def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_e
 
     Parameters
     ----------
-    plain : Scene
-    quality : Quality
     cache : StageCache
         Passes what is classified, lit and encoded for the draft on to the picture.
-    refuse_empty_view : bool
-        See ``render_steps``.
 
     Yields
     ------

@@ -1,7 +1,5 @@
 """Figures in Blender: the view of a viewport, where the data is, and the files."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 
@@ -35,13 +33,11 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
 
     Parameters
     ----------
-    context : bpy.types.Context
     volume_object : bpy.types.Object
         Which is to be seen; an orthographic viewport also shows what is behind its origin.
 
     Returns
     -------
-    camera : Camera
     width, height : int
         Pixels of the viewport.
 
@@ -65,16 +61,7 @@ def viewport_camera(context, volume_object) -> tuple[Camera, int, int]:
 
 
 def compared(plain: Scene, presets, volume_object, depsgraph) -> tuple[Panel, ...]:
-    """A panel for each preset; labels that change the volume's transfer function change that of the preset.
-
-    Parameters
-    ----------
-    plain : Scene
-    presets : sequence of str
-    volume_object : bpy.types.Object
-    depsgraph : bpy.types.Depsgraph
-        The scene ``plain`` was read with both.
-    """
+    """A panel for each preset; labels that change the volume's transfer function change that of the preset."""
     volume, panels = plain.volume, []
     for name in presets:
         function = fit_preset(name, volume)[0]
@@ -135,13 +122,6 @@ def write(path: str, made: MadeFigure, sources: Sources) -> dict:
     ----------
     path : str
         Absolute path with the suffix .svg, .png or .exr.
-    made : MadeFigure
-    sources : Sources
-
-    Returns
-    -------
-    dict
-        The sidecar's content.
 
     Raises
     ------

@@ -3,8 +3,6 @@
 Our row 0 is the top of a picture, Blender's is the bottom.  This module is the only place that flips rows.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 
@@ -21,17 +19,8 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
     ----------
     wanted : bpy.types.Image or None
         The image to use; its pixels are cleared if its size changes.  None creates an image.
-    name : str
-        Name of a new image.
-    width, height : int
-        Size in pixels.
     depth : bool
         Whether the image holds numbers ("Non-Color") instead of colors ("Linear Rec.709", premultiplied alpha).
-
-    Returns
-    -------
-    bpy.types.Image
-        The image.
     """
     image = wanted
     if image is None:
@@ -55,54 +44,27 @@ def ensure_image(wanted, name: str, width: int, height: int, *, depth: bool = Fa
 
 
 def owned_by(image, scene) -> bool:
-    """Whether an image is a picture of this scene.
-
-    Parameters
-    ----------
-    image : bpy.types.Image or None
-        The image.
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
+    """Whether an image is a picture of this scene."""
     return image is not None and bool(scene.rle_splat.scene_id) and image.get(OWNER) == scene.rle_splat.scene_id
 
 
 def write_color(image, rgba: np.ndarray) -> None:
-    """Write colors into an image of the same size.
-
-    Parameters
-    ----------
-    rgba : ndarray, shape (height, width, 4)
-        Premultiplied scene-linear colors, row 0 on top.
-    """
-    _write(image, rgba)
+    """Write (height, width, 4) premultiplied scene-linear colors, row 0 on top, into an image of that size."""
+    flipped = np.ascontiguousarray(rgba[::-1], dtype=np.float32)
+    image.pixels.foreach_set(flipped.ravel())
+    image.update()
 
 
 def write_numbers(image, numbers: np.ndarray) -> None:
-    """Write numbers into an image of the same size as opaque gray.
-
-    Parameters
-    ----------
-    numbers : ndarray, shape (height, width)
-        The numbers, row 0 on top.
-    """
+    """Write (height, width) numbers, row 0 on top, into an image of that size as opaque gray."""
     gray = np.empty((*numbers.shape, 4), dtype=np.float32)
     gray[..., :3] = numbers[..., np.newaxis]
     gray[..., 3] = 1.0
-    _write(image, gray)
+    write_color(image, gray)
 
 
 def read(image) -> np.ndarray:
-    """The stored pixels of an image.
-
-    Returns
-    -------
-    ndarray, shape (height, width, 4), float32
-        The pixels, row 0 on top.
-    """
+    """(height, width, 4) float32: the stored pixels of an image, row 0 on top."""
     width, height = image.size
     flat = np.empty(width * height * 4, dtype=np.float32)
     image.pixels.foreach_get(flat)
@@ -112,14 +74,14 @@ def read(image) -> np.ndarray:
 def copy_of(image):
     """A new image with the same pixels as one of ours; Blender's own copy loses unsaved pixels."""
     copy = ensure_image(None, image.name, *image.size, depth=image[MARK] == "depth")
-    _write(copy, read(image))
+    write_color(copy, read(image))
     return copy
 
 
 def clear(image) -> None:
     """Make every pixel transparent black, so that no outdated picture is shown."""
     width, height = image.size
-    _write(image, np.zeros((height, width, 4), dtype=np.float32))
+    write_color(image, np.zeros((height, width, 4), dtype=np.float32))
 
 
 def save_exr(pixels: np.ndarray, path: str) -> None:
@@ -132,8 +94,6 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
     ----------
     pixels : ndarray, shape (height, width, 4), float32
         Row 0 on top.
-    path : str
-        Absolute path of the file.
 
     Raises
     ------
@@ -144,7 +104,7 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
     numbers = bpy.data.images.new("RLE Splat", width, height, alpha=True, float_buffer=True, is_data=True)
     try:
         numbers.alpha_mode = "CHANNEL_PACKED"
-        _write(numbers, pixels)
+        write_color(numbers, pixels)
         numbers.filepath_raw = path
         numbers.file_format = "OPEN_EXR"
         numbers.save()
@@ -154,13 +114,6 @@ def save_exr(pixels: np.ndarray, path: str) -> None:
 
 def write_file(image, path: str) -> None:
     """Write an image to a 32-bit EXR file, with the same bits, and make it the image's source.
-
-    Parameters
-    ----------
-    image : bpy.types.Image
-        One of our images.
-    path : str
-        Absolute path of the file.
 
     Raises
     ------
@@ -176,19 +129,8 @@ def write_file(image, path: str) -> None:
     image.reload()
 
 
-def _write(image, pixels: np.ndarray) -> None:
-    flipped = np.ascontiguousarray(pixels[::-1], dtype=np.float32)
-    image.pixels.foreach_set(flipped.ravel())
-    image.update()
-
-
 def placeholder(width: int, height: int) -> np.ndarray:
     """The picture of a frame that could not be rendered: opaque stripes that cannot be mistaken for a result.
-
-    Parameters
-    ----------
-    width, height : int
-        Size in pixels.
 
     Returns
     -------

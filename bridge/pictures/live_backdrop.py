@@ -5,8 +5,6 @@ scrubbing and edits a slow picture would block the window.  So a draft is shown 
 picture is done or something changes.  Scripts that set a frame, and background mode, get the full picture at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from typing import NamedTuple
 
@@ -109,13 +107,7 @@ def follow(scene, depsgraph, later: bool, camera=None) -> None:
 
 
 def remove_deleted(scene) -> None:
-    """Remove the backdrops of deleted volumes from their cameras, with a message.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that owns the backdrops.
-    """
+    """Remove the backdrops of deleted volumes from their cameras, with a message."""
     settings, gone = scene.rle_splat, set()
     for row in settings.pictures:
         if row.volume is not None and not presence.is_deleted(row.volume):

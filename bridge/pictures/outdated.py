@@ -4,19 +4,13 @@ Undo restores settings but not pixels.  So the record is kept outside Blender's 
 written into the image only when the file is saved.
 """
 
-from __future__ import annotations
-
-import hashlib
 import json
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from ...rle_splat.runtime.array_hash import hash_array
+from ...rle_splat.runtime.array_hash import hash_plain
 from ...rle_splat.scene import RleSplatError, Scene
-from ...rle_splat.volume.volume import Volume
 from ..data import settings
 from ..look import transfer
 from ..scene import render_scene
@@ -24,8 +18,6 @@ from ..volumes import loading, volumes
 from . import backdrop, pictures
 
 MADE_FROM = "rle_splat_made_from"  # custom property of a saved image: MadeFrom as JSON
-LARGE = 1 << 16  # bytes of an array that stands in a hash by its own
-PLAIN = (int, float, str, bool, type(None))  # types of values that are hashed as Python writes them
 
 
 class MadeFrom(NamedTuple):
@@ -51,26 +43,9 @@ _out_of_date: set[int] = set()  # session ids of the images that the last ``upda
 
 
 def made_of(plain: Scene, quality, tolerance: float | None, meshes: bool) -> MadeFrom:
-    """The record of a picture's inputs.
-
-    Parameters
-    ----------
-    plain : Scene
-        The scene as plain data.
-    quality : Quality
-        The knobs.
-    tolerance : float or None
-        The maximum error in levels of 1/255.
-    meshes : bool
-        Whether meshes were to occlude the volume.
-
-    Returns
-    -------
-    MadeFrom
-        The record.
-    """
+    """The record of a picture's inputs; ``tolerance``: in levels of 1/255."""
     plain = replace(plain, reasons_off={})  # texts for the report, which change no pixel
-    return MadeFrom(digest((plain, quality, tolerance)), digest(plain.transfer_function), meshes)
+    return MadeFrom(hash_plain(plain, quality, tolerance), hash_plain(plain.transfer_function), meshes)
 
 
 def note(image, made_from: MadeFrom) -> None:
@@ -98,11 +73,6 @@ def out_of_date(scene) -> list:
     """The outdated pictures among those that the scene shows, as of the last ``update_status``.
 
     It reads properties only, so a panel may call it.
-
-    Returns
-    -------
-    list of bpy.types.Image
-        The images.
     """
     return [
         row.image
@@ -123,15 +93,10 @@ def forget() -> None:
 
 
 def update_status(scene, depsgraph) -> bool:
-    """Compare the scene's last picture and its camera's backdrop with the scene.
+    """Compare the scene's last picture and its camera's backdrop with the scene; whether one's state has changed.
 
     A picture whose volume or labels are not in memory is skipped, because reading could take long; but if another frame
     of the volume is in memory, the picture is outdated.
-
-    Returns
-    -------
-    bool
-        Whether a picture became outdated, or is no longer outdated.
     """
     before = set(_out_of_date)
     for row in shown_rows(scene):
@@ -147,13 +112,7 @@ def update_status(scene, depsgraph) -> bool:
 
 
 def shown_rows(scene) -> list:
-    """The rows of the last picture and of the active camera's backdrop whose inputs are known.
-
-    Returns
-    -------
-    list of PictureProperties
-        The rows.
-    """
+    """The rows of the last picture and of the active camera's backdrop whose inputs are known."""
     camera = scene.camera if scene.camera is not None and scene.camera.type == "CAMERA" else None
     entry = backdrop.find(scene, camera) if camera is not None else None
     images = {"color": scene.rle_splat.image, "backdrop": entry.image if entry is not None else None}
@@ -168,7 +127,7 @@ def _has_new_transfer_function(scene, row) -> bool:
     known = made_from(row.image)
     try:
         shown = transfer.shown_transfer(row.volume)
-        return bool(known.transfer_function) and known.transfer_function != digest(shown)
+        return bool(known.transfer_function) and known.transfer_function != hash_plain(shown)
     except RleSplatError:
         return True
 
@@ -180,45 +139,3 @@ def _made_now(volume_object, depsgraph, meshes: bool) -> MadeFrom | None:
         return made_of(plain, quality, settings.tolerance_of(depsgraph.scene_eval), meshes)
     except RleSplatError:
         return None
-
-
-def digest(value) -> str:
-    """Hash of plain data.
-
-    Parameters
-    ----------
-    value : object
-        A dataclass such as Scene, an array, a dict, a tuple, a list or a plain value, nested in any way.
-
-    Returns
-    -------
-    str
-        Hexadecimal.
-    """
-    total = hashlib.blake2b(digest_size=16)
-    _feed(total, value)
-    return total.hexdigest()
-
-
-def _feed(total, value) -> None:
-    """Add plain data to a hash."""
-    if isinstance(value, PLAIN):  # most of all
-        total.update(f"{value!r};".encode())
-    elif isinstance(value, (tuple, list)):
-        total.update(f"({len(value)}".encode())
-        for one in value:
-            _feed(total, one)
-    elif isinstance(value, Volume):
-        total.update(f"{value.key}{value.unit}".encode())
-    elif not getattr(value, "holds_values", True):
-        total.update(value.key.encode())
-    elif is_dataclass(value):
-        total.update(type(value).__name__.encode())
-        _feed(total, [getattr(value, entry.name) for entry in fields(value)])
-    elif isinstance(value, np.ndarray):
-        total.update(f"{value.dtype.str}{value.shape}".encode())
-        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else hash_array(value))
-    elif isinstance(value, dict):
-        _feed(total, sorted(value.items()))
-    else:
-        total.update(f"{value!r};".encode())

@@ -4,17 +4,14 @@ Before that, pictures are only in memory, so that making one adds nothing to Ble
 relative only while a .blend is written, as those of volumes (see source_paths.py).
 """
 
-from __future__ import annotations
-
 import os
-import re
 
 import bpy
 from bpy.app.handlers import persistent
 
 from .. import messages
 from ..data import preferences
-from ..paths import is_reserved
+from ..paths import free_name, usable_name
 from ..render import compositor
 from ..volumes.source_paths import kept_path
 from . import images, outdated, pictures
@@ -65,7 +62,7 @@ def _own_images() -> list:
 
 def _keep(image, blend_file: str, taken: set[str]) -> None:
     """Write one picture beside the .blend that is being saved, or pack it; ``taken``: used file names, lower case."""
-    if not blend_file or preferences.pictures_are_packed():
+    if not blend_file or preferences.value("pictures") == preferences.PACKED:
         if image.is_dirty or image.packed_file is None:
             image.pack()
         return
@@ -90,20 +87,18 @@ def _keep(image, blend_file: str, taken: set[str]) -> None:
 
 
 def _file_name(name: str, folder: str, taken: set[str]) -> str:
-    """A file name for a picture, unused on file systems that ignore case too, and not that of another .blend."""
-    plain = re.sub(r"[^\w .-]", "_", name).strip(" .") or "picture"
-    plain = f"picture {plain}" if is_reserved(plain) else plain
-    found, number = f"{plain}.exr", 1
-    while found.lower() in taken or _is_of_another(os.path.join(folder, found)):
-        number += 1
-        found = f"{plain} {number}.exr"
+    """A file name for a picture, unused on file systems that ignore case too, and not that of another .blend.
+
+    A file that is there may be of a .blend that was renamed without its folder.
+    """
+
+    def is_free(found: str) -> bool:
+        path = os.path.join(folder, found)
+        return found.lower() not in taken and (path in _of_this_file or not os.path.exists(path))
+
+    found = free_name(usable_name(name, "picture"), ".exr", is_free)
     taken.add(found.lower())
     return found
-
-
-def _is_of_another(path: str) -> bool:
-    """Whether a picture may be that of a .blend that was renamed without its folder."""
-    return os.path.exists(path) and path not in _of_this_file
 
 
 def _reason(problem: Exception) -> str:

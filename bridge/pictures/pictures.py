@@ -6,8 +6,6 @@ the user is never mistaken for one of ours.  A copy of a scene, which has copies
 id and pictures in ``settle_copies``.
 """
 
-from __future__ import annotations
-
 import json
 import uuid
 
@@ -53,22 +51,7 @@ def own(image, scene) -> None:
 
 
 def find(scene, volume_object, kind: str, camera=None):
-    """Find a picture of a scene.
-
-    Parameters
-    ----------
-    volume_object : bpy.types.Object
-        The volume in the picture.
-    kind : str
-        A key of SUFFIXES.
-    camera : bpy.types.Object, optional
-        The camera of a backdrop.
-
-    Returns
-    -------
-    bpy.types.Image or None
-        The image.
-    """
+    """Find a picture of a scene; ``kind``: a key of SUFFIXES."""
     for row in scene.rle_splat.pictures:
         if (row.kind, row.volume, row.camera) == (kind, volume_object, camera) and owned_by(row.image, scene):
             return row.image
@@ -76,20 +59,7 @@ def find(scene, volume_object, kind: str, camera=None):
 
 
 def find_or_make(scene, volume_object, kind: str, width: int, height: int, camera=None):
-    """Find a picture of a scene and resize it, or create it.
-
-    Parameters
-    ----------
-    scene, volume_object, kind, camera
-        See ``find``.
-    width, height : int
-        Size in pixels.
-
-    Returns
-    -------
-    bpy.types.Image
-        The image; its pixels are cleared if its size changed.
-    """
+    """Find a picture of a scene and resize it, or create it; its pixels are cleared if its size changes."""
     existing = find(scene, volume_object, kind, camera)
     name = f"{volume_object.name[:LONGEST_NAME]} {SUFFIXES[kind]}"
     image = images.ensure_image(existing, name, width, height, depth=kind in NUMBERS)
@@ -112,17 +82,10 @@ def keep(scene, volume_object, rgba, depth, *, kind: str = "color", camera=None)
 
     Parameters
     ----------
-    scene, volume_object, kind, camera
-        See ``find``.
     rgba : ndarray, shape (height, width, 4)
         Premultiplied scene-linear colors, row 0 on top.
     depth : ndarray, shape (height, width)
         Planar distance in world units.
-
-    Returns
-    -------
-    image, depth_image : bpy.types.Image
-        The two images.
     """
     height, width = depth.shape
     image = find_or_make(scene, volume_object, kind, width, height, camera)
@@ -135,17 +98,10 @@ def keep_numbers(scene, volume_object, numbers, kind: str):
 
     Parameters
     ----------
-    scene, volume_object
-        See ``find``.
     numbers : ndarray, shape (height, width)
         The numbers, row 0 on top.
     kind : str
         One of NUMBERS.
-
-    Returns
-    -------
-    bpy.types.Image
-        The image.
     """
     height, width = numbers.shape
     image = find_or_make(scene, volume_object, kind, width, height)
@@ -177,7 +133,8 @@ def _become_own(scene) -> None:
     settings = scene.rle_splat
     settings.scene_id = uuid.uuid4().hex
     settings.image = settings.depth_image = settings.error_image = None
-    _forget_rows(scene, lambda row: row.image is None or not _copied_for(scene, row))
+    _forget_rows(scene, lambda row: row.image is None or not (
+        row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)))  # fmt: skip
     for row in settings.pictures:
         theirs, row.image = row.image, _own_copy(scene, row.image)
         for entry in row.camera.data.background_images:
@@ -196,19 +153,8 @@ def _own_copy(scene, image):
     return copy
 
 
-def _copied_for(scene, row) -> bool:
-    """Whether a row of a copied scene is a backdrop of a camera that only this scene has."""
-    return row.kind == "backdrop" and row.camera is not None and row.camera.users_scene == (scene,)
-
-
 def release_deleted(scene, is_deleted) -> None:
-    """Drop the rows of deleted volumes and cameras; Blender empties pointers to objects that a script removes.
-
-    Parameters
-    ----------
-    is_deleted : callable
-        ``is_deleted(object)`` returns whether an object was deleted.
-    """
+    """Drop the rows of deleted volumes and cameras; Blender empties pointers to objects that a script removes."""
     _forget_rows(
         scene,
         lambda row: row.volume is None or is_deleted(row.volume) or (row.camera is not None and is_deleted(row.camera)),
@@ -235,15 +181,7 @@ def _error_lines(report: dict) -> list[str]:
 
 
 def note_report(settings, report: dict) -> None:
-    """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects.
-
-    Parameters
-    ----------
-    settings : SceneSettings
-        ``scene.rle_splat``.
-    report : dict
-        ``Rendering.report``.
-    """
+    """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects."""
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float))]  # fmt: skip

@@ -4,8 +4,6 @@ In a window this waits for a pause in the edits, so that dragging stays smooth. 
 run, it is done at once.
 """
 
-from __future__ import annotations
-
 import time
 
 import bpy
@@ -29,7 +27,9 @@ _attending: list = []  # not empty during a check, whose own changes must not st
 
 @persistent
 def _on_change(scene=None, depsgraph=None):
-    if (depsgraph is not None and depsgraph.mode == "RENDER") or _attending or not _concerns_us():
+    if (depsgraph is not None and depsgraph.mode == "RENDER") or _attending:
+        return
+    if not any(one.rle_splat.scene_id for one in bpy.data.scenes):  # no scene has pictures of ours
         return
     if not bpy.app.background:
         _due[0] = time.perf_counter() + PAUSE
@@ -105,11 +105,6 @@ def _hand_over_renders(scene) -> None:
         others = volumes.volume_objects(scene)
         if others:  # an assignment of None would count as another edit
             settings.composite_object = others[0]
-
-
-def _concerns_us() -> bool:
-    """Whether any scene has pictures of ours."""
-    return any(scene.rle_splat.scene_id for scene in bpy.data.scenes)
 
 
 def _followed() -> list:

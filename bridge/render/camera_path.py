@@ -4,8 +4,6 @@ The Empty is in the middle of the volume's box.  Its own Z is the patient's leng
 placement is in its delta rotation, so that the one animated number is the azimuth, as of ``view.turntable``.
 """
 
-from __future__ import annotations
-
 import math
 
 import bpy
@@ -16,7 +14,7 @@ from ...rle_splat.scene import RleSplatError
 from ...rle_splat.view.turntable import distance_to_see, turning_extent, turntable_axes
 from ...rle_splat.volume.volume import PATIENT
 from .. import linked
-from ..data import animation
+from ..data.playback import curves_of
 from ..volumes import box
 
 MARK = "rle_splat_turntable"  # custom property of the Empty: the volume
@@ -30,10 +28,6 @@ def turning_camera(context, owner, *, is_perspective: bool, elevation: float):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene.
-    is_perspective : bool
-        Or orthographic.
     elevation : float
         Degrees.
 
@@ -125,8 +119,6 @@ def keyframe_turn(pivot, azimuth: float, angle: float, frames: range) -> None:
     angle : float
         By how much it turns, in degrees. Of a full turn the last frame is one step before the first, so that the
         animation can be repeated; the last frame of an arc is its end.
-    frames : range
-        The frames.
     """
     pivot.animation_data_clear()
     pivot.rotation_mode = "XYZ"
@@ -137,6 +129,6 @@ def keyframe_turn(pivot, azimuth: float, angle: float, frames: range) -> None:
     if end > frames[0]:
         pivot.rotation_euler[2] = math.radians(azimuth + angle)
         pivot.keyframe_insert("rotation_euler", index=2, frame=end)
-    for curve in animation.curves_of(pivot):
+    for curve in curves_of(pivot):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"

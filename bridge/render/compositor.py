@@ -3,14 +3,13 @@
 A picture is inserted directly after the Image of a Render Layers node, so that all outputs that show the render show
 the volume.  Each view layer has its own picture, because the volume may be hidden in one layer and behind other meshes
 in another.  A node that combines the Image with other passes of its view layer, such as Denoise, comes before the
-picture: those passes do not know of the volume.  An output that is made without the Image has one directly before it.
+picture: those passes do not know of the volume.  Where the output shows no Render Layers node, what it shows counts as
+the Image.
 
 Our nodes are marked with a custom property and no other node is changed, so the user may move, mute, group or rewire
 them.  Links that are drawn past them later are led through them by ``settle``.  A picture is found as the image of a
 marked node, never by name.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -32,8 +31,6 @@ class CompositedPicture:
 
     Attributes
     ----------
-    image : bpy.types.Image
-        The image.
     layers : frozenset of str
         Names of the view layers that it is composited over; empty if it is over no view layer of the scene.
     """
@@ -47,13 +44,7 @@ class CompositedPicture:
 
 
 def check_editable(scene) -> None:
-    """Check that the scene's compositor can be changed.
-
-    Raises
-    ------
-    RleSplatError
-        If the compositor is linked from another file.
-    """
+    """RleSplatError if the scene's compositor is linked from another file and cannot be changed."""
     tree = versions.compositor_tree(scene)
     if tree is not None and not tree.is_editable:
         raise RleSplatError(
@@ -79,10 +70,11 @@ def insert(scene, make_image) -> list[str]:
     """
     remarks = []
     tree = versions.compositor_tree(scene)
-    before = {"tree": "on", "compositing": scene.render.use_compositing, "lock": scene.render.use_lock_interface}
+    render = scene.render
+    before = {"was_tree": "on", "was_compositing": render.use_compositing, "was_lock": render.use_lock_interface}
     if tree is None:
         tree = versions.switch_on_compositor(scene)
-        before["tree"] = "off" if len(tree.nodes) else "none"
+        before["was_tree"] = "off" if len(tree.nodes) else "none"
         remarks.append(
             "The compositor was switched on with its nodes." if len(tree.nodes) else "A compositor was created."
         )
@@ -94,17 +86,14 @@ def insert(scene, make_image) -> list[str]:
     names = {node.layer for node in _layer_nodes(tree, scene)}
     if not _is_laid_out(tree, scene, names):
         # Our nodes are unlinked or muted, or the view layers have changed: rebuild them, keeping what ``remove`` needs.
-        for over in _marked(tree, _OVER):
-            before = {key: over.get(f"was_{key}", value) for key, value in before.items()}
+        before |= _noted(tree)
         _take_out(tree)
         target = _result_socket(tree, scene)
         for layers in _layer_nodes(tree, scene):
             _put_behind(tree, layers)
-        if not any(node.get(MARK) == _OVER for node, _output, _holders in feeding([target])):
-            _put_before(target)
-        for over in _marked(tree, _OVER):
-            for key, value in before.items():
-                over[f"was_{key}"] = value
+        if not any(_is_over(node) for node, _output, _holders in feeding([target])):
+            _lead_through(target.links[0].from_socket if target.is_linked else None, [target])
+        _note(_marked(tree, _OVER), before)
 
     made, spare = {}, earlier
     for node in _marked(tree, _PICTURE):
@@ -119,11 +108,11 @@ def insert(scene, make_image) -> list[str]:
     if len(names) > 1:
         remarks.append(f"Each of the view layers {', '.join(sorted(names))} has its own picture.")
 
-    if not scene.render.use_compositing:
-        scene.render.use_compositing = True
+    if not render.use_compositing:
+        render.use_compositing = True
         remarks.append("Compositing was switched on in the output properties.")
-    if not scene.render.use_lock_interface:
-        scene.render.use_lock_interface = True
+    if not render.use_lock_interface:
+        render.use_lock_interface = True
         remarks.append("Render > Lock Interface is now on, because the volume is drawn while Blender renders.")
     return remarks
 
@@ -133,41 +122,31 @@ def settle(scene) -> None:
     tree = versions.compositor_tree(scene)
     if tree is None or not tree.is_editable:
         return
-    before, known = {}, {}
+    before, known = _noted(tree), {}
     for node in _marked(tree, _PICTURE):
         known.update(dict.fromkeys(_layers_of(tree, node, scene), node.image))
-    for over in _marked(tree, _OVER):
-        before = {key: over[key] for key in over.keys() if key.startswith("was_")}
     ready = [node for node in _layer_nodes(tree, scene) if node.layer in known and node.id_data.is_editable]
     for layers in ready if before else ():
         for picture, over in _put_behind(tree, layers):
             picture.image = known[layers.layer]
-            for key, value in before.items():
-                over[key] = value
+            _note([over], before)
 
 
 def remove(scene) -> bool:
-    """Remove our nodes, reconnect the links across them, and restore the settings that ``insert`` changed.
-
-    Returns
-    -------
-    bool
-        Whether there were nodes to remove.
-    """
+    """Remove our nodes, reconnect links, restore what ``insert`` changed; return whether there were nodes."""
     tree = versions.compositor_tree(scene)
     if tree is None or not (_marked(tree, _OVER) or _marked(tree, _PICTURE)):
         return False
-    before = {}
-    for over in _marked(tree, _OVER):
-        before = {key: over.get(f"was_{key}") for key in ("tree", "compositing", "lock")}
+    before = _noted(tree)
     _take_out(tree)
-    if before.get("compositing") is not None:
-        scene.render.use_compositing = bool(before["compositing"])
-    if before.get("lock") is not None:
-        scene.render.use_lock_interface = bool(before["lock"]) or any(one.rle_splat.is_slice for one in scene.objects)
-    if before.get("tree") == "off":
+    if "was_compositing" in before:
+        scene.render.use_compositing = bool(before["was_compositing"])
+    if "was_lock" in before:
+        has_slices = any(one.rle_splat.is_slice for one in scene.objects)
+        scene.render.use_lock_interface = bool(before["was_lock"]) or has_slices
+    if before.get("was_tree") == "off":
         versions.switch_off_compositor(scene, discard=False)
-    elif before.get("tree") == "none" and all(node.get(MARK) == _DEFAULT for node in tree.nodes):
+    elif before.get("was_tree") == "none" and all(node.get(MARK) == _DEFAULT for node in tree.nodes):
         versions.switch_off_compositor(scene, discard=True)
     return True
 
@@ -179,13 +158,7 @@ def is_inserted(scene) -> bool:
 
 
 def images_of(scene) -> list:
-    """All pictures in the scene's compositor, whether they reach the render or not.
-
-    Returns
-    -------
-    list of bpy.types.Image
-        The images of our nodes that belong to the scene.
-    """
+    """The images of our nodes that belong to the scene, whether they reach the render or not."""
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else _marked(tree, _PICTURE)
     return list(dict.fromkeys(node.image for node in nodes if _is_ours(node.image, scene)))
@@ -207,13 +180,7 @@ def exchange_images(scene, exchange) -> None:
 
 
 def pictures(scene) -> list[CompositedPicture]:
-    """The pictures that reach the scene's render.
-
-    Returns
-    -------
-    list of CompositedPicture
-        Each with the view layers that it is composited over.
-    """
+    """The pictures that reach the scene's render."""
     tree = versions.compositor_tree(scene)
     if tree is None or not scene.render.use_compositing:
         return []
@@ -225,13 +192,7 @@ def pictures(scene) -> list[CompositedPicture]:
 
 
 def problem(scene) -> str | None:
-    """Why one of our pictures does not reach the scene's render.
-
-    Returns
-    -------
-    str or None
-        One sentence for the user; None if all pictures reach the render.
-    """
+    """Why one of our pictures does not reach the scene's render."""
     tree = versions.compositor_tree(scene)
     if not scene.render.use_compositing:
         return ("Compositing is switched off in the output properties, so the volume is not in the render; switch it "
@@ -274,6 +235,17 @@ def drop(image) -> None:
 def _is_ours(image, scene) -> bool:
     """Whether an image is a picture of this scene; pictures of version 0.1.0 name no scene and always count."""
     return image is not None and images.MARK in image and (images.OWNER not in image or images.owned_by(image, scene))
+
+
+def _noted(tree) -> dict:
+    """What ``insert`` has changed, as our Alpha Overs hold it for ``remove``."""
+    return {key: over[key] for over in _marked(tree, _OVER) for key in over.keys() if key.startswith("was_")}
+
+
+def _note(overs, before: dict) -> None:
+    for over in overs:
+        for key, value in before.items():
+            over[key] = value
 
 
 def _title(node) -> str:
@@ -376,25 +348,30 @@ def _add_pair(tree, x: float, y: float):
     picture = tree.nodes.new("CompositorNodeImage")
     over[MARK], picture[MARK] = _OVER, _PICTURE
     over.label, picture.label = "RLE Splat over Render", "RLE Splat"
-    over.location, over["moved_output"] = (x, y), False
-    picture.location = (x - 220.0, y - 220.0)
+    over.location, picture.location = (x, y), (x - 220.0, y - 220.0)
     foreground = _colors(over)[1]
     foreground.default_value = (0.0, 0.0, 0.0, 0.0)  # the default is white, which shows if the picture is unlinked
     tree.links.new(picture.outputs[0], foreground)
     return picture, over
 
 
-def _put_before(target) -> None:
-    """Insert an Alpha Over and its picture before the input of an output."""
-    tree, output = target.id_data, target.node
-    _picture, over = _add_pair(tree, output.location.x - 20.0, output.location.y)
-    output.location.x += 200.0
-    over["moved_output"] = True
-    if target.is_linked:
-        tree.links.new(target.links[0].from_socket, _colors(over)[0])
-    else:
-        _colors(over)[0].default_value = target.default_value
-    tree.links.new(over.outputs[0], target)
+def _lead_through(source, targets: list, after=()) -> list[tuple]:
+    """Lead input sockets through an Alpha Over ``after`` their source, or a new one; return the new pairs.
+
+    ``source``: None for a single input without a link, whose color the picture is over.
+    """
+    tree, made = targets[0].id_data, []
+    if not after:
+        node = targets[0].node if source is None else source.node
+        made.append(_add_pair(tree, node.location.x + node.width + 40.0, node.location.y))
+        after = made[0][1:]
+        if source is None:
+            _colors(after[0])[0].default_value = targets[0].default_value
+        else:
+            tree.links.new(source, _colors(after[0])[0])
+    for target in targets:
+        tree.links.new(after[0].outputs[0], target)
+    return made
 
 
 def _put_behind(tree, layers) -> list[tuple]:
@@ -402,7 +379,7 @@ def _put_behind(tree, layers) -> list[tuple]:
 
     Returns the new pairs (Image node, Alpha Over).
     """
-    bare, covered, places, made = set(), set(), [], []
+    bare, covered, places = set(), set(), []
     _layers_behind(_ends(tree), layers.scene, _is_over, bare)
     list(feeding([_colors(over)[0] for over in _marked(tree, _OVER)], links=covered))
     todo = [layers.outputs["Image"]]
@@ -414,15 +391,8 @@ def _put_behind(tree, layers) -> list[tuple]:
         targets = [link.to_socket for link in links if link.to_node not in mixing]
         if targets and all(over.outputs[0].is_linked for over in after):  # one that leads nowhere was unplugged
             places.append((source, targets, after))
-    for source, targets, after in places:  # a new link may take the address of one in the sets
-        if not after:
-            node = source.node
-            made.append(_add_pair(layers.id_data, node.location.x + node.width + 40.0, node.location.y))
-            after = made[-1][1:]
-            layers.id_data.links.new(source, _colors(after[0])[0])
-        for target in targets:
-            layers.id_data.links.new(after[0].outputs[0], target)
-    return made
+    # A new link may take the address of one in the sets.
+    return [pair for place in places for pair in _lead_through(*place)]
 
 
 def _reads_passes(node, layers) -> bool:
@@ -459,9 +429,6 @@ def _take_out(tree) -> None:
                 within.links.new(source, target)
             elif target.type == "RGBA":
                 target.default_value = background.default_value
-        for target in targets:
-            if target.node.bl_idname == versions.OUTPUT_NODE and over.get("moved_output", True):
-                target.node.location.x -= 200.0
         within.nodes.remove(over)
     for picture in _marked(tree, _PICTURE):
         picture.id_data.nodes.remove(picture)

@@ -1,15 +1,11 @@
 """Follow the links of a compositor backward, through muted nodes and in and out of node groups."""
 
-from __future__ import annotations
-
 
 def feeding(sockets, holders=(), end=None, links=None):
     """Find every output whose value reaches one of some input sockets.
 
     Parameters
     ----------
-    sockets : iterable of bpy.types.NodeSocket
-        Input sockets.
     holders : tuple of bpy.types.Node
         The group nodes that contain the sockets, outermost first.
     end : callable, optional

@@ -3,8 +3,6 @@
 The file holds the grids of ``vdb_medium``, in the space of the volume object: its own units are world units.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import bpy
@@ -34,14 +32,10 @@ def file_steps(plain: Scene, quality, factors, path, residual=None):
 
     Parameters
     ----------
-    plain : Scene
-        The scene as plain data.
     quality : Quality
         Its threads count.
     factors : (fx, fy, fz)
         Voxels of the volume along each side of a voxel of the file.
-    path : Path
-        The file.
     residual : ndarray, shape (4, 4), optional
         Space of the volume object to that of the object that shows the file, if they differ.
 
@@ -99,15 +93,8 @@ def emitting_material(name: str, engines: str = "ALL"):
 
     Parameters
     ----------
-    name : str
-        Its name.
     engines : {"ALL", "CYCLES"}
         The engines that draw it.
-
-    Returns
-    -------
-    bpy.types.Material
-        The material.
     """
     material, tree, output = _new_material(name)
     output.target = engines
@@ -140,11 +127,6 @@ def scattering_material(name: str):
     tree.links.new(divide.outputs["Vector"], principled.inputs["Color"])
     tree.links.new(principled.outputs[0], output.inputs["Volume"])
     return material
-
-
-def material_for(look: str, name: str):
-    """A material of one of LOOKS."""
-    return emitting_material(name) if look == LOOKS[0][0] else scattering_material(name)
 
 
 def unlit(plain: Scene) -> Scene:

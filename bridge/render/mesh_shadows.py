@@ -11,8 +11,6 @@ Files are named after a hash of all that decides their content.  They are beside
 folder before its first save.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from contextlib import suppress
@@ -24,12 +22,12 @@ from bpy.app.handlers import persistent
 
 from ...rle_splat.effects.lighting_kinds import BAKED
 from ...rle_splat.pipeline.medium_grid import for_any_view, shadow_factors
+from ...rle_splat.runtime.array_hash import hash_plain
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import MODES, Scene
 from .. import linked, paths
 from ..data import effects
 from ..live import slices
-from ..pictures import outdated
 from ..scene.clip_objects import clip_objects
 from ..scene.lights import read_lights
 from ..scene.meshes import seen_meshes
@@ -59,14 +57,9 @@ def surface_of(grid):
 
 
 def settle(scene) -> None:
-    """Give each volume in renders its grid, and remove all others, such as those of deleted volumes.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        A local scene.
-    """
-    owners = _wanted_for(scene)
+    """Give each volume in renders its grid, and remove all others, such as those of deleted volumes."""
+    is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
+    owners = volumes.volume_objects(scene) if scene.rle_splat.use_composite and not is_off else []
     kept: dict = {}  # volume object -> its grid
     for one in grids(scene):
         if linked.is_own(one):
@@ -84,12 +77,6 @@ def settle(scene) -> None:
             grid.data = grid.data.copy()
         if surface_of(grid) is None:
             _add_surface(grid)
-
-
-def _wanted_for(scene) -> list:
-    """The volume objects that need a grid: none if renders include no volume, or the effect is off by hand."""
-    is_off = effects.forced(scene, effects.SHADOWS_ON_MESHES) is False
-    return volumes.volume_objects(scene) if scene.rle_splat.use_composite and not is_off else []
 
 
 def _add(scene, owner):
@@ -130,20 +117,7 @@ def _remove(one) -> None:
 
 
 def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
-    """Whether the engine gets to see a volume, and why or why not.
-
-    Parameters
-    ----------
-    plain : Scene
-        The same as plain data.
-
-    Returns
-    -------
-    on : bool
-        Whether it does.
-    reason : str
-        Words behind "on" or "off".
-    """
+    """Whether the engine gets to see a volume, and why or why not."""
     scene = depsgraph.scene
     by_hand = effects.forced(scene, effects.SHADOWS_ON_MESHES)
     if by_hand is False:
@@ -242,7 +216,7 @@ def _file_of(plain: Scene, quality, factors) -> Path:
     """The file of a scene's medium, which is made if there is none."""
     scene = for_any_view(plain)
     turned = medium_volumes.density_factor(plain.volume_matrix), medium_volumes.grid_matrix(plain, factors)
-    path = _folder() / f"{PREFIX}{outdated.digest((scene, factors, turned))}{SUFFIX}"
+    path = _folder() / f"{PREFIX}{hash_plain(scene, factors, turned)}{SUFFIX}"
     if not path.is_file():
         drain(medium_volumes.file_steps(plain, quality, factors, path))
         _delete_unused(path)

@@ -1,15 +1,13 @@
 """The settings of a scene on which the files of an animation depend: changed for one render, then put back."""
 
-from __future__ import annotations
-
 import os
-from itertools import count
 
 import bpy
 
 from ...rle_splat.scene import RleSplatError
 from .. import versions
 from ..held import Held
+from ..paths import free_name
 from ..scene import world_nodes
 from ..scene.camera import image_size
 from ..translations import filled
@@ -106,9 +104,7 @@ def free_path(name: str, suffix: str, is_free) -> str:
     """A path for a new file beside the .blend, numbered if there is one; the name alone before the first save."""
     if not bpy.data.filepath:
         return name + suffix
-    folder = os.path.dirname(bpy.data.filepath)
-    paths = (os.path.join(folder, f"{name}{f' {n}' if n > 1 else ''}{suffix}") for n in count(1))
-    return next(filter(is_free, paths))
+    return free_name(os.path.join(os.path.dirname(bpy.data.filepath), name), suffix, is_free)
 
 
 def final_path(output: str, path: str) -> str:
@@ -128,7 +124,6 @@ def check_frames(scene, frames, were_typed: bool) -> None:
     ----------
     scene : bpy.types.Scene
         A scene whose animation ``write_to`` has directed to files.
-    frames : iterable of int
     were_typed : bool
         Whether a user typed the name in a dialog, which shows no names of numbered pictures.
 

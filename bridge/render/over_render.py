@@ -9,8 +9,6 @@ interface from drawing the images meanwhile.  A render without it says so.
 Problems are recorded for the whole render or animation, see ``render_log.py``.
 """
 
-from __future__ import annotations
-
 import bpy
 from bpy.app.handlers import persistent
 
@@ -149,15 +147,7 @@ HANDLERS = (
 
 
 def splat_over_render(scene, depsgraph) -> None:
-    """Render the pictures that the compositor puts over a view layer; on failure a placeholder and a message.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        The scene that is being rendered.
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene of the view layer.
-    """
+    """Render the pictures that the compositor puts over a view layer; on failure a placeholder and a message."""
     log, layer = _logs[scene.session_uid], depsgraph.view_layer.name
     found = compositor.pictures(scene)
     mine = [one for one in found if one.is_of(layer)]

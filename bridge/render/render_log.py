@@ -3,8 +3,6 @@
 A frame that succeeds does not clear the problem of an earlier frame.
 """
 
-from __future__ import annotations
-
 from .. import messages
 from ..pictures import pictures
 

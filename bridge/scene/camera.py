@@ -5,8 +5,6 @@ normalized.  The image size is the resolution times the percentage, rounded down
 that is bound to a timeline marker.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.scene import Camera, RleSplatError
@@ -20,18 +18,7 @@ _PANORAMIC = {"PANO": "panoramic", "CUSTOM": "custom (OSL)"}
 
 
 def image_size(render) -> tuple[int, int]:
-    """Width and height of the full frame.
-
-    Parameters
-    ----------
-    render : bpy.types.RenderSettings
-        The render settings of a scene.
-
-    Returns
-    -------
-    tuple of int
-        Width and height in pixels.
-    """
+    """Width and height of the full frame in pixels."""
     percentage = render.resolution_percentage
     return (
         max(1, render.resolution_x * percentage // 100),
@@ -40,18 +27,7 @@ def image_size(render) -> tuple[int, int]:
 
 
 def camera_object(depsgraph):
-    """The evaluated active camera.
-
-    Returns
-    -------
-    bpy.types.Object
-        The evaluated camera object.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no active camera, or the active one is another kind of object.
-    """
+    """The evaluated active camera; RleSplatError if there is none, or another kind of object is active."""
     original = depsgraph.scene_eval.camera or depsgraph.scene.camera
     if original is None:
         raise RleSplatError("The scene has no active camera; add a camera and make it active with Ctrl+Numpad 0.")
@@ -64,14 +40,9 @@ def camera_object(depsgraph):
 
 
 def marked_camera(scene):
-    """The camera that timeline markers make active at the scene's current frame.
+    """The camera that timeline markers make active at the scene's current frame, or None.
 
     Blender switches the camera after ``frame_change_post``; before the first marker it uses the first marker's camera.
-
-    Returns
-    -------
-    bpy.types.Object or None
-        The camera object; None if no marker names one.
     """
     markers = sorted((one for one in scene.timeline_markers if one.camera is not None), key=lambda one: one.frame)
     passed = [one for one in markers if one.frame <= scene.frame_current]
@@ -80,11 +51,6 @@ def marked_camera(scene):
 
 def read_camera(depsgraph, camera=None) -> tuple[Camera, int, int]:
     """The camera and the image size at the depsgraph's time.
-
-    Parameters
-    ----------
-    camera : bpy.types.Object, optional
-        A camera object to use instead of the active one.
 
     Returns
     -------
@@ -158,11 +124,6 @@ def without_scale(matrix_world) -> np.ndarray:
     matrix_world : array_like, shape (4, 4)
         Camera to world.
 
-    Returns
-    -------
-    ndarray, shape (4, 4), float64
-        The matrix without scale.
-
     Raises
     ------
     RleSplatError
@@ -180,11 +141,6 @@ def frame_crop(render) -> tuple[int, int, int, int] | None:
     """The part of the frame that a cropped render region keeps.
 
     Blender rounds the region's corners down to whole pixels, counted from the bottom left.
-
-    Parameters
-    ----------
-    render : bpy.types.RenderSettings
-        The render settings of a scene.
 
     Returns
     -------

@@ -3,8 +3,6 @@
 Objects are changed by their own location, rotation and scale, so that these can be keyframed.
 """
 
-from __future__ import annotations
-
 import bpy
 from mathutils import Matrix, Quaternion, Vector
 
@@ -101,8 +99,6 @@ def move_face(box, axis: int, side: int, extent: float) -> None:
 
     Parameters
     ----------
-    box, axis, side
-        As for ``face``.
     extent : float
         New distance between the two faces, in world units.
     """
@@ -117,11 +113,6 @@ def move_face(box, axis: int, side: int, extent: float) -> None:
 
 def plane_origin(plane) -> tuple[Vector, Vector, float]:
     """Where the handle of a plane is.
-
-    Parameters
-    ----------
-    plane : bpy.types.Object
-        A clip plane or a slice.
 
     Returns
     -------
@@ -151,8 +142,6 @@ def tilt_axis(plane, axis: int) -> tuple[Vector, Vector]:
 
     Parameters
     ----------
-    plane : bpy.types.Object
-        A clip plane or a slice.
     axis : int
         0 or 1 of its own axes.
 
@@ -172,8 +161,6 @@ def tilt(plane, axis: int, angle: float) -> None:
 
     Parameters
     ----------
-    plane, axis
-        As for ``tilt_axis``.
     angle : float
         Radians.
     """

@@ -7,8 +7,6 @@ Objects in child collections count.  An Empty that is hidden from renders does n
 because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 
@@ -25,13 +23,7 @@ FLAT = 1e-6  # a mesh whose thickness is below this fraction of its size is a pl
 
 
 def clip_objects(scene) -> list:
-    """The clip objects of a scene, sorted by name, without deleted ones.
-
-    Returns
-    -------
-    list of bpy.types.Object
-        The objects in the scene's collection of clip objects.
-    """
+    """The clip objects of a scene, sorted by name, without deleted ones."""
     collection = scene.rle_splat.clip_objects
     members = [] if collection is None else collection.all_objects
     return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
@@ -148,11 +140,6 @@ def facing(view: np.ndarray, corners: np.ndarray, point: np.ndarray) -> np.ndarr
 
 def check_can_add(scene, view_layer) -> None:
     """Check that an object added to the scene's clip objects would be in the view layer.
-
-    Parameters
-    ----------
-    view_layer : bpy.types.ViewLayer
-        One of its view layers.
 
     Raises
     ------

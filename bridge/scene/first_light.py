@@ -1,7 +1,5 @@
 """The light on the first volume of a scene: a headlight where the scene's own lights would leave it dark."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.classify.transfer_function import Shade
@@ -21,9 +19,6 @@ def light_if_dark(context, added: list, corners: np.ndarray) -> str:
 
     Parameters
     ----------
-    context : bpy.types.Context
-    added : list of bpy.types.Object
-        The volumes that were just added to the scene.
     corners : (n, 3) ndarray
         World coordinates around one of them.
 

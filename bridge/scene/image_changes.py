@@ -4,8 +4,6 @@ Blender sends an event for an image that is painted or reloaded, but none where 
 unsaved pixels is therefore known by their hash, which is taken anew after each event and before each picture.
 """
 
-from __future__ import annotations
-
 import hashlib
 
 import bpy
@@ -32,17 +30,9 @@ HANDLERS = (("depsgraph_update_post", _on_update),)
 
 
 def events_of(one) -> int:
-    """How often Blender has said that a world or an image has changed.
+    """How often Blender has said that a world or an image has changed, since the file was opened.
 
-    Parameters
-    ----------
-    one : bpy.types.World or bpy.types.Image
-        Evaluated or not.
-
-    Returns
-    -------
-    int
-        Since the file was opened.  A world counts what happens to its nodes and to their images, too.
+    A world counts what happens to its nodes and to their images, too.
     """
     return _events.get(one.original.session_uid, 0)
 
@@ -52,8 +42,6 @@ def state_of(image, frame: int = 0) -> tuple:
 
     Parameters
     ----------
-    image : bpy.types.Image
-        Evaluated or not.
     frame : int
         The frame of the scene, which counts for movies and sequences.
     """

@@ -1,7 +1,5 @@
 """The lights of the evaluated scene as plain data."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

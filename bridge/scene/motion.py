@@ -6,13 +6,11 @@ parents and of the targets of its Track To constraints are evaluated here.  If a
 picture has no motion blur, and the report names the cause.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...rle_splat.scene import Pose
-from ..data.animation import curves_of
+from ..data.playback import curves_of
 from .camera import camera_object, without_scale
 
 POSES = 5  # while the shutter is open; motion is linear between two poses
@@ -39,13 +37,6 @@ class _NotReadError(Exception):
 
 def read_motion(depsgraph, volume_object, camera=None) -> tuple[tuple[Pose, ...], str]:
     """The poses of the camera and a volume while the shutter is open.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene at the frame.
-    camera : bpy.types.Object, optional
-        A camera object to use instead of the active one.
 
     Returns
     -------

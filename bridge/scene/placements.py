@@ -1,7 +1,5 @@
 """Where volumes stand in a scene: each volume object itself, and where instances of collections show it again."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,6 @@ class Placement(NamedTuple):
 
     Attributes
     ----------
-    owner : bpy.types.Object
-        The volume object.
     matrix : (4, 4) ndarray of float64 or None
         Its matrix in the world; None for that of the object itself.
     instancer : bpy.types.Object or None
@@ -53,13 +49,7 @@ def placements(depsgraph) -> list[Placement]:
 
 
 def shown(depsgraph) -> list[Placement]:
-    """The volumes that a view layer shows in a render, by the rules of Cycles, sorted by name; channels of others not.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene of the view layer.
-    """
+    """The volumes that a render of a view layer shows, by the rules of Cycles, by name; no channels of others."""
     found = [one for one in placements(depsgraph) if why_hidden(one, depsgraph) is None]
     added = as_channels([one.owner for one in found])
     found = [one for one in found if one.owner not in added]
@@ -80,19 +70,7 @@ def as_channels(owners: list) -> list:
 
 
 def why_hidden(placed: Placement, depsgraph) -> str | None:
-    """Why a view layer does not show a volume, by the rules of Cycles; None if it shows it.
-
-    Parameters
-    ----------
-    placed : Placement
-    depsgraph : bpy.types.Depsgraph
-        The evaluated scene of the view layer.
-
-    Returns
-    -------
-    str or None
-        Words behind the volume's name.
-    """
+    """Why a view layer does not show a volume, by the rules of Cycles; None if it shows it."""
     layer, scene, one = depsgraph.view_layer, depsgraph.scene, placed.stands_for
     where = f"view layer {layer.name!r}"
     if scene not in one.users_scene:

@@ -3,8 +3,6 @@
 Everything is read before the first step of the work, so that edits during the work do not affect the picture.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
@@ -44,8 +42,6 @@ def read_scene(
 
     Parameters
     ----------
-    with_meshes : bool
-        Whether meshes occlude the volume.
     with_shadows : bool
         Whether shadows and ambient occlusion are used, if they are on in the scene.
     in_region : bool
@@ -56,13 +52,6 @@ def read_scene(
         A camera object to use instead of the active one.
     warn : callable, optional
         Called with one sentence for each warning.
-
-    Returns
-    -------
-    plain : Scene
-        The scene as plain data.
-    quality : Quality
-        The knobs.
 
     Raises
     ------
@@ -80,15 +69,6 @@ def read_scene(
 
 def read_scenes(placed, depsgraph, *, with_meshes: bool, warn=None):
     """Read everything that a rendered picture of several volumes depends on, as ``read_scene`` does.
-
-    Parameters
-    ----------
-    placed : sequence of Placement
-        The volumes.
-    with_meshes : bool
-        Whether meshes occlude the volumes.
-    warn : callable, optional
-        Called with one sentence for each warning.
 
     Returns
     -------
@@ -151,19 +131,10 @@ def seen_by(
     ----------
     view : (Camera, int, int)
         The camera as plain data, width and height of the frame in pixels.
-    with_shadows : bool
-        Whether shadows and ambient occlusion are used, if they are on in the scene.
-    warn : callable, optional
-        Called with one sentence for each warning.
     matrix : (4, 4) ndarray of float64, optional
         The matrix of an instance of the volume; left out, that of the object.
     **of_view
         Further fields of Scene: triangles, panes, crop, motion.
-
-    Returns
-    -------
-    Scene
-        The scene as plain data.
 
     Raises
     ------
@@ -211,11 +182,6 @@ def seen_by(
 def read_light(depsgraph, warn=None) -> tuple:
     """The lights and the world of a scene, as they light volumes under Scene Lights.
 
-    Parameters
-    ----------
-    warn : callable, optional
-        See ``world.read_world``.
-
     Returns
     -------
     lights : tuple of Light
@@ -231,13 +197,7 @@ def read_light(depsgraph, warn=None) -> tuple:
 
 
 def is_rendered(volume_object, depsgraph) -> bool:
-    """Whether a render shows an object: neither it nor its collections are hidden from renders.
-
-    Returns
-    -------
-    bool
-        Whether it is shown.
-    """
+    """Whether a render shows an object: neither it nor its collections are hidden from renders."""
     for instance in depsgraph.object_instances:
         if not instance.is_instance and instance.object.original == volume_object:
             return not instance.object.hide_render
@@ -252,10 +212,6 @@ def steps(
 
     Parameters
     ----------
-    plain : Scene
-        The scene.
-    quality : Quality
-        The knobs.
     tolerance : float, optional
         The largest allowed error in levels of 1/255; the planner then chooses the knobs.  With pre
         shadows are left out.

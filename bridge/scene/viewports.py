@@ -41,13 +41,6 @@ def distance_to_fit(radius: float, lens: float, free: float, is_perspective: boo
         Focal length, mm.
     free : float
         The shorter side of the part that is free, over the longer side of the region.
-    is_perspective : bool
-        Or orthographic.
-
-    Returns
-    -------
-    float
-        World units.
     """
     slope = HALF_SENSOR / lens * free
     return radius / (math.sin(math.atan(slope)) if is_perspective else slope)
@@ -58,8 +51,6 @@ def rotation_from(side: str, matrix: np.ndarray) -> Quaternion:
 
     Parameters
     ----------
-    side : str
-        One of SIDES.
     matrix : (4, 4) ndarray
         From the volume's own space, LPS, to the world.
 
@@ -80,7 +71,6 @@ def frame(window, boxes: list[np.ndarray], rotation: Quaternion | None = None) -
 
     Parameters
     ----------
-    window : bpy.types.Window
     boxes : list of (8, 3) ndarray
         Corners in world space.
     rotation : mathutils.Quaternion, optional
@@ -117,7 +107,6 @@ def frame_if_too_near(area, placed: list) -> None:
 
     Parameters
     ----------
-    area : bpy.types.Area
     placed : list of (bpy.types.Object, ndarray of shape (8, 3))
         Volume objects, and the corners of their boxes in world space.
     """
@@ -156,7 +145,6 @@ def frame_quad(area, corners: np.ndarray) -> None:
 
     Parameters
     ----------
-    area : bpy.types.Area
     corners : (8, 3) ndarray
         World space.
     """
@@ -212,7 +200,6 @@ def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
 
     Parameters
     ----------
-    view_layer : bpy.types.ViewLayer
     corners : (n, 3) ndarray
         Of the box, world space.
     eye : (4,) array_like, optional
@@ -226,7 +213,7 @@ def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
         matrix = np.array(one.matrix_world)
         if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
             continue
-        inside, bounds = _to_local(corners, matrix), np.array(one.bound_box)
+        inside, bounds = (corners - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T, np.array(one.bound_box)
         if eye is None:
             hides = (inside >= bounds.min(axis=0)).all() and (inside <= bounds.max(axis=0)).all()
         else:
@@ -235,10 +222,6 @@ def hiding_meshes(view_layer, corners: np.ndarray, eye=None) -> list[str]:
         if hides:
             found.append(one.name)
     return found
-
-
-def _to_local(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    return (points - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
 
 
 def _meets_all(evaluated, eye: np.ndarray, points: np.ndarray) -> bool:

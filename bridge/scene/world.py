@@ -4,8 +4,6 @@ A Background of one color is read from its node, and an environment texture from
 rendered before, see ``world_render.py``.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ...rle_splat.scene import LEAST_LENGTH, Environment, Mist
@@ -63,18 +61,7 @@ def read_world(scene, warn=None) -> WorldLight | None:
 
 
 def state(scene, lighting: str = "SCENE") -> str:
-    """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered.
-
-    Parameters
-    ----------
-    lighting : str
-        Of the volume.
-
-    Returns
-    -------
-    str
-        A few words.
-    """
+    """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered."""
     settings, world = scene.rle_splat, scene.world
     if lighting not in BY_SCENE:
         return "World not used: see Lighting"

@@ -1,7 +1,5 @@
 """The light of a world as its nodes tell it: a Background of one color, or of the image of an environment texture."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 from mathutils import Euler
@@ -29,11 +27,6 @@ def _output_of(tree):
 
 def plain_color(world) -> tuple | None:
     """The radiance of a world of one color; None for any other.
-
-    Parameters
-    ----------
-    world : bpy.types.World
-        The evaluated world.
 
     Returns
     -------
@@ -73,11 +66,6 @@ def seen_as(world, gray: float):
 
 def light_of(world) -> tuple | None:
     """The light of a world.
-
-    Parameters
-    ----------
-    world : bpy.types.World
-        The evaluated world.
 
     Returns
     -------

@@ -12,8 +12,6 @@ its own, where no datablock may be made: it shows the light that there is, and s
 The light is a property of the scene, so it follows undo and is saved: a line for each state of the world.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from contextlib import suppress
@@ -80,13 +78,7 @@ def _is_there(scene, key: str) -> bool:
 
 
 def make_ready(scene, depsgraph) -> None:
-    """Render the light of a scene's world if it is needed and not there; a failure is printed.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Its evaluated state.
-    """
+    """Render the light of a scene's world if it is needed and not there; a failure is printed."""
     image_changes.look_again()
     if is_needed(depsgraph.scene_eval) and not _is_there(scene, digest_of(depsgraph.scene_eval)):
         try:

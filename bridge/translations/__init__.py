@@ -4,8 +4,6 @@ A sentence with a name or a number in it is a template with fields in braces: ``
 The renderer knows nothing of languages.  Its sentences that users meet most are found again by ``translate``.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

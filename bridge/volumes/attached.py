@@ -1,7 +1,5 @@
 """Objects attached to a volume: its children, which move with it and are resized with the scene scale."""
 
-from __future__ import annotations
-
 import numpy as np
 from mathutils import Matrix
 
@@ -54,13 +52,7 @@ def world_matrix(one, depsgraph) -> np.ndarray:
 
 
 def rescale_attached(owner, ratio: float) -> None:
-    """Resize what is attached to a volume, about the volume's origin.
-
-    Parameters
-    ----------
-    ratio : float
-        New scene scale over the old one.
-    """
+    """Resize what is attached to a volume, about its origin, by the new scene scale over the old one."""
     for one in owner.children:
         if one.rle_splat.clip_only_parent or one.rle_splat.is_slice or SURFACE in one:
             one.matrix_parent_inverse = Matrix.Diagonal((ratio, ratio, ratio, 1.0)) @ one.matrix_parent_inverse
@@ -71,10 +63,6 @@ def volume_frame(volume, owner, scale: float) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
-        The volume.
-    owner : bpy.types.Object
-        Its object.
     scale : float
         World units per length unit of the volume.
 

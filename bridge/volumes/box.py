@@ -22,8 +22,6 @@ def corners_of(shape_xyz, affine) -> np.ndarray:
 
     Parameters
     ----------
-    shape_xyz : tuple of int
-        Number of voxels along x, y and z.
     affine : ndarray, shape (4, 4)
         Voxel indices to the volume's own space, in its length unit.
 
@@ -41,8 +39,6 @@ def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
 
     Parameters
     ----------
-    shape_xyz, affine
-        See ``corners_of``.
     scene_scale : float
         World units per length unit of the volume.
     """
@@ -61,12 +57,8 @@ def give_wire(empty, name: str, vertices, edges, scale: float = 1.0) -> None:
 
     Parameters
     ----------
-    name : str
-        Name of the new mesh, its object and its collection.
     vertices, edges : list
         Of the mesh, in the Empty's own space divided by ``scale``.
-    scale : float
-        Factor on the vertices.
     """
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices, edges, [])
@@ -105,13 +97,7 @@ def checked_corners(volume_object) -> np.ndarray:
 
 
 def rescale_box(volume_object, scene_scale: float) -> None:
-    """Resize a volume's box to a new scene scale.
-
-    Parameters
-    ----------
-    scene_scale : float
-        World units per length unit of the volume.
-    """
+    """Resize a volume's box to a new scene scale."""
     if volume_object.instance_collection is None:
         return
     for holder in volume_object.instance_collection.objects:

@@ -4,8 +4,6 @@ A channel is imported like any other volume, so it has its own file, transfer fu
 how they lie in the patient, its values are brought onto the grid of the volume; the objects' own places do not count.
 """
 
-from __future__ import annotations
-
 import uuid
 from functools import partial
 
@@ -15,28 +13,23 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import Channel, RleSplatError
 from ...rle_splat.volume.regrid import on_grid_steps
 from .. import linked, presence
-from ..data.overridable import BoolProperty, PointerProperty
+from ..data.overridable import LiveBool, LivePointer
 from ..look import transfer
 from ..loop import store
 from . import encoded, volumes
 from .labels import remove_row
 
 
-def _evaluate_anew(row, _context):
-    row.id_data.update_tag()
-
-
 class ChannelProperties(bpy.types.PropertyGroup):
     """One channel.  ``name`` is unique, because library overrides find rows by name."""
 
-    source: PointerProperty(
+    source: LivePointer(
         name="Volume",
         type=bpy.types.Object,
         poll=lambda row, other: can_be_added(row.id_data, other),
         description="A volume of the same place, shown with its own transfer function",
-        update=_evaluate_anew,
     )
-    show: BoolProperty(name="Show", description="Add this volume to the picture", default=True, update=_evaluate_anew)
+    show: LiveBool(name="Show", description="Add this volume to the picture", default=True)
 
 
 def can_be_added(owner, other) -> bool:
@@ -55,13 +48,7 @@ def is_placed(channel, volume) -> bool:
 
 
 def placed_steps(wish: store.Wish, channel, volume):
-    """Generator of Progress: a channel on the grid of a volume; both are Volumes.
-
-    Raises
-    ------
-    RleSplatError
-        If the channel lies elsewhere.
-    """
+    """Generator of Progress: a channel on the grid of a volume, both Volumes; RleSplatError if it lies elsewhere."""
     if not channel.holds_values:
         raise RleSplatError(f"A channel {encoded.NO_VALUES}.")
     make_steps = partial(on_grid_steps, channel, volume, values=True)
@@ -82,13 +69,6 @@ def sources_of(owner, depsgraph=None) -> list:
 
 def add_channels(owner, others) -> tuple[str, ...]:
     """Add volume objects as channels; all or, on an error, none.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume that gets the channels.
-    others : list of bpy.types.Object
-        Volume objects.
 
     Returns
     -------
@@ -150,18 +130,7 @@ def remove_channel(owner, index: int) -> None:
 
 
 def read_channels(owner, depsgraph, volume) -> tuple[Channel, ...]:
-    """The channels that are switched on at the depsgraph's time, without deleted ones.
-
-    Parameters
-    ----------
-    volume : Volume
-        The volume's voxels.
-
-    Returns
-    -------
-    tuple of Channel
-        Volume and transfer function of each.
-    """
+    """The channels that are switched on at the depsgraph's time, without deleted ones."""
     return tuple(
         Channel(
             drain(placed_steps(wish_of(owner, one, depsgraph), volumes.load_volume(one, depsgraph=depsgraph), volume)),

@@ -4,8 +4,6 @@ What decides their colors is part of the file.  So an encoded volume has no tran
 histogram and no voxel values; its object stores the transfer function as text, so that panels and scripts can read it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -41,8 +39,6 @@ def open_steps(path: str, options: dict):
 
     Parameters
     ----------
-    path : str
-        The file or folder.
     options : dict
         Keyword arguments of ``read_volume``, of which there must be none.
 
@@ -87,15 +83,7 @@ def why_no_values(owner) -> str:
 def suited(quality: Quality, volume) -> Quality:
     """A quality with what an encoded volume decides: classification, model and voxel records.
 
-    Parameters
-    ----------
-    quality : Quality
-    volume : Volume or StoredVolume
-
-    Returns
-    -------
-    Quality
-        The same one for a Volume.
+    For a Volume it is the same quality.
     """
     if volume.holds_values:
         return quality

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...rle_splat.pipeline.memory_estimate import MemoryEstimate, picture_bytes
 from ...rle_splat.pipeline.quick_estimate import count_in_histogram, estimate_visible, likely_sides
+from ...rle_splat.runtime.memory import bytes_text
 from ...rle_splat.scene import NO_RAYS
 from ...rle_splat.splat.scratch import scratch_bytes
 from ...rle_splat.view.depth_rules import Sheets, place_sheets
@@ -27,8 +28,6 @@ def write_facts(volume_object, volume, counted) -> None:
 
     Parameters
     ----------
-    volume : Volume or StoredVolume
-        Its voxels.
     counted : Histogram or None
         Of its values, with BINS bins; None of encoded voxels.
     """
@@ -59,15 +58,8 @@ def fact_lines(volume, file_name: str) -> list[str]:
 
     Parameters
     ----------
-    volume : Volume or StoredVolume
-        The volume.
     file_name : str
         Name of its file or folder, without where it is.
-
-    Returns
-    -------
-    list of str
-        The lines.
     """
     unit = volume.unit
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
@@ -86,7 +78,7 @@ def _of_values(volume) -> tuple[list[str], list[str]]:
         lines.insert(0, f"Modality: {volume.modality}")
     if volume.frames > 1:
         lines.append(f"Frames: {volume.frames}")
-    return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {memory_text(volume.voxels.nbytes)}"]
+    return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {bytes_text(volume.voxels.nbytes)}"]
 
 
 def _of_tables(volume) -> tuple[list[str], list[str]]:
@@ -98,16 +90,6 @@ def _of_tables(volume) -> tuple[list[str], list[str]]:
 
 def _by(numbers) -> str:
     return " × ".join(f"{n:.6g}" for n in numbers)
-
-
-def memory_text(count: int) -> str:
-    """A number of bytes as text in binary multiples, such as "1.5 MiB"."""
-    size = float(count)
-    for unit in ("bytes", "KiB", "MiB"):
-        if size < 1024.0:
-            return f"{size:.4g} {unit}"
-        size /= 1024.0
-    return f"{size:.4g} GiB"
 
 
 @dataclass(frozen=True)
@@ -139,13 +121,7 @@ class StoredHistogram:
 
 
 def stored_histogram(properties) -> StoredHistogram | None:
-    """The histogram stored on an object.
-
-    Returns
-    -------
-    StoredHistogram or None
-        None before an import stored one, and for one that is damaged.
-    """
+    """The histogram stored on an object; None before an import stored one, and for one that is damaged."""
     if not properties.histogram:
         return None
     try:
@@ -189,14 +165,6 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     Parameters
     ----------
-    properties : VolumeProperties
-        ``object.rle_splat``.
-    transfer_function : TransferFunction
-        Decides which voxels are visible.
-    quality : Quality
-        The knobs.
-    width, height : int
-        Image size in pixels.
     meshes : bool
         Whether meshes may occlude the volume, which needs their depths.
 
@@ -229,10 +197,10 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
 
     alone, others = wanted(), []
     if quality.is_preset and scalars and quality.rays == NO_RAYS:
-        others.append(filled("{memory} with exact pixels", memory=memory_text(wanted(traced=True).needed)))
+        others.append(filled("{memory} with exact pixels", memory=bytes_text(wanted(traced=True).needed)))
     if meshes:
-        others.append(filled("{memory} among meshes", memory=memory_text(wanted(meshes=True).needed)))
+        others.append(filled("{memory} among meshes", memory=bytes_text(wanted(meshes=True).needed)))
     beside = f" ({', '.join(others)})" if others else ""
     return filled(
-        "About {memory}, {share} of the voxels", memory=f"{memory_text(alone.needed)}{beside}",
+        "About {memory}, {share} of the voxels", memory=f"{bytes_text(alone.needed)}{beside}",
         share=f"{alone.visible_fraction:.1%}")  # fmt: skip

@@ -29,15 +29,9 @@ def state_of(path, is_series: bool = False) -> tuple:
 
     Parameters
     ----------
-    path : str or Path
-        A file or a folder.
     is_series : bool
         Whether a DICOM series was read from it: a file then stands for the files beside it, a DICOMDIR for those below
         it.
-
-    Returns
-    -------
-    tuple
 
     Raises
     ------

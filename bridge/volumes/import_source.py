@@ -1,7 +1,5 @@
 """Reads the file, the folder or the numbered files of a volume object in steps, for Import and Relocate."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 
@@ -56,8 +54,6 @@ def found_steps(path: str, options):
 
     Parameters
     ----------
-    path : str
-        File or folder.
     options : SourceOptions or PlainOptions
         With Sequence, the file is one of several numbered ones, and it is the frame that is read.
 

@@ -3,8 +3,6 @@
 Like a volume's voxels, the label file stays outside the .blend and is read when it is first needed.
 """
 
-from __future__ import annotations
-
 import os
 from typing import NamedTuple
 
@@ -28,6 +26,7 @@ from ..data.overridable import (
     FloatVectorProperty,
     IntProperty,
     StringProperty,
+    evaluate_anew,
 )
 from ..data.playback import shown_frame
 from ..look.preset_items import IMPORT_ITEMS, SUGGESTED
@@ -45,14 +44,6 @@ FIRST = 0.5  # share of the time until the first of several frames is read
 PURPOSE = "labels"  # see ``store.Wish``
 
 
-def _evaluate_anew(row, _context):
-    row.id_data.update_tag()
-
-
-def _color_of(row):
-    return tuple(row.color)
-
-
 def _give_color(row, color) -> None:
     """Show a segment in a color, also where the volume's transfer function makes its values transparent."""
     row.color, row.use_color, row.show = color, True, True
@@ -65,23 +56,24 @@ class LabelProperties(bpy.types.PropertyGroup):
 
     label: IntProperty(name="Number", description="Value of the segment's voxels in the label file")
     label_name: StringProperty(name="Name", description="Name of the segment")
-    show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=_evaluate_anew)
+    show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
         name="Own Color", description="Use one color for this segment instead of the transfer function's colors",
-        default=False, update=_evaluate_anew)  # fmt: skip
+        default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
-        default=(0.8, 0.3, 0.2), update=_evaluate_anew)  # fmt: skip
+        default=(0.8, 0.3, 0.2), update=evaluate_anew)  # fmt: skip
     look: EnumProperty(
         name="Transfer Function", description="Transfer function for the voxels of this segment", items=FUNCTION_ITEMS,
-        default=OWN, update=_evaluate_anew)  # fmt: skip
+        default=OWN, update=evaluate_anew)  # fmt: skip
 
     opacity: FloatProperty(
         name="Opacity", description="Factor on the opacity of this segment", default=1.0, min=0.0, max=1.0,
-        subtype="FACTOR", update=_evaluate_anew)  # fmt: skip
+        subtype="FACTOR", update=evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
         name="Color", description="Color of the segment. Choosing one shows all voxels of the segment in it, with one "
-        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0, get=_color_of, set=_give_color)  # fmt: skip
+        "opacity", subtype="COLOR", size=3, min=0.0, max=1.0,
+        get=lambda row: tuple(row.color), set=_give_color)  # fmt: skip
 
     def plain(self) -> LabelStyle:
         return LabelStyle(

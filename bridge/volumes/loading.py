@@ -1,7 +1,5 @@
 """What a picture of a volume object needs in memory: its voxels, its labels and its channels."""
 
-from __future__ import annotations
-
 from ...rle_splat.runtime.steps import rescale
 from ...rle_splat.scene import RleSplatError
 from ..data.playback import shown_frame
@@ -16,14 +14,8 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
     ahead : int
         Frames of the timeline after that time.
-
-    Returns
-    -------
-    tuple
 
     Raises
     ------
@@ -38,17 +30,7 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
 def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
     """Whether nothing need be read for a picture of a volume object.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
-    with_labels, further
-        As for ``load_steps``.
-
-    Returns
-    -------
-    bool
-        Labels and channels whose file is missing are not waited for: what needs them fails at once.
+    Labels and channels whose file is missing are not waited for: what needs them fails at once.
     """
     volume = volumes.at_hand(owner, depsgraph)
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
@@ -74,8 +56,6 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        Gives the time.
     with_labels : bool, optional
         Whether to load the labels; without it, if a picture shows them.
     further : sequence of bpy.types.Object

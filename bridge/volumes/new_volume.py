@@ -10,6 +10,7 @@ from ..data import source_options
 from ..data.playback import FIXED, HOLD
 from ..data.settings import scene_scale_of
 from ..look.transfer import write_transfer
+from ..loop import store
 from . import box, volumes
 from .facts import write_facts
 from .import_source import ReadSource
@@ -22,10 +23,6 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
     ----------
     context : bpy.types.Context
         Gives scene, collection, view layer and 3D cursor.
-    found : ReadSource
-        What was read.
-    options : SourceOptions or PlainOptions
-        The options with which it was read.
     transfer_function : TransferFunction or None
         Its first transfer function; None for encoded voxels, which have their own.
     at_cursor : bool
@@ -47,8 +44,7 @@ def add_volume(context, found: ReadSource, options, transfer_function, at_cursor
     properties.playback = HOLD if found.is_in_time and not options.frame else FIXED
     fill_volume(context.scene, owner, found)
     remark = "" if transfer_function is None else write_transfer(owner, transfer_function)
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(owner)
+    linked.put_into_scene(context, owner)
     if at_cursor:
         corners = box.corners_of(volume.shape_xyz, volume.affine)
         middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) * scene_scale_of(context.scene, volume.unit)
@@ -72,15 +68,7 @@ def name_of(path: str, volume) -> str:
 
 
 def fill_volume(scene, owner, found: ReadSource) -> None:
-    """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-        Gives the scene scale.
-    found : ReadSource
-        What was read.
-    """
+    """Set the path, hashes, frames, facts and box of a volume object, and keep its voxels in memory."""
     properties, volume = owner.rle_splat, found.volume
     properties.is_volume = True
     owner.rle_splat.filepath = os.path.abspath(found.path)
@@ -91,4 +79,4 @@ def fill_volume(scene, owner, found: ReadSource) -> None:
     properties.remarks = "\n".join(found.remarks)
     properties.files_digest = volumes.files_digest(owner)
     box.give_box(owner, volume.shape_xyz, volume.affine, scene_scale_of(scene, volume.unit))
-    volumes.keep_volume(owner, volume)
+    store.put(store.wish_of(owner, None, volumes.PURPOSE), volumes.source_of(owner, found.frame).key, volume)

@@ -3,10 +3,7 @@
 Each change becomes a new file, so that undo finds the map of before and no file of the user is overwritten.
 """
 
-from __future__ import annotations
-
 import os
-import re
 import shutil
 from dataclasses import dataclass, replace
 
@@ -22,7 +19,7 @@ from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, p
 from ...rle_splat.volume.volume import NamedLabel, Volume
 from ..look import transfer
 from ..loop import store
-from ..paths import is_reserved
+from ..paths import free_name, usable_name
 from ..pictures.picture_files import FOLDER
 from . import labels
 from .source_paths import resolved_path
@@ -227,13 +224,7 @@ def chosen_row(owner):
 
 
 def lowest_visible(owner, depsgraph=None) -> float:
-    """The lowest value that the transfer function of a volume object shows.
-
-    Raises
-    ------
-    RleSplatError
-        If it shows nothing.
-    """
+    """The lowest value that a volume object's transfer function shows; RleSplatError if it shows nothing."""
     properties = owner.rle_splat
     values = np.linspace(properties.value_low, properties.value_high, VALUES)
     opacities = transfer.read_transfer(owner, depsgraph).alpha_at(values)
@@ -267,13 +258,8 @@ def _folder(blend_file: str) -> str:
 def _free_path(name: str, blend_file: str | None = None) -> str:
     """A file name for a label map of a volume object of a name, which no file has."""
     folder = _folder(bpy.data.filepath if blend_file is None else blend_file)
-    plain = re.sub(r"[^\w -]", "_", name).strip(" .") or "volume"
-    plain = f"volume {plain}" if is_reserved(plain) else plain
-    number, found = 1, f"{plain} segments{SUFFIX}"
-    while os.path.exists(os.path.join(folder, found)):
-        number += 1
-        found = f"{plain} segments {number}{SUFFIX}"
-    return os.path.join(folder, found)
+    plain = usable_name(name.replace(".", "_"), "volume")
+    return free_name(os.path.join(folder, f"{plain} segments"), SUFFIX, lambda path: not os.path.exists(path))
 
 
 def _keep_temporary(blend_file, *_):

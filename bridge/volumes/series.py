@@ -3,8 +3,6 @@
 Descriptions are free text of the files: they are shown here, and never stored.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import bpy.utils.previews
@@ -19,7 +17,6 @@ class Offer:
 
     Attributes
     ----------
-    rows : tuple of SeriesInfo
     titles : tuple of str
         One line about each, without free text of the files.
     operator : str
@@ -50,11 +47,8 @@ def offer(several, thumbnails, operator: str, options: dict) -> None:
 
     Parameters
     ----------
-    several : SeveralSeries
     thumbnails : list of (ndarray or None)
         (h, w) uint8 for each series, row 0 on top.
-    operator, options
-        See Offer.
     """
     forget()
     rows = tuple(series_info(group, number) for number, group in enumerate(several.groups, 1))

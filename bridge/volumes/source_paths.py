@@ -30,8 +30,6 @@ def kept_path(path: str, blend_file: str) -> str:
 
     Parameters
     ----------
-    path : str
-        Absolute path.
     blend_file : str
         Path of the .blend, or "" before its first save.
 
@@ -49,18 +47,7 @@ def kept_path(path: str, blend_file: str) -> str:
 
 
 def resolved_path(owner, name: str = "filepath") -> str:
-    """The absolute path of a volume object's file.
-
-    Parameters
-    ----------
-    name : str
-        The property that holds the path, one of PATHS.
-
-    Returns
-    -------
-    str
-        Absolute path.
-    """
+    """The absolute path of a volume object's file, from the property ``name``, one of PATHS."""
     paths = _while_saving.get(owner.session_uid, {})
     if name in paths:
         return paths[name]
@@ -77,11 +64,6 @@ def resolved_path(owner, name: str = "filepath") -> str:
 
 def check_is_no_scan(path) -> None:
     """Refuse to write to a file that a volume or its labels are read from.
-
-    Parameters
-    ----------
-    path : str or Path
-        Absolute path of the file to write.
 
     Raises
     ------
@@ -106,15 +88,7 @@ def _files_of(owner) -> list:
 
 
 def make_absolute(properties, name: str) -> None:
-    """Make a path that a user has typed or chosen absolute.
-
-    Parameters
-    ----------
-    properties : VolumeProperties
-        The properties of a volume.
-    name : str
-        One of PATHS.
-    """
+    """Make a path that a user has typed or chosen absolute; ``name``: one of PATHS."""
     path, owner = getattr(properties, name), properties.id_data
     if path.startswith("//") and owner.library is None and owner.session_uid not in _while_saving:
         setattr(properties, name, os.path.normpath(bpy.path.abspath(path)))

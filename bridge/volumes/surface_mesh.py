@@ -1,7 +1,5 @@
 """The surface of a volume as a mesh object: OpenVDB makes quads of a field, which get the volume's colors."""
 
-from __future__ import annotations
-
 import bpy
 import numpy as np
 
@@ -18,10 +16,6 @@ FIELD, QUADS = 0.5, 0.7  # shares of the time until the field is made, and until
 
 def surface_steps(solid: Solid):
     """Generator of Progress: the surface of a solid; return it.
-
-    Parameters
-    ----------
-    solid : Solid
 
     Returns
     -------
@@ -72,10 +66,6 @@ def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
 
     Parameters
     ----------
-    context : bpy.types.Context
-        Gives the scene and the collection.
-    surface : tuple
-        As ``surface_steps`` returns it.
     matrix : ndarray, shape (4, 4)
         Voxel indices to the space of the volume object.
 
@@ -100,8 +90,7 @@ def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
     mesh.materials.append(_material(name))
     one = bpy.data.objects.new(name, mesh)
     one[SURFACE] = True
-    home = context.collection if linked.is_own(context.collection) else context.scene.collection
-    home.objects.link(one)
+    linked.put_into_scene(context, one)
     one.parent = owner
     return one
 

@@ -69,19 +69,7 @@ def expose_modules() -> None:
 
 
 def file_steps(path: str, options: dict):
-    """Generator of Progress: read a volume and measure its values, or open encoded voxels.
-
-    Parameters
-    ----------
-    path : str
-        Absolute path.
-    options : dict
-        Keyword arguments of ``read_volume``.
-
-    Returns
-    -------
-    Volume or StoredVolume
-    """
+    """Generator of Progress: read a Volume and measure its values, or open a StoredVolume."""
     if encoded.is_encoded(path):
         return (yield from encoded.open_steps(path, options))
     expose_modules()
@@ -192,11 +180,6 @@ def load_volume(owner, warn=None, depsgraph=None):
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time of a volume in time; without it that of the current scene.
 
-    Returns
-    -------
-    Volume
-        The voxels.
-
     Raises
     ------
     RleSplatError
@@ -239,8 +222,6 @@ def at_hand(owner, depsgraph=None, ahead: int = 0):
 
     Parameters
     ----------
-    depsgraph : bpy.types.Depsgraph, optional
-        As for ``load_volume``.
     ahead : int
         Frames of the timeline after that time.
 
@@ -264,11 +245,6 @@ def shows_another(owner, depsgraph=None) -> bool:
     """Whether a volume object shows a frame that is not in memory, while another one is that it showed before."""
     has_one = store.has_any(store.wish_of(owner, depsgraph, PURPOSE))
     return owner.rle_splat.frame_count > 1 and has_one and not is_at_hand(owner, depsgraph)
-
-
-def keep_volume(owner, volume) -> None:
-    """Keep a volume that was read for an object as its frame ``data_frame``."""
-    store.put(store.wish_of(owner, None, PURPOSE), source_of(owner, owner.rle_splat.data_frame).key, volume)
 
 
 def forget_all() -> None:

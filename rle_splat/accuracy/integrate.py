@@ -236,7 +236,6 @@ def integrate(medium, rays: WorldRays, index_to_world, near=-np.inf, far=np.inf,
     Parameters
     ----------
     medium : ClassifiedMedium or ScalarMedium
-    rays : WorldRays
     index_to_world : (4, 4) float64
     near, far : float or (N,) float
         Planar depths where the integration begins and ends: clip distances, or a surface that ends each ray.

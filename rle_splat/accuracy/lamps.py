@@ -1,7 +1,5 @@
 """Lamps, headlight and world of a scene for the truths, in float64, written independently of ``shade``."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Scene

@@ -13,8 +13,6 @@ normal.  q is 3/7 of the amount of indirect light, the weight of the further two
 these that arrives at x'.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

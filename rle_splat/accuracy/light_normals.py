@@ -9,8 +9,6 @@ below where there is nothing but noise, and passes smoothly through 0 where norm
 plate.  So one vector does for both.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -7,8 +7,6 @@ empty, and meshes block all light.
 Positions are voxel indices (x, y, z).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Light, Scene

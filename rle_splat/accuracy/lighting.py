@@ -5,8 +5,6 @@ volume.  Only voxels next to rays are lit.  T1 has no shadows and no ambient occ
 is in ``light_model``.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError, Scene

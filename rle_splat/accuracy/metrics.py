@@ -1,8 +1,6 @@
 """Differences of two pictures: in levels, 1/255 of scene-linear premultiplied values, and SSIM on display-encoded
 color."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

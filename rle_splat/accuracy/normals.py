@@ -1,7 +1,5 @@
 """Unit normals at voxels for the references, by brute force (algorithm.md 1.13)."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Probe pixels: the pixels of a picture that are compared with the truth, and what their errors say of all pixels."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import lgamma
 
@@ -24,8 +22,6 @@ def draw_pixels(width: int, height: int, count: int, seed: int = 0) -> tuple[np.
     ----------
     width, height : int
         Of the picture; each of its pixels can be drawn.
-    count : int
-    seed : int
 
     Returns
     -------

@@ -61,7 +61,6 @@ def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None
 
     Parameters
     ----------
-    camera : Camera
     width, height : int
         Of the picture, in pixels.
     columns, rows : (N,) float, optional

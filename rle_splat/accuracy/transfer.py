@@ -1,7 +1,5 @@
 """Transfer functions of the truths: scalar -> opacity, color, extinction."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Scene

@@ -1,7 +1,5 @@
 """The two truths of a scene: T1 of the interpolated classified medium, T2 of the classified interpolated scalar."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -58,7 +56,6 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
 
     Parameters
     ----------
-    scene : Scene
     truth_name : str
         Of TRUTHS.
     colors : (nz, ny, nx, 3), optional

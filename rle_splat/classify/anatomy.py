@@ -4,8 +4,6 @@ Names are those of TotalSegmentator, FreeSurfer, DICOM's code meanings and plain
 table GenericAnatomyColors (Halle, Talos, Kikinis, Pieper, Aucoin, Jakab, 2010); gray matter and metastases have others.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

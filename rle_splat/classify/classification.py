@@ -77,10 +77,6 @@ class ClassifiedVolume:
         nan_voxels : int
         unit_length, opacity_distance : float
             As in the attributes of the class.
-
-        Returns
-        -------
-        ClassifiedVolume
         """
         row = np.repeat(np.arange(len(row_start) - 1), np.diff(row_start))
         opens = np.ones(len(column), bool)
@@ -158,10 +154,6 @@ def unit_length(volume, index_to_world) -> float:
     volume : Volume
     index_to_world : (4, 4) ndarray of float64
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     RleSplatError
@@ -200,10 +192,6 @@ def opacity_distance(volume, tf, length: float) -> float:
         Its ``opacity_unit_distance``; if None, the smallest voxel spacing of the volume.
     length : float
         World length of one of the volume's units.
-
-    Returns
-    -------
-    float
     """
     return max(length * float(tf.opacity_unit_distance or volume.spacing.min()), LEAST_DISTANCE)
 
@@ -242,16 +230,10 @@ def classify_voxels(shown: Visibility, voxels: VisibleVoxels, length: float, *, 
 
     Parameters
     ----------
-    shown : Visibility
-    voxels : VisibleVoxels
     length : float
         World length of one of the volume's units.
     threads : int
         0 for one per core.
-
-    Returns
-    -------
-    ClassifiedVolume
 
     Notes
     -----

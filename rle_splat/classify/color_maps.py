@@ -10,8 +10,6 @@ Facts:
   of the window, the last at the high end.  ``#`` begins a comment.  There is no opacity.
 """
 
-from __future__ import annotations
-
 from ..scene import RleSplatError
 from .foreign import FileFunction, display_color, number, scene_linear_points
 from .presets import RELATIVE

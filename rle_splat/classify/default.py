@@ -1,7 +1,5 @@
 """Automatic transfer function for a first picture, from the meaning and the distribution of the values."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -157,10 +155,6 @@ def _measure_shown_share(function: TransferFunction, spread: Histogram) -> float
 
 def otsu_threshold(spread: Histogram) -> float:
     """Otsu's threshold: the value that divides the voxels into two classes with the largest variance between them.
-
-    Parameters
-    ----------
-    spread : Histogram
 
     Returns
     -------

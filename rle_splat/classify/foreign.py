@@ -4,8 +4,6 @@ Colors in these files are those of a display, between whose points the other pro
 scene-linear.  So points are added where straight lines between converted colors would be seen to differ.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

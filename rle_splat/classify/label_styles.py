@@ -1,7 +1,5 @@
 """Appearance of labels: hidden, in one color or opacity, by a preset or by a transfer function."""
 
-from __future__ import annotations
-
 import colorsys
 from dataclasses import dataclass, replace
 
@@ -133,10 +131,6 @@ def labels_of(label_volume, styles, volume, own: TransferFunction, smooth: bool 
         The volume's transfer function.
     smooth : bool
         Whether edges of labels are smooth.
-
-    Returns
-    -------
-    Labels
     """
     changed = {style.label: style.function(volume, own) for style in styles}
     functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}

@@ -4,8 +4,6 @@ A voxel record holds extinction * color, at most 2e36 (float32 ends at 3.4e38). 
 1e33. No visible scene comes near these limits.
 """
 
-from __future__ import annotations
-
 BRIGHTEST = 1e9  # largest channel of a color, shaded or not (white is 1); larger values are refused
 LEAST_DISTANCE = 1e-26  # smallest world length to which opacity refers; smaller ones are clamped
 STRONGEST_LIGHT = 1e18  # largest light on a voxel (1 makes white white); light near a lamp is clamped to it

@@ -6,8 +6,6 @@ The nearest entry is used. The table spans the visible values. One more entry, a
 other values and for samples that need a voxel that is not kept.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -88,10 +86,6 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
     entries : int
         Approximate number of entries; 0 for as many as the steepest ramp needs.
 
-    Returns
-    -------
-    LookupTable
-
     Raises
     ------
     RleSplatError
@@ -141,7 +135,6 @@ def extinction_steps(table: LookupTable, stored, kind, infinite=()):
 
     Parameters
     ----------
-    table : LookupTable
     stored : (m,) ndarray
         Stored values; those of 8- and 16-bit types may be unsigned bit patterns.
     kind : dtype

@@ -42,10 +42,6 @@ def pieces(points) -> Pieces:
     ----------
     points : sequence of (value, height, ...)
         In any order; equal values keep their order, so the last one is the upper end of the step.
-
-    Returns
-    -------
-    Pieces
     """
     table = np.array(points, dtype=np.float64)
     table = table[np.argsort(table[:, 0], kind="stable")]
@@ -56,10 +52,6 @@ def pieces(points) -> Pieces:
 
 def positive_intervals(function: Pieces) -> np.ndarray:
     """Intervals of values in which the first channel is above 0.
-
-    Parameters
-    ----------
-    function : Pieces
 
     Returns
     -------

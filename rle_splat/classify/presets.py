@@ -1,7 +1,5 @@
 """Built-in transfer functions, one JSON file each in ``presets/``, and how they are fitted to a volume."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -151,8 +149,6 @@ def fit_steps(function: TransferFunction, volume: Volume, name: str | None = Non
 
     Parameters
     ----------
-    function : TransferFunction
-    volume : Volume
     name : str, optional
         For the remark; its own by default.
 

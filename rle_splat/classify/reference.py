@@ -3,8 +3,6 @@
 Which voxels are visible or matter, what they look like (algorithm.md 1.10), and where their records go (1.1).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .points import LARGEST

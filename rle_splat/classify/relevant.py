@@ -144,8 +144,6 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
     Parameters
     ----------
     volume : Volume
-    reach : Reach
-    blocks : Blocks
     threads : int
         0 for one per core.
 
@@ -216,7 +214,6 @@ def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
         As of ``relevant_steps``.
     counted : tuple
         What ``count_kept`` returned for ``bits``.
-    blocks : Blocks
     threads : int
         0 for one per core.
 

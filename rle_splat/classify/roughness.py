@@ -5,8 +5,6 @@ functions.  A few hundred short rays through the visible parts measure that, fro
 alone, so that a quality preset can choose its plan without looking through a camera.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .classification import opacity_distance, optical_depth

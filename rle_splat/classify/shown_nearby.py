@@ -4,8 +4,6 @@ It is the mean extinction over all values from the smallest to the largest of th
 wherever a cell of the voxel shows anything, even where the voxel itself shows nothing, and continuous in the values.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -68,7 +66,6 @@ def mean_extinction(table: LookupTable, nearby: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    table : LookupTable
     nearby : (2, m) ndarray of float32
         The smaller and the larger ones, as of ``nearby_steps``.
 

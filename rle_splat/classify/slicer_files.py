@@ -14,8 +14,6 @@ vtkMRMLVolumePropertyJsonStorageNode, volume-property-schema-v1.0.0) and VTK's (
   does.  VTK measures the gradient per mean voxel spacing, we per unit of length.
 """
 
-from __future__ import annotations
-
 from xml.parsers import expat
 
 import numpy as np

@@ -4,8 +4,6 @@ The field is a distance in values, not in opacity: beside the surface it is line
 lies where the interpolated value has the opacity that was asked for, however steep the transfer function is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -64,7 +62,6 @@ def crossings(function: TransferFunction, threshold: float) -> tuple[np.ndarray,
 
     Parameters
     ----------
-    function : TransferFunction
     threshold : float
         Opacity.
 
@@ -101,10 +98,6 @@ def signed_distance(values, function: TransferFunction | None, threshold: float,
 
 def field_steps(solid: Solid):
     """Generator of Progress: the field of a solid; return it.
-
-    Parameters
-    ----------
-    solid : Solid
 
     Returns
     -------
@@ -160,7 +153,6 @@ def color_steps(solid: Solid, points: np.ndarray, normals: np.ndarray):
 
     Parameters
     ----------
-    solid : Solid
     points : (n, 3) ndarray of float
         Voxel indices x, y, z.
     normals : (n, 3) ndarray of float

@@ -3,8 +3,6 @@
 The content tells them apart: XML begins with ``<``, JSON with ``{`` and has keys of its own, the rest is text.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

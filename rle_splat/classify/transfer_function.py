@@ -289,10 +289,6 @@ class TransferFunction:
             New ``span``. Equal values gather all points at one value: a step from the first height to the last.
         unit : str or None
             Unit of the new values.
-
-        Returns
-        -------
-        TransferFunction
         """
         low, high = _number(low, "The low end of the new range"), _number(high, "The high end of the new range")
         if low > high:
@@ -345,10 +341,6 @@ class TransferFunction:
         ----------
         source : str, Path or dict
             A JSON file, or its parsed content.
-
-        Returns
-        -------
-        TransferFunction
 
         Raises
         ------

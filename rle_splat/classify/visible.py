@@ -150,7 +150,6 @@ def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
 
     Parameters
     ----------
-    shown : Visibility
     blocks : Blocks
         Of the same volume.
     threads : int

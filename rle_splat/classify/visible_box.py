@@ -1,7 +1,5 @@
 """The box around the voxels that a transfer function shows."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .reference import find_seen

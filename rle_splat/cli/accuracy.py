@@ -1,7 +1,5 @@
 """``rle-splat accuracy``: error against time of several plans on one volume and view, as table and report."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 from ..accuracy.metrics import ERRORS
@@ -9,30 +7,18 @@ from ..accuracy.probes import PROBES
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
-from ..volume.checks import check_values
-from .appearance import choose_transfer_function, read_transfer_function
+from . import options
 from .images import writer_for
-from .options import (
-    add_clip_option,
-    add_quality_options,
-    add_report_options,
-    add_scene_options,
-    add_size_option,
-    add_volume_argument,
-    quality_from,
-    quality_remarks,
-    read_input,
-    scene_inputs,
-)
 from .progress import ProgressLine
-from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+from .report import say_beginning
+from .viewing import check_scene_options, read_scene, read_scene_files
 
 REPEATS = 5
 ERROR_NAMES = tuple(ERRORS)
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
+    options.add_volume_argument(parser)
     parser.add_argument(
         "-o", "--output", action="append", default=[], metavar="OUT", help="write the chosen plan's picture to OUT"
     )
@@ -42,36 +28,31 @@ def add_arguments(parser) -> None:
     )  # fmt: skip
     parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")
-    add_size_option(parser)
-    add_report_options(parser)
-    add_scene_options(parser)
-    add_clip_option(parser)
-    add_quality_options(parser)
+    options.add_size_option(parser)
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
+    options.add_clip_option(parser)
+    options.add_quality_options(parser)
 
 
 def run(args) -> None:
     start = perf_counter()
     writers = [writer_for(path) for path in args.output]
     outputs = [*args.output, *([args.json] if args.json else [])]
-    check_outputs(outputs, inputs=scene_inputs(args))
+    check_outputs(outputs, inputs=options.scene_inputs(args))
     check_scene_options(args)
     if args.probes < 1 or args.repeats < 1:
         raise RleSplatError("--probes and --repeats take whole numbers above zero.")
     if args.front not in ERROR_NAMES:
         raise RleSplatError(f"There is no error called {args.front!r}; choose {', '.join(ERROR_NAMES)}.")
-    quality = quality_from(args)
-    placement = read_placement(args)
-    given_function = read_transfer_function(args)
-    lights, headlight = read_lights(args)
+    quality = options.quality_from(args)
+    files = read_scene_files(args)
     from ..accuracy.planner.measure_plans import TOLERANCES, sweep_steps
     from ..accuracy.planner.plans import sensible_plans
     from ..accuracy.planner.table import table_lines
 
     with ProgressLine(args.progress) as line:
-        volume = read_input(args, line)
-        check_values(volume)
-        function, reason = choose_transfer_function(args, volume, given_function)
-        scene = make_scene(args, volume, function, *place(args, volume, *placement), lights, headlight)
+        scene, _, described = read_scene(args, line, files)
         steps = sweep_steps(
             scene, sensible_plans(quality), quality, probes=args.probes, repeats=args.repeats, error=args.front,
             tolerances=TOLERANCES,
@@ -80,17 +61,15 @@ def run(args) -> None:
             sweep = line.follow(steps, start=0.05)
         report = {
             "command": "accuracy", "input": {"path": str(args.volume)}, **sweep.report,
-            "transfer_function": {"name": function.name, "reason": reason},
+            "transfer_function": described,
             "total_ms": 1e3 * (perf_counter() - start),
         }  # fmt: skip
-        report["remarks"] = [*report["remarks"], *quality_remarks(args, quality)]
+        report["remarks"] = [*report["remarks"], *options.quality_remarks(args, quality)]
         with whole_files(outputs) as parts:
             for writer, path, part in zip(writers, args.output, parts):
                 with writing(path):
                     writer(part, sweep.chosen.rgba, sweep.chosen.depth)
             if args.json:
                 write_report(parts[len(args.output)], report)
-    for remark in report["remarks"]:
-        print(remark)
-    print(f"Transfer function {function.name}: {reason}")
+    say_beginning(report)
     print("\n".join(table_lines(report)))

@@ -1,7 +1,5 @@
 """The transfer function from the options, with the reason for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,8 +47,6 @@ def choose_transfer_function(args, volume, given):
     ----------
     args : argparse.Namespace
         With ``transfer_function``, ``transfer_name``, ``preset`` and, where there is one, ``smoothness``.
-    volume : Volume
-        The volume.
     given : Found or None
         The result of ``read_transfer_function``.
 

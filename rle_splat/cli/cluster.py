@@ -7,8 +7,6 @@ finished pixels on the way back, and the pixels of sections between workers.  Da
 others.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import os
@@ -57,7 +55,6 @@ class Cluster:
 
         Parameters
         ----------
-        job : Command
         function : callable
             ``function(job, *task, *inputs)``.
         inputs : sequence of futures
@@ -89,7 +86,6 @@ class Cluster:
 
         Parameters
         ----------
-        job : Command
         tasks : iterable of callables
             ``task(submit)`` hands out a task, and those that it needs, and returns its future; ``submit``: the method,
             but for the job.

@@ -5,8 +5,6 @@ volume, and the results of stages that the tiles or frames have in common.  Seve
 same time.  What it keeps for one of them goes when the command ends, or, if it was killed, when the next one begins.
 """
 
-from __future__ import annotations
-
 import queue
 from argparse import Namespace
 from dataclasses import dataclass, replace

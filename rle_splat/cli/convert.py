@@ -1,7 +1,5 @@
 """``rle-splat convert``: write a volume in another format and report what that format cannot store."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from shlex import quote
 from time import perf_counter

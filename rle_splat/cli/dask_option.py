@@ -1,7 +1,5 @@
 """The options ``--dask``, ``--workers`` and ``--slabs``: pictures and frames on a Dask cluster."""
 
-from __future__ import annotations
-
 import os
 from argparse import ArgumentTypeError
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """``rle-splat encode``: classify, shade and run-length encode a volume into a .rle file, or a folder of tables."""
 
-from __future__ import annotations
-
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import perf_counter
@@ -11,28 +9,16 @@ from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import CLASSIFICATIONS, Cancelled, RleSplatError
 from ..volume.axes import AXIS_NAMES
-from ..volume.checks import check_values
-from .appearance import choose_transfer_function, read_transfer_function
-from .options import (
-    DEFAULT_SIZE,
-    add_machine_options,
-    add_model_option,
-    add_report_options,
-    add_scene_options,
-    add_volume_argument,
-    encoding_quality,
-    read_input,
-    remark_on_removed,
-    scene_inputs,
-)
+from . import options
 from .progress import ProgressLine
-from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
+from .report import say_beginning
+from .viewing import check_scene_options, read_scene, read_scene_files
 
 SUFFIX = ".rle"
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
+    options.add_volume_argument(parser)
     parser.add_argument("-o", "--output", required=True, metavar=f"FILE{SUFFIX}", help="the file to write")
     parser.add_argument(
         "--folder",
@@ -44,11 +30,11 @@ def add_arguments(parser) -> None:
         "--classification", metavar="|".join(CLASSIFICATIONS), default="pre",
         help="pre (the default), or post, which a folder of tables alone can hold")  # fmt: skip
     parser.add_argument("--axes", default="xyz", metavar="xyz", help="principal axes to encode for (default all three)")
-    add_report_options(parser)
-    add_scene_options(parser)
-    add_model_option(parser)
-    add_machine_options(parser)
-    parser.set_defaults(size=DEFAULT_SIZE)  # a Scene needs a size, but the encoded colors do not depend on it
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
+    options.add_model_option(parser)
+    options.add_machine_options(parser)
+    parser.set_defaults(size=options.DEFAULT_SIZE)  # a Scene needs a size, but the encoded colors do not depend on it
 
 
 def run(args) -> None:
@@ -56,25 +42,24 @@ def run(args) -> None:
     if Path(args.output).suffix.lower() != SUFFIX:
         raise RleSplatError(f"{args.output} does not have the suffix {SUFFIX}; end the name in {SUFFIX}.")
     axes = _axes(args.axes)
-    classification = encoding_quality(args).classification
+    classification = options.encoding_quality(args).classification
     if classification != "pre" and not args.folder:
         raise RleSplatError(
             f"A .rle file holds no {classification} classification; add --folder, or leave --classification out."
         )
     reports = [args.json] if args.json else []
-    check_outputs([*([] if args.folder else [args.output]), *reports], inputs=scene_inputs(args))
+    check_outputs([*([] if args.folder else [args.output]), *reports], inputs=options.scene_inputs(args))
     check_scene_options(args)
     if args.folder:
         _run_folder(args, axes, start)
         return
     outputs = [args.output, *reports]
-    quality, given = encoding_quality(args), _read_options(args)
+    quality, files = options.encoding_quality(args), read_scene_files(args)
     from ..encode.store import write
     from ..pipeline.encode_scene import encode_scene_steps
 
     with ProgressLine(args.progress) as line:
-        scene, read_ms, function, reason = _scene(args, line, given)
-        volume = scene.volume
+        scene, read_ms, described = read_scene(args, line, files)
         with line.compiling():
             steps = encode_scene_steps(scene, quality, axes, Path(args.volume).name)
             stored, report = line.follow(steps, start=0.1)
@@ -92,32 +77,13 @@ def run(args) -> None:
                 "stages_ms": {
                     "read": read_ms, **report["stages_ms"], "write": write_ms, "total": 1e3 * (perf_counter() - start)
                 },
-                "transfer_function": {"name": function.name, "reason": reason},
+                "transfer_function": described,
                 "lighting": stored.lighting,
-                "remarks": [*volume.remarks, *remark_on_removed(args)],
+                "remarks": [*scene.volume.remarks, *options.remark_on_removed(args)],
             }  # fmt: skip
             if args.json:
                 write_report(parts[1], report)
     _say(report)
-
-
-def _read_options(args) -> tuple:
-    """What the options name beside the volume: placement, transfer function, lights; read before the volume."""
-    return read_placement(args), read_transfer_function(args), read_lights(args)
-
-
-def _scene(args, line, given, **more):
-    """Read the volume; return the scene, the time for reading, the transfer function and the reason for it.
-
-    ``more``: see ``options.read_input``.
-    """
-    placement, given_function, lit = given
-    began = perf_counter()
-    volume = read_input(args, line, **more)
-    read_ms = 1e3 * (perf_counter() - began)
-    check_values(volume)
-    function, reason = choose_transfer_function(args, volume, given_function)
-    return make_scene(args, volume, function, *place(args, volume, *placement), *lit), read_ms, function, reason
 
 
 def _run_folder(args, axes: list[int], start: float) -> None:
@@ -150,18 +116,18 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
     """Encode into the folder of a FolderWriter; return the report."""
     from ..pipeline.encode_folder import write_folder_steps
 
-    quality, given = encoding_quality(args), _read_options(args)
+    quality, files = options.encoding_quality(args), read_scene_files(args)
     with ProgressLine(args.progress) as line, whole_files([args.json] if args.json else []) as parts:
         level = {"level": 0} if args.level is None else {}
-        scene, read_ms, function, reason = _scene(args, line, given, scratch=scratch, **level)
+        scene, read_ms, described = read_scene(args, line, files, scratch=scratch, **level)
         with suppress(OSError):  # else it is removed when the mapping is closed
             scratch.unlink()
         with line.compiling():
             report = line.follow(write_folder_steps(scene, quality, writer, axes, Path(args.volume).name))
         report = {
             "command": "encode", "input": {"path": str(args.volume)}, "output": {"path": str(args.output)},
-            **report, "transfer_function": {"name": function.name, "reason": reason},
-            "remarks": [*scene.volume.remarks, *remark_on_removed(args)],
+            **report, "transfer_function": described,
+            "remarks": [*scene.volume.remarks, *options.remark_on_removed(args)],
         }  # fmt: skip
         report["stages_ms"] |= {"read": read_ms, "total": 1e3 * (perf_counter() - start)}
         if args.json:
@@ -171,10 +137,8 @@ def _folder_report(args, axes: list[int], writer, scratch: Path, start: float) -
 
 def _say_folder(report: dict) -> None:
     """Print what a folder holds."""
-    for remark in report["remarks"]:
-        print(remark)
-    function, volume, folder = report["transfer_function"], report["volume"], report["folder"]
-    print(f"Transfer function {function['name']}: {function['reason']}")
+    say_beginning(report)
+    volume, folder = report["volume"], report["folder"]
     print(f"{volume['visible_voxels']} voxels are visible ({volume['visible_fraction']:.2%}).")
     if folder["resumed_at_plane"]:
         print(f"Planes up to {folder['resumed_at_plane']} were there from a run that was stopped.")
@@ -190,10 +154,8 @@ def _axes(names: str) -> list[int]:
 
 def _say(report: dict) -> None:
     """Print the sizes of the four tables of each principal axis."""
-    for remark in report["remarks"]:
-        print(remark)
-    function, volume = report["transfer_function"], report["volume"]
-    print(f"Transfer function {function['name']}: {function['reason']}")
+    say_beginning(report)
+    volume = report["volume"]
     print(f"{volume['visible_voxels']} of the voxels are visible ({volume['visible_fraction']:.2%}).")
     print(f"{'principal axis':<16}{'scanline pointers':>18}{'data pointers':>15}{'runs':>12}{'voxel data':>13}")
     for name, entry in report["axes"].items():

@@ -1,7 +1,5 @@
 """``rle-splat figure``: make a figure for print, or make one again from its sidecar."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import perf_counter
 
@@ -14,25 +12,12 @@ from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
 from ..volume.checks import check_values
+from . import options
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_figure
 from .figure_options import add_figure_options, list_panels, panels_of, style_from
 from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
 from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
-from .options import (
-    add_clip_option,
-    add_mist_option,
-    add_mode_option,
-    add_quality_options,
-    add_report_options,
-    add_scene_options,
-    add_volume_argument,
-    quality_from,
-    quality_remarks,
-    read_input,
-    scene_inputs,
-    volume_options,
-)
 from .progress import ProgressLine
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
@@ -44,7 +29,7 @@ OF_A_REMAKE = (
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser, also=(SIDECAR_SUFFIX,))
+    options.add_volume_argument(parser, also=(SIDECAR_SUFFIX,))
     suffixes = ",".join(suffix[1:] for suffix in (*CONTENTS, *FURTHER))
     parser.add_argument(
         "-o", "--output", action="append", required=True, metavar=f"FIG.{{{suffixes}}}",
@@ -57,14 +42,14 @@ def add_arguments(parser) -> None:
         help="where the data of a sidecar is now; --labels and --channel do the same for its labels and channels",
     )
     add_figure_options(parser)
-    add_mode_option(parser)
-    add_mist_option(parser)
-    add_report_options(parser)
-    add_scene_options(parser)
-    add_clip_option(parser)
+    options.add_mode_option(parser)
+    options.add_mist_option(parser)
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
+    options.add_clip_option(parser)
     add_light_effect_options(parser, with_pass=False)
     add_mixing_options(parser)
-    add_quality_options(parser)
+    options.add_quality_options(parser)
     parser.set_defaults(defaults=parser.get_default)
 
 
@@ -132,7 +117,7 @@ def _make(args, line):
         )
     wanted = list_panels(args, read_transfer_function)
     compared = [one.transfer_function for one in wanted.functions]
-    _check_outputs(args, (*scene_inputs(args), *mixing_inputs(args), *compared), [sidecar_path(args.output[0])])
+    _check_outputs(args, (*options.scene_inputs(args), *mixing_inputs(args), *compared), [sidecar_path(args.output[0])])
     style = style_from(args)
     args.size = tile_size(style, wanted.count)
     for view in wanted.views:
@@ -140,11 +125,11 @@ def _make(args, line):
     check_scene_options(args)
     args.tolerance = None
     check_light_effects(args)
-    quality, mixing, sky = quality_from(args), read_mixing(args), read_sky(args)
+    quality, mixing, sky = options.quality_from(args), read_mixing(args), read_sky(args)
     camera, matrix = read_placement(args)
     lights = read_lights(args)
     line.show(0.0, f"reading {Path(args.volume).name}")
-    volume = read_input(args, line)
+    volume = options.read_input(args, line)
     check_values(volume)
     further = read_further(args, volume, line)
 
@@ -154,9 +139,9 @@ def _make(args, line):
 
     panels, reasons = panels_of(args, volume, wanted, scene_of)
     made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line)
-    remarks = (*reasons, *further.remarks, *made.remarks, *quality_remarks(args, quality))
+    remarks = (*reasons, *further.remarks, *made.remarks, *options.quality_remarks(args, quality))
     sources = Sources(
-        DataSource(_use_slashes(args.volume), {**level_options(volume), **volume_options(args)}),
+        DataSource(_use_slashes(args.volume), {**level_options(volume), **options.volume_options(args)}),
         None if args.labels is None else DataSource(_use_slashes(args.labels)),
         tuple(DataSource(_use_slashes(path), options) for path, options in further.channel_sources),
     )

@@ -1,7 +1,5 @@
 """Writing a figure's files; PDF with matplotlib, which is optional and never part of the extension."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import numpy as np
@@ -36,7 +34,6 @@ def write_figure(path, suffix: str, page: Page, canvas) -> None:
     path : path-like
     suffix : str
         Its format.
-    page : Page
     canvas : callable
         Returns the drawn page, a (H, W, 4) ndarray of float32.
     """

@@ -1,7 +1,5 @@
 """The options of ``rle-splat figure``, and the panels that they ask for."""
 
-from __future__ import annotations
-
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
@@ -160,7 +158,6 @@ def panels_of(args, volume, wanted: WantedPanels, scene_of) -> tuple[list[Panel]
     ----------
     args : argparse.Namespace
     volume : Volume
-    wanted : WantedPanels
     scene_of : callable
         ``scene_of(options, transfer_function)`` is the Scene of a view.
 

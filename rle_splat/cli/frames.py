@@ -1,7 +1,5 @@
 """Several frames in one command: the options of each, with numbered outputs."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

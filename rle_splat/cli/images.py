@@ -8,8 +8,6 @@ Every writer takes
 - ``background``: three scene-linear numbers, or None.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path

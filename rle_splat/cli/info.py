@@ -1,7 +1,5 @@
 """``rle-splat info``: describe a volume and report unusual data, without rendering."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes
@@ -18,15 +16,8 @@ from ..volume.few_planes import few_planes
 from ..volume.histogram import histogram, percentiles
 from ..volume.orientation import axis_letters, orientation_text
 from ..volume.volume import PATIENT
+from . import options
 from .appearance import choose_transfer_function, read_transfer_function
-from .options import (
-    DEFAULT_SIZE,
-    add_report_options,
-    add_transfer_function_options,
-    add_volume_argument,
-    add_volume_options,
-    read_input,
-)
 from .progress import ProgressLine
 from .report import number_text
 
@@ -40,10 +31,10 @@ MOSTLY_ONE_VALUE = 0.5
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser)
-    add_report_options(parser)
-    add_volume_options(parser)
-    add_transfer_function_options(parser)
+    options.add_volume_argument(parser)
+    options.add_report_options(parser)
+    options.add_volume_options(parser)
+    options.add_transfer_function_options(parser)
 
 
 def run(args) -> None:
@@ -53,7 +44,7 @@ def run(args) -> None:
     with ProgressLine(args.progress) as line:
         given_function = read_transfer_function(args)
         try:
-            volume = read_input(args, line, quick=True)
+            volume = options.read_input(args, line, quick=True)
         except SeveralSeries as several:
             if args.series is not None:
                 raise
@@ -97,8 +88,6 @@ def describe(volume, choice, looked_at=None) -> dict:
 
     Parameters
     ----------
-    volume : Volume
-        The volume.
     choice : tuple
         The transfer function that a picture would use, and the reason for it.
     looked_at : Volume, optional
@@ -155,7 +144,9 @@ def _grid(volume) -> dict:
 def _needs(volume, function) -> tuple[float, dict]:
     """The share of the voxels that are visible, and what the report says of the memory for them."""
     quality = Quality()  # the defaults of the command render
-    picture = picture_bytes((likely_sides(volume.shape_xyz, quality, *DEFAULT_SIZE),), *DEFAULT_SIZE, quality)
+    picture = picture_bytes(
+        (likely_sides(volume.shape_xyz, quality, *options.DEFAULT_SIZE),), *options.DEFAULT_SIZE, quality
+    )
     found, shaded = count_in_planes(volume, function), function.shade is not None
     memory = estimate_visible(found, quality, shaded=shaded, picture=picture)
 
@@ -216,7 +207,7 @@ def text_lines(report: dict) -> list[str]:
         ("percentiles", ", ".join(f"{p} %: {number_text(v)}" for p, v in report["percentiles"].items())),
         ("default", f"transfer function {function['name']}: {function['reason']}"),
         ("visible", f"about {function['visible_fraction']:.1%} of the voxels with it"),
-        ("memory", f"about {bytes_text(memory['total'])} to render {_times(DEFAULT_SIZE)} pixels"),
+        ("memory", f"about {bytes_text(memory['total'])} to render {_times(options.DEFAULT_SIZE)} pixels"),
         ("", f"{bytes_text(memory['voxels'])} of it are the voxels"),
         ("", f"{_records_text(report['records'])}; {bytes_text(memory['available'])} are free"),
     ]

@@ -1,7 +1,5 @@
 """Options of shadows, world light, ambient occlusion and indirect light."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Checks that the requested lights are those that a .rle file was encoded with."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError

@@ -5,20 +5,15 @@ picture depends on, and the size and a hash of the picture's file.  So a picture
 one that somebody edited are distinguished from one that is made.  The voxels are hashed, not the times of their files.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import json
 import time
-from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
+from ..runtime.array_hash import hash_plain
 from ..runtime.whole_files import PART
 
 AT_ONCE = 1 << 20  # bytes of a file
@@ -36,54 +31,12 @@ def source_hash() -> str:
     return digest.hexdigest()
 
 
-class SceneHashes:
-    """Hashes of scenes.  The tables of a .rle file, which many of them share, are hashed once."""
+def hash_scene(*values) -> str:
+    """Hash of a Scene, a Quality and plain values: of dataclasses every field counts that a picture depends on.
 
-    def __init__(self):
-        self._tables: tuple = (None, b"")
-
-    def of(self, *values) -> str:
-        """Hash of plain values, arrays and dataclasses of them, such as a Scene and a Quality.
-
-        Parameters
-        ----------
-        *values
-            Of dataclasses, every field counts but those that a picture does not depend on.
-
-        Returns
-        -------
-        str
-            The same one for the same values and the same ``source_hash``, in every process and on every machine.
-        """
-        digest = hashlib.blake2b(source_hash().encode(), digest_size=16)
-        for value in values:
-            self._add(digest, value)
-        return digest.hexdigest()
-
-    def _add(self, digest, value) -> None:
-        if isinstance(getattr(value, "key", None), str):  # a volume or a transfer function
-            digest.update(f"{type(value).__name__} {value.key};".encode())
-        elif isinstance(value, np.ndarray):
-            digest.update(f"{value.dtype.str}{value.shape};".encode())
-            digest.update(np.ascontiguousarray(value))
-        elif is_dataclass(value):
-            digest.update(self._of_dataclass(value))
-        elif isinstance(value, Mapping):
-            self._add(digest, sorted(value.items()))
-        elif isinstance(value, (list, tuple)):
-            digest.update(f"{len(value)}(".encode())
-            for one in value:
-                self._add(digest, one)
-        else:
-            digest.update(f"{value!r};".encode())
-
-    def _of_dataclass(self, value) -> bytes:
-        digest = hashlib.blake2b(type(value).__name__.encode(), digest_size=16)
-        for field in fields(value):
-            if field.name not in WITHOUT_EFFECT:
-                digest.update(f"{field.name}=".encode())
-                self._add(digest, getattr(value, field.name))
-        return digest.digest()
+    It is the same for the same values and the same ``source_hash``, in every process and on every machine.
+    """
+    return hash_plain(source_hash(), *values, without=WITHOUT_EFFECT)
 
 
 def mark_of(path) -> Path:

@@ -5,8 +5,6 @@ on stderr, and a traceback only with ``--debug``.  Heavy imports happen inside `
 need them pay for them and their errors are handled too.
 """
 
-from __future__ import annotations
-
 import errno
 import gc
 import re

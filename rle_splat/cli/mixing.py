@@ -1,7 +1,5 @@
 """Labels and channels from the options."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -166,15 +164,10 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
     ----------
     args : argparse.Namespace
         With ``labels`` and ``label_edges``.
-    scene : Scene
     mixing : tuple
         The result of ``read_mixing``.
     further : Further
         The result of ``read_further``.
-
-    Returns
-    -------
-    Scene
     """
     styles, functions = mixing
     labels = None

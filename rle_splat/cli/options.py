@@ -1,7 +1,5 @@
 """Option groups that several commands share, and the plain data made from them."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from dataclasses import asdict
@@ -178,11 +176,6 @@ def add_effect_options(parser) -> None:
 def effects_from(args) -> dict[str, bool]:
     """The overrides of --effect.
 
-    Parameters
-    ----------
-    args : argparse.Namespace
-        With ``effect``.
-
     Returns
     -------
     dict of str to bool
@@ -349,11 +342,6 @@ def quality_from(args, usual: str | None = None) -> Quality:
     usual : str, optional
         The classification if none is given.  Without it, pre if a knob needs it, else the default.
 
-    Returns
-    -------
-    Quality
-        The knobs.
-
     Raises
     ------
     RleSplatError
@@ -406,17 +394,7 @@ def remark_on_removed(args) -> tuple[str, ...]:
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:
     """Remarks for the report on what was removed, and on a classification that a knob has changed.
 
-    Parameters
-    ----------
-    args : argparse.Namespace
-        The options.
-    quality : Quality
-        The result of ``quality_from``.
-
-    Returns
-    -------
-    tuple of str
-        Sentences.
+    ``quality``: the result of ``quality_from``.
     """
     removed, of_pre = remark_on_removed(args), not_in_post(asdict(quality))
     if args.classification is not None or args.paper or not of_pre:

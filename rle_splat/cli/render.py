@@ -13,6 +13,7 @@ from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
 from ..volume.checks import check_values
+from . import options
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
@@ -27,24 +28,8 @@ from .light_options import (
 from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
-from .options import (
-    add_clip_option,
-    add_image_options,
-    add_mist_option,
-    add_mode_option,
-    add_quality_options,
-    add_report_options,
-    add_scene_options,
-    add_tolerance_options,
-    add_volume_argument,
-    quality_from,
-    quality_remarks,
-    read_input,
-    remark_on_removed,
-    scene_inputs,
-    volume_options,
-)
 from .progress import ProgressLine
+from .report import say_beginning
 from .rows import ROW_WRITERS
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
 from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
@@ -57,17 +42,17 @@ ENCODED_SUFFIX = ".rle"
 
 
 def add_arguments(parser) -> None:
-    add_volume_argument(parser, also=(ENCODED_SUFFIX,))
+    options.add_volume_argument(parser, also=(ENCODED_SUFFIX,))
     parser.add_argument(
         "-o", "--output", action="append", required=True, metavar=f"OUT.{{{','.join(s[1:] for s in ROW_WRITERS)}}}",
         help="the picture to write; may be given several times",
     )  # fmt: skip
-    add_image_options(parser)
+    options.add_image_options(parser)
     add_tile_option(parser)
-    add_mode_option(parser)
-    add_mist_option(parser)
-    add_report_options(parser)
-    add_scene_options(parser)
+    options.add_mode_option(parser)
+    options.add_mist_option(parser)
+    options.add_report_options(parser)
+    options.add_scene_options(parser)
     add_frames_option(parser)
     add_dask_option(parser)
     parser.add_argument(
@@ -76,11 +61,11 @@ def add_arguments(parser) -> None:
         help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
         "while the shutter is open",
     )
-    add_clip_option(parser)
+    options.add_clip_option(parser)
     add_light_effect_options(parser)
     add_mixing_options(parser)
-    add_tolerance_options(parser)
-    add_quality_options(parser)
+    options.add_tolerance_options(parser)
+    options.add_quality_options(parser)
 
 
 @dataclass(frozen=True)
@@ -89,16 +74,10 @@ class PreparedScene:
 
     Attributes
     ----------
-    scene : Scene
-        The scene.
-    quality : Quality
-        The knobs.
     read_ms : float
         Milliseconds for reading the volume.
     transfer_function : dict
         Its ``name`` and the ``reason`` for it.
-    remarks : tuple of str
-        Further remarks.
     """
 
     scene: Scene
@@ -210,7 +189,7 @@ def _check(args, frames) -> Checked:
     """Check the options of all frames before any volume is read."""
     for path in outputs_of(args):
         writer_for(path)
-    inputs = (*scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
+    inputs = (*options.scene_inputs(args), args.motion, args.camera_path, *mixing_inputs(args))
     report = [args.json] if args.json else []
     outputs = outputs_of(args) if frames[0] is args else frames.find_outputs_at_stake(report)
     check_outputs([*outputs, *report], inputs=inputs)
@@ -231,7 +210,7 @@ def _check(args, frames) -> Checked:
         from ..encode.stored import classification_of
 
         usual = classification_of(args.volume)
-    return Checked(quality_from(args, usual), poses, mixing, sky, crop, is_encoded)
+    return Checked(options.quality_from(args, usual), poses, mixing, sky, crop, is_encoded)
 
 
 def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[PreparedScene, Like | None]:
@@ -331,7 +310,7 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
     given_function = read_transfer_function(args)
     lights, headlight = read_lights(args)
     began = perf_counter()
-    volume = read_input(args, line)
+    volume = options.read_input(args, line)
     read_ms = 1e3 * (perf_counter() - began)
     check_values(volume)
     if like is None:
@@ -339,7 +318,9 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
     scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
     described = {"name": like.function.name, "reason": like.reason}
     scene = with_light_effects(args, scene, checked.sky)
-    return PreparedScene(scene, checked.quality, read_ms, described, quality_remarks(args, checked.quality)), like
+    return PreparedScene(
+        scene, checked.quality, read_ms, described, options.quality_remarks(args, checked.quality)
+    ), like
 
 
 def _prepare_tables(args, quality) -> PreparedScene:
@@ -351,8 +332,8 @@ def _prepare_tables(args, quality) -> PreparedScene:
     given_function = read_transfer_function(args)
     lights, _ = read_lights(args)
     refuse_light_effects(args)
-    if volume_options(args):
-        option = next(iter(volume_options(args))).replace("_", "-")
+    if options.volume_options(args):
+        option = next(iter(options.volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
     began = perf_counter()
     stored = load(args.volume)
@@ -385,7 +366,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
     scene = make_scene(args, stored, function, camera, matrix, (), False)
     remark = "The light is that of the .rle file." if stored.lighting.get("shaded") else "The .rle file is unshaded."
     described = {"name": function.name, "reason": "stored in the .rle file"}
-    return PreparedScene(scene, quality, read_ms, described, (*remark_on_removed(args), remark))
+    return PreparedScene(scene, quality, read_ms, described, (*options.remark_on_removed(args), remark))
 
 
 def _report(args, prepared: PreparedScene, rendered: dict, write_ms: float, start: float) -> dict:
@@ -407,10 +388,7 @@ def _say(report: dict) -> None:
     """Print a summary of the report."""
     from ..pipeline.single_rays import describe_rays
 
-    for remark in report["remarks"]:
-        print(remark)
-    function = report["transfer_function"]
-    print(f"Transfer function {function['name']}: {function['reason']}")
+    say_beginning(report)
     if report["plan"]["aim"] is not None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:

@@ -1,12 +1,10 @@
 """The frames of one command, made one after the other: those that are there already are kept."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .frames import is_in_time
-from .made import SceneHashes, delete_abandoned, is_made, outputs_of, report_kept
+from .made import delete_abandoned, hash_scene, is_made, outputs_of, report_kept
 from .render import Checked, Like, PreparedScene, RenderJob, prepare, render_prepared, see_anew
 
 
@@ -32,7 +30,7 @@ class FrameSeries:
         self._in_time = is_in_time(self.args)
         # Frames in time have nothing in common that could be kept.
         self._cache = None if self._in_time else StageCache()
-        self._hashes, self._held, self._plan = SceneHashes(), None, None
+        self._held, self._plan = None, None
         self._like: Like | None = None
         self._first: PreparedScene | None = None
 
@@ -63,18 +61,14 @@ class FrameSeries:
             self._settle(prepared)  # and keep the quality as it is, so that its report says why
         else:
             prepared = replace(prepared, quality=self._held)
-        return prepared, self.scene_hash(own, prepared)
+        return prepared, hash_scene(
+            prepared.scene, self._held, own.tolerance, own.probes, own.background, own.shadow_pass is not None,
+            [Path(path).suffix.lower() for path in outputs_of(own)],
+        )  # fmt: skip
 
     def job(self, start: float, scene_hash: str) -> RenderJob:
         """How a frame is made."""
         return RenderJob(start, self._plan, self._cache, scene_hash, refuse_empty_view=self.args.camera_path is None)
-
-    def scene_hash(self, own, prepared: PreparedScene) -> str:
-        """Hash of everything that the pictures of a frame depend on."""
-        return self._hashes.of(
-            prepared.scene, self._held, own.tolerance, own.probes, own.background, own.shadow_pass is not None,
-            [Path(path).suffix.lower() for path in outputs_of(own)],
-        )  # fmt: skip
 
     def _prepare(self, own) -> PreparedScene:
         if self._first is not None:

@@ -1,7 +1,5 @@
 """Output streams of the process that never keep a command from its work: closed, without a reader, or too narrow."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

@@ -1,7 +1,5 @@
 """The option ``--tile``: pictures that are rendered and written in parts."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 
 from ..scene import RleSplatError

@@ -1,14 +1,15 @@
 """The camera, placement and lights from the options, and the scene made from them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
 from ..scene import MODES, Camera, Clip, Light, Mist, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable, turntable_aim
-from .options import effects_from
+from ..volume.checks import check_values
+from .appearance import choose_transfer_function, read_transfer_function
+from .options import effects_from, read_input
 
 LARGEST_SIDE = 65536  # pixels, the limit of Scene
 # The turntable's arguments, by their names in the parsed arguments, with their defaults.
@@ -78,15 +79,12 @@ def place(args, volume, camera, matrix):
     ----------
     args : argparse.Namespace
         With the turntable options, ``size`` and ``scene_scale``.
-    volume : Volume
-        The volume.
     camera, matrix
         The results of ``read_placement``.
 
     Returns
     -------
     camera : Camera
-        The camera.
     matrix : ndarray, shape (4, 4), float64
         The volume's own space to the world.
     """
@@ -113,9 +111,8 @@ def read_lights(args) -> tuple[tuple, bool]:
     Returns
     -------
     lights : tuple of Light
-        The lights of --lights.
+        Those of --lights.
     headlight : bool
-        Whether there is a headlight.
     """
     if args.no_shading:
         return (), False
@@ -145,22 +142,11 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
     args : argparse.Namespace
         With ``size``, ``scene_scale``, ``effect``, and ``clip``, ``mode`` and ``mist`` if the command has them.
     volume : Volume or StoredVolume
-        The volume.
     function : TransferFunction
-        Its transfer function.
-    camera : Camera
-        The camera.
-    matrix : ndarray, shape (4, 4)
-        The volume's own space to the world.
-    lights : tuple of Light
-        The lights.
-    headlight : bool
-        Whether there is a headlight.
-
-    Returns
-    -------
-    Scene
-        The scene.
+    camera, matrix
+        The results of ``place``.
+    lights, headlight
+        Those of ``read_lights``.
     """
     width, height = args.size
     return Scene(
@@ -169,6 +155,39 @@ def make_scene(args, volume, function, camera, matrix, lights, headlight) -> Sce
         clips=read_clips(args),
         mode=getattr(args, "mode", MODES[0]), mist=read_mist(args),
     )  # fmt: skip
+
+
+def read_scene_files(args) -> tuple:
+    """What the options name beside the volume: placement, transfer function, lights; read before the volume."""
+    return read_placement(args), read_transfer_function(args), read_lights(args)
+
+
+def read_scene(args, line, files: tuple, **more):
+    """Read the volume of a command, and make the scene.
+
+    Parameters
+    ----------
+    files : tuple
+        The result of ``read_scene_files``.
+    **more
+        See ``options.read_input``.
+
+    Returns
+    -------
+    scene : Scene
+    read_ms : float
+        Milliseconds for reading.
+    described : dict
+        The name of the transfer function and the reason for it, for the report.
+    """
+    placement, given_function, lights = files
+    began = perf_counter()
+    volume = read_input(args, line, **more)
+    read_ms = 1e3 * (perf_counter() - began)
+    check_values(volume)
+    function, reason = choose_transfer_function(args, volume, given_function)
+    scene = make_scene(args, volume, function, *place(args, volume, *placement), *lights)
+    return scene, read_ms, {"name": function.name, "reason": reason}
 
 
 def read_motion(path) -> list[dict]:
@@ -184,15 +203,8 @@ def moving(scene: Scene, poses: list[dict]) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
     poses : list of dict
         The result of ``read_motion``; a missing matrix is that of the scene.
-
-    Returns
-    -------
-    Scene
-        The scene with ``motion``.
     """
     own = {"camera_matrix": scene.camera.matrix_world, "volume_matrix": scene.volume_matrix}
     what = "A pose of the motion file"

@@ -27,8 +27,6 @@ def compare_steps(scene: Scene, quality: Quality, names=None, probes: int = PROB
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     names : sequence of str, optional
         Of SYSTEMS, by default all.  The others are measured against the first one.
     probes : int

@@ -1,7 +1,5 @@
 """Decode run-length tables to a dense grid; decode(encode(v)) is v."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..encode.tables import RunLengthVolume
@@ -9,10 +7,6 @@ from ..encode.tables import RunLengthVolume
 
 def decode(encoded: RunLengthVolume) -> np.ndarray:
     """Decode to a dense grid.
-
-    Parameters
-    ----------
-    encoded : RunLengthVolume
 
     Returns
     -------

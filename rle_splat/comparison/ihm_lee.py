@@ -5,8 +5,6 @@ When the transfer function changes, bisection finds the voxels that are not tran
 They are encoded and rendered by this package.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ P. Lacroute and M. Levoy, Fast volume rendering using a shear-warp factorization
 SIGGRAPH 1994: the paper's [7].
 """
 
-from __future__ import annotations
-
 from ..scene import Quality
 from . import ours
 from .medium import ShadedScene

@@ -29,7 +29,6 @@ def prepare(medium: ShadedScene, quality: Quality, threshold: float = THRESHOLD,
 
     Parameters
     ----------
-    medium : ShadedScene
     quality : Quality
         Only its threads count.
     threshold : float

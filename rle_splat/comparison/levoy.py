@@ -26,7 +26,6 @@ def prepare(medium: ShadedScene, quality: Quality, step: float = STEP, leaping: 
 
     Parameters
     ----------
-    medium : ShadedScene
     quality : Quality
         Only its termination and threads count.
     step : float

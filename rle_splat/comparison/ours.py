@@ -3,8 +3,6 @@
 Zhang, Sun and Sun, Accelerate volume splatting by using run length encoding, ICCS 2003.
 """
 
-from __future__ import annotations
-
 from ..encode.encode import encode
 from ..encode.tables import RunLengthVolume
 from ..pipeline.render import render

@@ -1,7 +1,5 @@
 """The rays of all pixels in voxel-index space, as two matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..view.eye import IndexView

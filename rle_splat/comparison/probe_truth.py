@@ -1,7 +1,5 @@
 """The truth T1 of a medium at probe pixels, from the cells that their rays cross."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..accuracy.integrate import integrate

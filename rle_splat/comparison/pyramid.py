@@ -1,7 +1,5 @@
 """A pyramid of average-pooled extinction and emission; each node has the largest deviation of the voxels below it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

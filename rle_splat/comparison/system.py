@@ -1,7 +1,5 @@
 """The interface of a system: its description, and the functions prepare and draw."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The table of systems: name -> System."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from ..scene import RleSplatError

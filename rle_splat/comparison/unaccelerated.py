@@ -4,8 +4,6 @@ It runs the same compiled loops, on the same threads, with the same termination.
 run of "non-transparent" voxels, so that no run is skipped.  That is the only difference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..encode.tables import (

@@ -28,7 +28,6 @@ def prepare(medium: ShadedScene, quality: Quality, sheets: bool = True, cull: bo
 
     Parameters
     ----------
-    medium : ShadedScene
     quality : Quality
         Only its threads count.
     sheets : bool

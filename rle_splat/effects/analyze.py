@@ -100,27 +100,12 @@ class EffectSet:
         return tuple(effect.name for effect in self.effects if effect.on)
 
     def turn_off(self, name: str, reason: str) -> EffectSet:
-        """The same set with an effect off that a stage has found to change nothing.
-
-        Parameters
-        ----------
-        name : str
-        reason : str
-
-        Returns
-        -------
-        EffectSet
-        """
+        """The same set with an effect off that a stage has found to change nothing."""
         found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
     def fit(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
         """The quality that the effects which are on can be rendered with.
-
-        Parameters
-        ----------
-        scene : Scene
-        quality : Quality
 
         Returns
         -------
@@ -138,10 +123,6 @@ class EffectSet:
 
     def report(self, clock: Clock) -> list[dict]:
         """Rows for the report.
-
-        Parameters
-        ----------
-        clock : Clock
 
         Returns
         -------
@@ -192,11 +173,6 @@ def analyze(scene: Scene, quality: Quality) -> EffectSet:
     ----------
     scene : Scene
         ``scene.effects`` overrides what it calls for.
-    quality : Quality
-
-    Returns
-    -------
-    EffectSet
 
     Raises
     ------
@@ -208,11 +184,6 @@ def analyze(scene: Scene, quality: Quality) -> EffectSet:
 
 def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
     """Find which effects a scene calls for, and remove the others.
-
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
 
     Returns
     -------

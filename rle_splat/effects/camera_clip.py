@@ -19,12 +19,6 @@ def find_volume_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple
 
     An end outside of these depths shortens no ray, so that the picture has the same bits with and without it.
 
-    Parameters
-    ----------
-    scene : Scene
-    view : IndexView
-    quality : Quality
-
     Returns
     -------
     (nearest, furthest)
@@ -34,18 +28,7 @@ def find_volume_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple
 
 
 def is_cut(scene: Scene, view: IndexView, quality: Quality) -> bool:
-    """Whether a clip plane of the camera cuts the volume's box, or its eye is inside.
-
-    Parameters
-    ----------
-    scene : Scene
-    view : IndexView
-    quality : Quality
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a clip plane of the camera cuts the volume's box, or its eye is inside."""
     nearest, furthest = find_volume_depths(scene, view, quality)
     behind_eye = not view.is_parallel and nearest <= 0.0
     return bool(

@@ -1,7 +1,5 @@
 """The share of each voxel that clip objects keep, for shadows: what is cut away casts none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
@@ -16,7 +14,6 @@ def cover_steps(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix):
     Parameters
     ----------
     clips : tuple of Clip
-    voxels : VisibleVoxels
     matrix : (4, 4) ndarray of float64
         Voxel index (x, y, z) to world.
 

@@ -22,11 +22,6 @@ TOUCHING = 1e-5
 def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
     """The cuts that a scene's clip objects make in its volume.
 
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
-
     Returns
     -------
     Cuts or None
@@ -96,7 +91,6 @@ def half_spaces(clip: Clip, index_to_world) -> np.ndarray:
 
     Parameters
     ----------
-    clip : Clip
     index_to_world : (4, 4) ndarray of float64
 
     Returns

@@ -1,7 +1,5 @@
 """Depth of field and motion blur: the mean of sharp pictures through points of the lens at times of the shutter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -47,10 +45,6 @@ BLURS = (
 
 def list_exposures(scene: Scene) -> list[Scene]:
     """The sharp, still scenes whose mean is the scene's picture.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

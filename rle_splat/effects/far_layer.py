@@ -5,8 +5,6 @@ silhouettes.  Only blocks of pixels whose rays end elsewhere are splatted in it.
 first picture, with the same bits, because blocks do not depend on each other.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..splat.intermediate_image import IntermediateImage
@@ -21,7 +19,6 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
 
     Parameters
     ----------
-    layers : DepthLayers
     region : (left, top, right, bottom)
         The pixels wanted of the picture.
     planes : list of BasePlane
@@ -55,7 +52,6 @@ def leave_out_like(plane: BasePlane, intervals, near: BasePlane, near_intervals)
         Of the far layer, a window of ``near``.
     intervals : (2, H, W) ndarray of float32
         Its ray intervals; changed in place.
-    near : BasePlane
     near_intervals : (2, height, width) ndarray of float32
         The ray intervals of ``near``.
 
@@ -104,7 +100,6 @@ def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_d
 
     Parameters
     ----------
-    layers : DepthLayers
     region, behind : (left, top, right, bottom)
         The pixels of the picture, and of its part with silhouettes.
     rgba : (H, W, 4) ndarray of float32

@@ -1,7 +1,5 @@
 """Opacity by the size of the gradient: surfaces between materials stay, even regions become transparent."""
 
-from __future__ import annotations
-
 from ..scene import Quality, Scene
 from ..scene.changed import change
 from .kind import Kind

@@ -1,7 +1,5 @@
 """A kind of effect: one row of the table in ``analyze.py``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ mean over the aperture is the lens's picture.  An orthographic camera has a lens
 sees along parallel rays that slant.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -113,7 +111,6 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 
     Parameters
     ----------
-    camera : Camera
     width, height : int
         Pixels of the picture.
     depth : float
@@ -134,10 +131,6 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 def widest_blur(scene: Scene) -> float:
     """The widest blur of any point in the volume's box.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     float
@@ -154,10 +147,6 @@ def widest_blur(scene: Scene) -> float:
 
 def lens_pictures(scene: Scene) -> int:
     """The number of lens points that a picture needs.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

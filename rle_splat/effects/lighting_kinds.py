@@ -1,7 +1,5 @@
 """The effects of light: shading, light objects, a headlight, highlights."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from ..classify.transfer_function import Shade
@@ -26,10 +24,6 @@ def _unlit_because(scene: Scene) -> str | None:
 
 def idle_because(scene: Scene) -> str | None:
     """Why an effect that belongs to shading is off.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -33,7 +33,6 @@ def edge_functions(triangles: np.ndarray, camera: Camera, width: int, height: in
     ----------
     triangles : (m, 3, 3) array_like
         World coordinates of the vertices.
-    camera : Camera
     width, height : int
         Pixels of the picture.
 
@@ -156,7 +155,6 @@ def mesh_depth(triangles, camera: Camera, width: int, height: int, *, region=Non
     ----------
     triangles : (n, 3, 3) array_like
         World coordinates; seen from both sides.
-    camera : Camera
     width, height : int
         Pixels of the picture.
     region : (left, top, right, bottom), optional

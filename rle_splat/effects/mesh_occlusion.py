@@ -83,9 +83,6 @@ def mesh_layers_steps(scene: Scene, view: IndexView, quality: Quality, planes: l
 
     Parameters
     ----------
-    scene : Scene
-    view : IndexView
-    quality : Quality
     planes : list of BasePlane
 
     Returns

@@ -1,7 +1,5 @@
 """Mist: colors fade with their distance from the camera, sheet by sheet (algorithm.md 4.2)."""
 
-from __future__ import annotations
-
 from ..scene import MODES, Quality, Scene
 from ..scene.changed import change
 from .kind import Kind

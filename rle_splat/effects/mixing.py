@@ -8,16 +8,7 @@ from .kind import Kind
 
 
 def is_mixed(scene: Scene) -> bool:
-    """Whether more than one transfer function classifies the voxels.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    bool
-    """
+    """Whether more than one transfer function classifies the voxels."""
     return scene.labels is not None or bool(scene.channels)
 
 

@@ -1,7 +1,5 @@
 """Motion blur: pictures at several times while the shutter is open."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -48,10 +46,6 @@ def _interpolate(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarr
 def distance_moved(scene: Scene) -> float:
     """The longest path of a corner of the volume's box in the picture while the shutter is open.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     float
@@ -74,10 +68,6 @@ def distance_moved(scene: Scene) -> float:
 
 def motion_pictures(scene: Scene) -> int:
     """The number of times at which the volume is rendered while the shutter is open.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

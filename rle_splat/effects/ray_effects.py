@@ -5,8 +5,6 @@ once, how the pictures of these passes are mixed, and how the finished picture i
 the order in which they shorten rays; a new one is a module with a subclass and a row there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -90,10 +88,8 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
-        plane : BasePlane
 
         Returns
         -------
@@ -114,15 +110,10 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
         image : IntermediateImage
             Changed in place.
-
-        Returns
-        -------
-        IntermediateImage
         """
         for effect in self._chain:
             with self._clock.stage(effect.stage):
@@ -134,7 +125,6 @@ class RayEffects:
 
         Parameters
         ----------
-        ray_pass : RayPass
         picture : (rgba, depth) or None
             The picture so far; None before the first pass.
         found : (rgba, depth)

@@ -1,7 +1,5 @@
 """The effect mode: X-ray, MIP, MinIP and average instead of emission and absorption (see ``ray_values``)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ..scene import MODES, POST_ONLY, Quality, RleSplatError, Scene
@@ -19,11 +17,6 @@ def _mode(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     """The quality that a scene's mode is rendered with: post-classified, because other sheets hold no values.
-
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
 
     Returns
     -------

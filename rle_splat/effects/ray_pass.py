@@ -67,16 +67,7 @@ class RayEffect:
     nothing_left = ""
 
     def stage_of(self, ray_pass: RayPass) -> str:
-        """The stage that shortening the rays of a pass is timed as.
-
-        Parameters
-        ----------
-        ray_pass : RayPass
-
-        Returns
-        -------
-        str
-        """
+        """The stage that shortening the rays of a pass is timed as."""
         return self.stage
 
     def inspect_steps(self, planes: list[BasePlane]):
@@ -115,10 +106,8 @@ class RayEffect:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
-        plane : BasePlane
         intervals : (2 + 2 holes, H, W) ndarray of float32 or None
             Ray intervals so far, in voxels along the viewing direction; None for whole rays.
 
@@ -134,7 +123,6 @@ class RayEffect:
 
         Parameters
         ----------
-        ray_pass : RayPass
         number : int
             Number of the plane.
         image : IntermediateImage
@@ -146,7 +134,6 @@ class RayEffect:
 
         Parameters
         ----------
-        ray_pass : RayPass
         picture, found : (rgba, depth)
             The picture so far, and the result of the pass.
 

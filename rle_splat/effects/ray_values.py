@@ -146,10 +146,6 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
         "mip", "minip" or "average".
     ends : (low, high)
         Smallest and largest stored value that is splatted.
-
-    Returns
-    -------
-    ValueMap
     """
     sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
     points = [(sign or 1.0) * (value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]

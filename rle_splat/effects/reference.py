@@ -3,8 +3,6 @@
 Depths of meshes and their silhouettes, and glass (algorithm.md 4.2).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 # Samples this close outside an edge, in parts of the triangle, still count: neighbors must leave no crack.

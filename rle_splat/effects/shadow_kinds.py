@@ -1,7 +1,5 @@
 """The effects that shadows, the world's light, ambient occlusion and indirect light are."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from ..scene import Quality, Scene

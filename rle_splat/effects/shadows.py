@@ -6,8 +6,6 @@ The extinction that casts shadows is that of the voxels, interpolated, whatever 
 means of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -128,7 +126,6 @@ def pool_occluders_steps(occluders: Occluders, side: int):
 
     Parameters
     ----------
-    occluders : Occluders
     side : int
         Voxels along a side of a cube.
 
@@ -185,7 +182,6 @@ def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = Fals
     Parameters
     ----------
     light : Light
-    occluders : Occluders
     nodes : bool
         Whether nodes of a grid are lit, in place of voxels.
     sharp : bool
@@ -227,7 +223,6 @@ def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
     ----------
     passes, weights
         As ``light_passes`` returns them.
-    occluders : Occluders
 
     Yields
     ------
@@ -314,7 +309,6 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
     ----------
     light : Light or None
         None for light from all directions, sampled by fourteen: ambient occlusion.
-    occluders : Occluders
     bricks : Bricks
         Of the extinction of the voxels, of which clips cut nothing away.
     offsets : (m, 3) ndarray of int16

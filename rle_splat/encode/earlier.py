@@ -13,8 +13,6 @@ Normals were unit gradients, x of all voxels, then y, then z; they are opened as
 cannot be made anew for samples, so that such a folder is unlit.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -103,7 +103,6 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
 
     Parameters
     ----------
-    voxels : VisibleVoxels
     axis : {0, 1, 2}
         Principal axis: x, y or z.
     threads : int
@@ -142,7 +141,6 @@ def record_steps(
 
     Parameters
     ----------
-    tables : RunTables
     voxels : VisibleVoxels
         The voxels of ``tables``.
     write : callable
@@ -205,8 +203,6 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
 
     Parameters
     ----------
-    tables : RunTables
-    voxels : VisibleVoxels
     words : (m, w) ndarray
         Records in the order of the voxels.
     target : (m, w) ndarray
@@ -233,7 +229,6 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
     ----------
     tables : RunTables
         Of principal x.
-    voxels : VisibleVoxels
     words : (m, w) ndarray
         Output, in the order of the voxels.
     source : (m, w) ndarray

@@ -20,7 +20,6 @@ def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0
 
     Parameters
     ----------
-    voxels : VisibleVoxels
     extinction : (m,) ndarray of float32
     side : int
         Voxels along a side of a cube.

@@ -3,8 +3,6 @@
 The paper's tables (algorithm.md 1.1) and voxel records (1.11).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..volume.axes import AXES

@@ -5,8 +5,6 @@ These are the paper's scanline pointers, data pointers and runs of the voxels th
 voxel if there is any light.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -111,7 +109,6 @@ def scalars_of(voxels: VisibleVoxels, kind, infinite, center: float) -> np.ndarr
 
     Parameters
     ----------
-    voxels : VisibleVoxels
     kind : dtype
         Type of the stored values.
     infinite : (low, high) or ()

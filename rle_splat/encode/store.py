@@ -1,7 +1,5 @@
 """Save and load `.rle` files: run-length tables with their position in space and their origin (``encode.members``)."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

@@ -3,8 +3,6 @@
 Every check of tables works on whole arrays. The first failed check gives the error message.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -113,7 +111,6 @@ def check_layout(header: dict, facts: dict) -> dict:
 
     Parameters
     ----------
-    header : dict
     facts : dict
         See ``check_header``.
 

@@ -1,7 +1,5 @@
 """A color bar: the colors and the opacity of a transfer function over the values, with ticks and unit."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -109,7 +107,6 @@ def color_bar(
 
     Parameters
     ----------
-    function : TransferFunction
     distance : str or None
         To what length the opacities refer, such as "1 mm"; None where a pixel shows one value of its ray: the bar then
         has what is shown of each value, in place of colors and a curve.
@@ -119,7 +116,6 @@ def color_bar(
         Top left corner, on a whole pixel, and width, mm. Its height is ``Lines(size).height``.
     size : float
         Font size, mm.
-    pixels_per_mm : float
     ink : (3,) tuple of float
         Color of lines and lettering, scene-linear.
 

@@ -1,7 +1,5 @@
 """Where the patient's sides are in a picture: letters at its edges, a cube, and the name of the view."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Scene
@@ -74,7 +72,6 @@ def cube(scene: Scene, x: float, y: float, side: float, size: float) -> list:
 
     Parameters
     ----------
-    scene : Scene
     x, y : float
         Its middle, mm.
     side : float

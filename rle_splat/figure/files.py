@@ -1,7 +1,5 @@
 """The content of figure files that are written the same way everywhere, and of which a figure may have several."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a figure and its pictures to a page: where everything stands, in millimeters."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 
@@ -76,7 +74,6 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
 
     Parameters
     ----------
-    figure : Figure
     pictures : list of (H, W, 4) ndarray of float32
         Of its panels; scene-linear, premultiplied.
 

@@ -1,7 +1,5 @@
 """Lettering: a line of text as strokes, the same on every machine."""
 
-from __future__ import annotations
-
 import unicodedata
 from functools import cache
 

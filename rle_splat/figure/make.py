@@ -1,7 +1,5 @@
 """Makes a figure: renders its panels and lays them out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..pipeline.render import render_steps
@@ -41,7 +39,6 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
 
     Parameters
     ----------
-    figure : Figure
     qualities : sequence of Quality
         One for each panel.
     cache : StageCache, optional

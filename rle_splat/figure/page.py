@@ -3,8 +3,6 @@
 Every writer (``raster``, ``svg``, ``cli.figure_pdf``) draws the same page.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

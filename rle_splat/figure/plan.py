@@ -1,7 +1,5 @@
 """What a figure shows: its panels and its style, as plain data."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from reprlib import repr as short
@@ -164,11 +162,6 @@ def columns_of(style: FigureStyle, count: int) -> int:
 
 def tile_size(style: FigureStyle, count: int) -> tuple[int, int]:
     """Width and height in pixels of each of ``count`` pictures of a figure.
-
-    Parameters
-    ----------
-    style : FigureStyle
-    count : int
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """PNG files without any package: 8 bits per channel, sRGB, with the size at which they are printed."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 

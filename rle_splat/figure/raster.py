@@ -1,7 +1,5 @@
 """A page as pixels, scene-linear, with anti-aliasing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError
@@ -16,10 +14,6 @@ REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
 
 def draw(page: Page) -> np.ndarray:
     """Draw a page.
-
-    Parameters
-    ----------
-    page : Page
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """The scale of a view: how long a pixel is in the volume, and round lengths for a scale bar."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -26,7 +24,6 @@ def length_per_pixel(scene: Scene, depth: float | str | None = None) -> float:
 
     Parameters
     ----------
-    scene : Scene
     depth : float, "center" or None
         For a perspective view: planar distance from the camera in world units; "center" is the middle of the volume.
 

@@ -4,8 +4,6 @@ It holds the names of files as the user gave them and hashes of their data, and 
 patient.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 from dataclasses import MISSING, asdict, dataclass, fields
@@ -80,7 +78,6 @@ def sidecar_of(made: MadeFigure, sources: Sources) -> dict:
 
     Parameters
     ----------
-    made : MadeFigure
     sources : Sources
         Of its volume, and of the labels and channels that it shows.
 
@@ -161,10 +158,6 @@ def read_sidecar(path) -> Sidecar:
     ----------
     path : path-like
 
-    Returns
-    -------
-    Sidecar
-
     Raises
     ------
     RleSplatError
@@ -199,7 +192,6 @@ def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Fig
 
     Parameters
     ----------
-    sidecar : Sidecar
     data : FigureData
         See ``check_data``.
     threads : int

@@ -1,7 +1,5 @@
 """The data of a figure: its volume, labels and channels, and where a sidecar says that their files are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from ..classify.transfer_function import TransferFunction

@@ -1,7 +1,5 @@
 """A page as SVG: lettering, lines and fills as vectors, pictures as embedded PNG files."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from xml.sax.saxutils import escape, quoteattr
 
@@ -18,10 +16,6 @@ HEADER = '<?xml version="1.0" encoding="UTF-8"?>\n'
 
 def svg_text(page: Page) -> str:
     """A page as the content of an SVG 1.1 file, in mm.
-
-    Parameters
-    ----------
-    page : Page
 
     Returns
     -------

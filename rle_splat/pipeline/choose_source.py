@@ -1,7 +1,5 @@
 """The door of the pipeline: decide once what the volume is, how it is classified and which effects there are."""
 
-from __future__ import annotations
-
 from ..effects.analyze import analyze_effects
 from ..scene import Quality, Scene
 from .file_source import FileSource
@@ -15,11 +13,6 @@ SOURCES = {"pre": make_scan_source, "post": ScalarSource}
 
 def choose_source(scene: Scene, quality: Quality) -> Source:
     """The source of a picture, with what the scene's effects and its volume make of the quality.
-
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
 
     Raises
     ------

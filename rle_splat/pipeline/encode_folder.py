@@ -4,8 +4,6 @@ A chunk of planes is classified, lit and encoded by the stages that encode a who
 in the volume, so that positions, normals and light are the same to the bit.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

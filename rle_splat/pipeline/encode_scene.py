@@ -1,7 +1,5 @@
 """Encode a scene: its volume classified, shaded and run-length encoded, ready for a ``.rle`` file."""
 
-from __future__ import annotations
-
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..runtime.steps import Clock, announce, drain

@@ -1,7 +1,5 @@
 """The first visible surface along a ray: what lies under the mouse."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Pictures of volumes that are too large: with voxels twice as large until they fit, or as often as is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -26,9 +24,6 @@ def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: i
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
-    cache : StageCache
     halvings : int
         How often the number of voxels along each side is halved at least, where that is possible.
     is_draft : bool

@@ -1,7 +1,5 @@
 """Light on the voxels of a source: what falls on them, what shadows leave of it, and the keys that name both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +18,6 @@ def scene_lighting(scene: Scene, matrix) -> Lighting | None:
 
     Parameters
     ----------
-    scene : Scene
     matrix : (4, 4) float64
         Voxel index to world.
     """

@@ -5,8 +5,6 @@ There are two, with the same methods.  ``ClassifiedVoxels`` are classified befor
 from (a scan, or a ``.rle`` file) is a matter of their ``voxels``.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 

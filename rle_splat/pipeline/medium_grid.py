@@ -3,8 +3,6 @@
 It does not depend on the view: colors are those without highlights, which change with it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -36,10 +34,6 @@ FROM_ANYWHERE = Camera(np.eye(4))
 def for_any_view(scene: Scene) -> Scene:
     """The scene without all that belongs to a view: two scenes of one medium under one light differ in nothing.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     Scene
@@ -65,10 +59,6 @@ def softness(light, middle) -> float:
     light : Light
     middle : (3,) ndarray
         The point, in the world.
-
-    Returns
-    -------
-    float
     """
     if light.type == "SUN":
         return light.angle
@@ -102,7 +92,6 @@ def shadow_factors(scene: Scene, lights) -> tuple[int, int, int]:
 
     Parameters
     ----------
-    scene : Scene
     lights : iterable of Light
 
     Returns
@@ -119,8 +108,6 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     factors : (fx, fy, fz)
         Voxels of the volume along each side of a voxel of the grid.
     add : callable

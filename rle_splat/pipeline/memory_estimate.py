@@ -234,13 +234,8 @@ def estimate_tables(found: VoxelCount, tables: PlannedTables, picture: int = 0) 
     ----------
     found : VoxelCount
         The voxels that the tables hold.
-    tables : PlannedTables
     picture : int
         See ``picture_bytes``.
-
-    Returns
-    -------
-    MemoryEstimate
     """
     sums, works = Counter(dict.fromkeys(PARTS, 0)), []
     for row in memory_table(found, tables):

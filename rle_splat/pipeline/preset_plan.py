@@ -9,8 +9,6 @@ Only the knobs of a preset as it is are replaced.  A Quality that differs from a
 has another name, is rendered as it is.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
@@ -37,7 +35,6 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
 
     Parameters
     ----------
-    source : Source
     cache : StageCache
         Keeps the roughness of the volume under its transfer function.
 

@@ -3,8 +3,6 @@
 No kernels are loaded here: what only looks at a file does not wait for a compiler.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -81,10 +79,6 @@ def count_in_histogram(shape_xyz, dtype, values, counts, tf) -> VoxelCount:
     values, counts : (n,) ndarray
         Physical values, and how many voxels have each.
     tf : TransferFunction
-
-    Returns
-    -------
-    VoxelCount
     """
     _, ny, nz = shape_xyz
     count = int(counts[tf.alpha_at(values) > 0.0].sum())

@@ -23,8 +23,6 @@ def make_report(picture: Picture, medium: Medium, tables: dict, made, traced: di
 
     Parameters
     ----------
-    picture : Picture
-    medium : Medium
     tables : dict
         Principal axis -> the tables that the picture was splatted from.
     made : (rgba, depth)

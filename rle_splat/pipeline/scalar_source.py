@@ -19,8 +19,6 @@ What each stage result depends on, so that a change redoes no more than it must:
 Of several channels, voxels are kept that matter to any of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 

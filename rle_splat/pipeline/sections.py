@@ -5,8 +5,6 @@ color and transmittance of every sheet pixel, which the sections before it cover
 sheet pixels. The command line calls the sections slabs (``--slabs``).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -59,8 +57,6 @@ def section_steps(scene: Scene, quality: Quality, number: int, count: int):
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     number, count : int
         Sections are numbered from front to back, on each base plane of the picture.
 
@@ -80,8 +76,6 @@ def composite_steps(scene: Scene, quality: Quality, sections: SectionImages):
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     sections : SectionImages
         Of all sections.
     """

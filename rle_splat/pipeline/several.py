@@ -6,8 +6,6 @@ each were homogeneous along its rays: optical depths add up, and colors are aver
 for homogeneous volumes, has no order of its own, and converges as spans become thin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator
 from dataclasses import replace
 from functools import partial

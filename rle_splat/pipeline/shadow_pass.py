@@ -1,7 +1,5 @@
 """The shadow pass: a picture of the share of light that shadows take away."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

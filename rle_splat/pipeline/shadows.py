@@ -1,7 +1,5 @@
 """The stage of shadows: one result for each light, so that a light that moves is swept alone."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from functools import partial
 from typing import NamedTuple

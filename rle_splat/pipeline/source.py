@@ -4,8 +4,6 @@ A source is a scan, a scan with labels or channels, or stored tables.  ``choose_
 again.  It makes a medium (see ``medium``), which is all that the stages after shading know of the volume.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A small picture of a volume with a transfer function, from the front."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ A tile is a crop of the scene, which has the bits of the whole picture whatever 
 on the tile (classification, light, shadows, tables) is made once and kept in the stage cache.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,11 +47,6 @@ def tiles_of(region, side: int) -> list[tuple[int, int, int, int]]:
 
 def choose_tile_side(scene: Scene, quality: Quality) -> int | None:
     """The side of the largest tiles that fit into the free memory; None where the picture fits as a whole.
-
-    Parameters
-    ----------
-    scene : Scene
-    quality : Quality
 
     Raises
     ------
@@ -121,8 +114,6 @@ def render_tiles_steps(
 
     Parameters
     ----------
-    scene : Scene
-    quality : Quality
     side : int
         Of the tiles, in pixels.
     write : callable

@@ -1,7 +1,5 @@
 """Segmentations that lie beside a scan: DICOM SEG and RTSTRUCT files, and label maps by their names."""
 
-from __future__ import annotations
-
 import os
 import re
 from itertools import islice

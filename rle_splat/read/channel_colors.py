@@ -1,7 +1,5 @@
 """Colors of the channels of one file, such as fluorescent dyes: those of its metadata, or a convention's."""
 
-from __future__ import annotations
-
 import re
 
 from ..scene.color import linear

@@ -1,7 +1,5 @@
 """Channels: further volumes whose values are brought onto the grid of a scan."""
 
-from __future__ import annotations
-
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import Volume
 from .formats import format_of, read_steps
@@ -15,7 +13,6 @@ def read_channel_steps(path, volume: Volume, options: dict | None = None):
     Parameters
     ----------
     path : str or Path
-    volume : Volume
     options : dict, optional
         Of ``read_volume``; without them a raw file is read with the shape of the volume.
 

@@ -1,7 +1,5 @@
 """The files that a detached header names: one, a list, or a numbered pattern."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One row of the table of formats, and the first bytes of a file by which a row recognizes it."""
 
-from __future__ import annotations
-
 import os
 import zlib
 from collections.abc import Callable

@@ -4,8 +4,6 @@ To add a format, add a module and a row. The content of a file decides its forma
 content does not tell.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path

@@ -3,8 +3,6 @@
 A guess that is not certain is marked as such.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass, replace
@@ -110,10 +108,6 @@ def guess_raw(
         Known parts of the layout, as in RawLayout; None for unknown parts, which are guessed.
     limit : int
         Bytes after which counting the size of a packed file stops.
-
-    Returns
-    -------
-    RawGuess
 
     Raises
     ------

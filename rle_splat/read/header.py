@@ -1,7 +1,5 @@
 """Checks of what a file's header says, before any voxel is read; shared by the readers of medical formats."""
 
-from __future__ import annotations
-
 import operator
 from importlib import import_module
 from pathlib import Path

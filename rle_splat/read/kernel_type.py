@@ -3,8 +3,6 @@
 Scans are often stored in more bits than their values need.  In fewer, they take less memory as well.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Label maps: whole numbers on the grid of a scan, and the names of labels in ITK-SNAP's text files."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -57,7 +55,6 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
     path : str or Path
         A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
         RTSTRUCT on its grid.
-    volume : Volume
     frame : int
         Of a map that changes with time, from 1.
 

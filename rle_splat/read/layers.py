@@ -1,7 +1,5 @@
 """Several values for each voxel: picking one, and the layers of a segmentation merged into one label map."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

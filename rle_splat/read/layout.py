@@ -1,7 +1,5 @@
 """Layout of raw files: shape, stored type, byte order and header, and the file sizes that fit them."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import os

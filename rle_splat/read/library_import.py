@@ -5,8 +5,6 @@ second. So sources without a compiled file are compiled one by one, as the impor
 is imported piece by piece, and the library itself last.
 """
 
-from __future__ import annotations
-
 import sys
 from contextlib import suppress
 from importlib import import_module

@@ -1,7 +1,5 @@
 """A folder of masks, one NIfTI file for each organ as TotalSegmentator writes them, as one label map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ The rows of TransformMatrix are the directions of the voxel axes in LPS. Anatomi
 from and is ignored, since the matrix says the same exactly.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MGH and MGZ, the volumes of FreeSurfer: a header of fixed fields, big-endian, then the voxels."""
 
-from __future__ import annotations
-
 import math
 import struct
 from pathlib import Path

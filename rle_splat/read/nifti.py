@@ -4,8 +4,6 @@ Where the header codes a place in the patient, the sform counts before the qform
 RAS and becomes LPS; voxels are never flipped.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import struct

@@ -1,7 +1,5 @@
 """NRRD, attached and detached, and Slicer's segmentations (``.seg.nrrd``): headers by pynrrd, voxels streamed."""
 
-from __future__ import annotations
-
 import gzip
 import math
 import re

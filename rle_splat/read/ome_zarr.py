@@ -3,8 +3,6 @@
 The package zarr and its codecs are optional: they are not in the extension.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Reader and writer of raw voxels, x fastest, then y, then z. The file size is checked before anything is read."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -143,7 +141,6 @@ def write_raw_steps(volume: Volume, path):
 
     Parameters
     ----------
-    volume : Volume
     path : str or Path
 
     Returns

@@ -1,7 +1,5 @@
 """Numbered files, such as smoke_0001.vdb and smoke_0002.vdb, as volumes in time: one file, one frame."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """TIFF: stacks of pages, numbered files, OME-TIFF and ImageJ's stacks; pages by tifffile, LZW also by OpenImageIO."""
 
-from __future__ import annotations
-
 import logging
 import math
 import re

@@ -4,8 +4,6 @@ A numeric grid becomes a dense volume over the bounding box of its active voxels
 The grid's transform places it in the file's world units.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

@@ -7,8 +7,6 @@ where the next grid follows. At the tree's offset: compression, metadata, the tr
 background and the numbers of tiles and children of the root.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

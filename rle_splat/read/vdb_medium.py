@@ -4,8 +4,6 @@ The grid ``density`` is extinction, and ``emission`` extinction times color: wha
 looks as it does here.  Color is their quotient.  The product is stored, since products may be interpolated.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

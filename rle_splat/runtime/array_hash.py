@@ -1,13 +1,15 @@
-"""Hashes of large arrays, computed once for those that nobody can write to."""
-
-from __future__ import annotations
+"""Hashes of plain data; those of large arrays are computed once where nobody can write to the array."""
 
 import hashlib
 import weakref
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 
 SIZE = 16  # bytes of a hash
+LARGE = 1 << 16  # bytes of an array that is hashed on its own
+PLAIN = (int, float, str, bool, type(None))  # types of values that are hashed as Python writes them
 
 _hashes: dict = {}  # address of an array that is in memory -> (weak reference to it, hash)
 
@@ -33,3 +35,47 @@ def hash_array(array: np.ndarray) -> bytes:
         address = id(array)
         _hashes[address] = weakref.ref(array, lambda _: _hashes.pop(address, None)), found
     return found
+
+
+def hash_plain(*values, without=()) -> str:
+    """Hash of plain data.
+
+    Parameters
+    ----------
+    *values
+        Dataclasses such as Scene, arrays, mappings, sequences and plain values, nested in any way.  What has a ``key``,
+        such as a volume, is hashed by that.
+    without : collection of str
+        Fields of dataclasses that do not count.
+
+    Returns
+    -------
+    str
+        Hexadecimal; the same one in every process.
+    """
+    total = hashlib.blake2b(digest_size=SIZE)
+    for value in values:
+        _feed(total, value, without)
+    return total.hexdigest()
+
+
+def _feed(total, value, without) -> None:
+    """Add plain data to a hash."""
+    if isinstance(value, PLAIN):  # most of all
+        total.update(f"{value!r};".encode())
+    elif isinstance(value, (tuple, list)):
+        total.update(f"({len(value)}".encode())
+        for one in value:
+            _feed(total, one, without)
+    elif isinstance(getattr(value, "key", None), str):
+        total.update(f"{type(value).__name__} {value.key} {getattr(value, 'unit', '')};".encode())
+    elif is_dataclass(value):
+        total.update(type(value).__name__.encode())
+        _feed(total, [getattr(value, one.name) for one in fields(value) if one.name not in without], without)
+    elif isinstance(value, np.ndarray):
+        total.update(f"{value.dtype.str}{value.shape}".encode())
+        total.update(np.ascontiguousarray(value).data if value.nbytes < LARGE else hash_array(value))
+    elif isinstance(value, Mapping):
+        _feed(total, sorted(value.items()), without)
+    else:
+        total.update(f"{value!r};".encode())

@@ -1,7 +1,5 @@
 """How to start Python itself as a child process, inside Blender too."""
 
-from __future__ import annotations
-
 import os
 import sys
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Figures as people read them: two significant digits, and never an exponent."""
 
-from __future__ import annotations
-
 import math
 
 LEAST = 1e-4  # what is smaller is said to be below it

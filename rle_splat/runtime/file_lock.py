@@ -1,7 +1,5 @@
 """Locks between processes, on a file that stands for what only one of them may do."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -1,7 +1,5 @@
 """How much memory there is, asked of the system before it is spent."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Output files: checked before any work is done, and reports as strict JSON."""
 
-from __future__ import annotations
-
 import json
 import os
 from contextlib import ExitStack

@@ -11,8 +11,6 @@ The processes that make these files and those that use them know the package by 
 This module relies on numba's internals; only ``numba_internals`` and ``kernel_cache`` import it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import pickle

@@ -3,8 +3,6 @@
 They are apart from the stages because what only looks at a file loads no compiler.
 """
 
-from __future__ import annotations
-
 MIXED_AT_ONCE = 1 << 20  # voxels of labels and channels whose float64 properties still fit into the cache
 RECORDS_AT_ONCE = 1 << 19  # visible voxels whose records are made between two chances to cancel, 5 to 20 ms
 SMOOTHED_AT_ONCE = 1 << 20  # voxels that are smoothed between two chances to cancel, 20 ms on one core

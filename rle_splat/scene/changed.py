@@ -1,7 +1,5 @@
 """Copies of a scene's parts with other values, made only where a value differs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 PLAIN = (bool, int, float, str, tuple)  # types whose values are compared; arrays and objects by identity

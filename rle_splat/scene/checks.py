@@ -1,7 +1,5 @@
 """Checks of user input: numbers, matrices, colors, JSON files."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import fields

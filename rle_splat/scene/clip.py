@@ -1,7 +1,5 @@
 """Clip objects: planes and boxes that cut the volume."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from reprlib import repr as short
 

@@ -1,7 +1,5 @@
 """Colors in files are sRGB; those of the program are scene-linear (IEC 61966-2-1)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """Pictures for display: scene-linear, premultiplied floats as sRGB bytes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .color import to_display

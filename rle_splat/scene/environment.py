@@ -1,7 +1,5 @@
 """The light of a world that is not the same from all directions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

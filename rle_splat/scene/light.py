@@ -1,7 +1,5 @@
 """Lights, with Blender's parameters."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from reprlib import repr as short
 

@@ -1,7 +1,5 @@
 """Values as JSON types."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, is_dataclass
 

@@ -4,8 +4,6 @@ All but the last step works on voxels of about 2 mm: balls roll through the tiss
 cut off, so that a table that touches the body is cut off too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..runtime.steps import Progress, announce, rescale

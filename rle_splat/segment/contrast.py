@@ -4,8 +4,6 @@ Bone also has values above soft tissue.  But it is thin or porous, so that avera
 next.  Those within a heart or an aorta that are filled with contrast medium do not.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..runtime.steps import drain

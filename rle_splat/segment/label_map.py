@@ -1,7 +1,5 @@
 """A mask put into a label map as one of its segments."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

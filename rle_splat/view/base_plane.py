@@ -122,10 +122,6 @@ class BasePlane:
     def section(self, number: int, count: int) -> BasePlane | None:
         """The plane with one of ``count`` parts of its sheets, numbered from front to back.
 
-        Parameters
-        ----------
-        number, count : int
-
         Returns
         -------
         BasePlane or None
@@ -307,7 +303,6 @@ def base_plane(
 
     Parameters
     ----------
-    view : IndexView
     shape_xyz : (nx, ny, nz)
     axis : {0, 1, 2}
     sign : {1, -1}
@@ -315,7 +310,6 @@ def base_plane(
         Depth rule.
     sheet_density : float
         Sheet pixels per image pixel; 0 for one sheet pixel per voxel at the reference.
-    footprint : VoxelKernel
     boxed : bool
         Whether the medium ends at the voxel centers; else the footprints of the outermost voxels extend beyond.
     reach : int or None

@@ -4,8 +4,6 @@ A box is the (8, 3) world coordinates of the corners of a volume, of any shape t
 corner number 4 z + 2 y + x.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera
@@ -36,7 +34,6 @@ def near_to_far(boxes: list[np.ndarray], camera: Camera) -> list[list[int]]:
     Parameters
     ----------
     boxes : list of (8, 3) ndarray
-    camera : Camera
 
     Returns
     -------

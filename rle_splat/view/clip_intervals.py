@@ -39,8 +39,6 @@ def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = 
 
     Parameters
     ----------
-    plane : BasePlane
-    cuts : Cuts
     intervals : (2, H, W) ndarray of float32 or None
         Ray intervals as of ``ray_intervals``; None for whole rays.
     threads : int
@@ -73,7 +71,6 @@ def what_is_left(plane: BasePlane, intervals: np.ndarray, reach: int) -> tuple[B
 
     Parameters
     ----------
-    plane : BasePlane
     intervals : (2 + 2 holes, H, W) ndarray of float32
         Ray intervals of the plane.
     reach : int

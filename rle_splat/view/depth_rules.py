@@ -148,7 +148,6 @@ def place_sheets(
 
     Parameters
     ----------
-    n_slices : int
     sign : {1, -1}
         Viewing direction along the principal axis.
     rule : str
@@ -156,13 +155,8 @@ def place_sheets(
     eye_position : float or None
         The eye's coordinate along the axis; None for parallel rays. Sheets behind the eye are left out, and the cell
         around the eye is integrated from the eye on (algorithm.md 1.4).
-    footprint : VoxelKernel
     boxed : bool
         Whether the medium ends at the first and last slice, without the ramps of footprints.
-
-    Returns
-    -------
-    Sheets
     """
     _, first, last = _ends(n_slices, sign, footprint, boxed)
     eye = -np.inf if eye_position is None else sign * float(eye_position)

@@ -4,8 +4,6 @@ The view is expressed in voxel-index space, the only space in which voxel scanli
 (algorithm.md 1.4).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -87,14 +85,9 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
 
     Parameters
     ----------
-    camera : Camera
     index_to_world : (4, 4) ndarray of float64
     width, height : int
         Size of the picture in pixels.
-
-    Returns
-    -------
-    IndexView
 
     Raises
     ------

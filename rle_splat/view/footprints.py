@@ -118,7 +118,6 @@ def footprint_weights(footprint: VoxelKernel, positions: np.ndarray, stretch: fl
 
     Parameters
     ----------
-    footprint : VoxelKernel
     positions : (n,) array_like
         Voxels.
     stretch : float

@@ -5,8 +5,6 @@ one voxel sideways per slice. Parallel rays share one axis. The rays of a perspe
 pyramids around the eye, one for each direction of each axis (algorithm.md 1.4).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from .eye import IndexView
@@ -24,7 +22,6 @@ def axis_shares(view: IndexView, band: float) -> list[tuple[int, int, float]]:
 
     Parameters
     ----------
-    view : IndexView
     band : float
         Degrees around the change of the principal axis within which both axes are used.
 

@@ -1,7 +1,5 @@
 """Projection of a camera: world points to homogeneous pixels, as in Blender."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
@@ -49,7 +47,6 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
 
     Parameters
     ----------
-    camera : Camera
     width, height : int
         Size of the picture in pixels.
 

@@ -22,7 +22,6 @@ def ray_intervals(
 
     Parameters
     ----------
-    plane : BasePlane
     nearest, furthest : float
         Planar depths between which rays are integrated, world units.
     layer : (rows, columns) ndarray or None
@@ -131,7 +130,6 @@ def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    plane : BasePlane
     shape_xyz : (nx, ny, nz)
 
     Returns

@@ -3,8 +3,6 @@
 Where rays begin and end, and what clip objects leave of them (algorithm.md 1.12).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 # Depths of neighboring pixels lie on one surface if they differ by less than this fraction of their mean.

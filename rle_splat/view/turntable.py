@@ -1,7 +1,5 @@
 """Turntable camera: looks at the center of a volume from an azimuth and an elevation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import Camera, RleSplatError

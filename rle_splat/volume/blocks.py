@@ -62,7 +62,6 @@ def cut_chunks(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, 
 
     Parameters
     ----------
-    n_planes : int
     plane_voxels : int
         Voxels of a plane.
     at_once : int

@@ -1,7 +1,5 @@
 """Checks of the values of a volume."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError

@@ -3,8 +3,6 @@
 This module has no kernels, so that commands that only look at a file do not load the compiler.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """A few planes of a large volume, for what only looks at it: its range, its histogram, a transfer function for it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 The volume is not copied. Values that are not finite are left out and counted separately.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,15 +53,10 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
 
     Parameters
     ----------
-    volume : Volume
     bins : int
         Largest number of bins.
     limits : (low, high) or None
         Physical range; None for the whole range of the volume.
-
-    Returns
-    -------
-    Histogram
 
     Raises
     ------
@@ -132,7 +125,6 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
     percents : sequence of float
         0 to 100.
 

@@ -1,7 +1,5 @@
 """Whether values are Hounsfield units, by the peaks of air and water in their histogram."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .volume import Volume

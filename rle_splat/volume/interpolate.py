@@ -1,7 +1,5 @@
 """Linear interpolation between voxels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene.further_volumes import CORNERS

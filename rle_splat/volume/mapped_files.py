@@ -1,7 +1,5 @@
 """Voxels in mapped files: a read beyond the end of a file that was cut short would end the program."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Measuring a volume in steps: what its keys, its histogram and its range need of every voxel."""
 
-from __future__ import annotations
-
 from ..runtime.steps import announce
 from .counts import count_steps, counts_values
 from .volume import Volume, key_steps, range_steps
@@ -11,10 +9,6 @@ def measure_steps(volume: Volume):
     """Generator of Progress: compute the properties of a volume that read all its voxels, and keep them in it.
 
     Afterward ``voxel_key``, ``value_range`` and, for 8 and 16 bits, ``value_counts`` take no time.
-
-    Parameters
-    ----------
-    volume : Volume
     """
     counted = counts_values(volume.voxels.dtype)
     works = {

@@ -4,8 +4,6 @@ LPS: +x points to the patient's left, +y to the back (posterior), +z to the head
 and of Blender's world here. RAS, the space of NIfTI, points right, to the front and to the head.
 """
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

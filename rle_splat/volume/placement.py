@@ -1,7 +1,5 @@
 """Corrections of what a file says of its grid: spacing, orientation and mirrored axes.  Voxels stay as they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +16,6 @@ def place_volume(volume: Volume, spacing=None, orientation: str | None = None, f
 
     Parameters
     ----------
-    volume : Volume
     spacing : (3,) sequence of float, optional
         Distance between voxel centers along the voxel axes x, y, z, in the volume's unit. The first voxel stays.
     orientation : str, optional
@@ -26,10 +23,6 @@ def place_volume(volume: Volume, spacing=None, orientation: str | None = None, f
         turns about the center of its box, and is in patient space from then on.
     flip : str, optional
         Voxel axes along which the volume is mirrored, such as "x" or "xz". The box stays.
-
-    Returns
-    -------
-    Volume
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """A volume of fewer, larger voxels, for small pictures and for volumes that are too large."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import replace
@@ -19,7 +17,6 @@ def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
 
     Parameters
     ----------
-    volume : Volume
     side : int
         Voxels along the longest side; they are about as wide as high.
     """

@@ -3,8 +3,6 @@
 Extremes of blocks, and gradients (algorithm.md 1.13).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 CHUNK = 1 << 18  # voxels that the reference implementation processes at once

@@ -3,8 +3,6 @@
 Labels take the nearest voxel; the values of channels are interpolated linearly.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -28,7 +26,6 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
     ----------
     one : Volume
         A label map, or a channel.
-    volume : Volume
     values : bool
         Whether ``one`` holds values, which may be interpolated, and not labels.
 

@@ -1,7 +1,5 @@
 """Values between the voxels of a volume, at a few points."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .interpolate import interpolate
@@ -13,7 +11,6 @@ def values_at(volume: Volume, indices) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
     indices : (n, 3) array_like of float
         Voxel indices (x, y, z); beyond the outermost voxel centers these count.
 

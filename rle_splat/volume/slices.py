@@ -3,8 +3,6 @@
 A plane's own space has x and y from -1 to 1 over its rectangle, and z = 0. A matrix takes it to voxel indices.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import RleSplatError
@@ -23,7 +21,6 @@ def slice_axis(volume: Volume, name: str) -> int:
 
     Parameters
     ----------
-    volume : Volume
     name : {"axial", "coronal", "sagittal"}
 
     Returns
@@ -43,7 +40,6 @@ def slice_matrix(volume: Volume, axis: int) -> np.ndarray:
 
     Parameters
     ----------
-    volume : Volume
     axis : int
         0, 1 or 2.
 
@@ -69,7 +65,6 @@ def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> t
 
     Parameters
     ----------
-    volume : Volume
     matrix : (4, 4) ndarray
         The plane's space to voxel indices.
     most : int, optional
@@ -99,7 +94,6 @@ def resample_steps(volume: Volume, matrix: np.ndarray, width: int, height: int):
 
     Parameters
     ----------
-    volume : Volume
     matrix : (4, 4) ndarray
         The plane's space to voxel indices.
     width, height : int

@@ -1,7 +1,5 @@
 """Products of triples of floats, in plain Python: for so few numbers the overhead of a call of numpy is larger."""
 
-from __future__ import annotations
-
 import math
 
 

@@ -1,7 +1,5 @@
 """The volume: a grid of stored scalars, its position in space and the meaning of its values."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 The warp of sheets to the picture, its spline prefilter (algorithm.md 1.9), and the pixels that get rays (1.14).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..scene import NO_DEPTH

@@ -33,10 +33,8 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
     ----------
     images : list of IntermediateImage
         They contain all sheet pixels that ``region`` reads.
-    view : IndexView
     region : (left, top, right, bottom)
         Pixels of the view to fill.
-    quality : Quality
     most_color : float
         Largest unassociated color in the medium. Filters with negative lobes are clamped: transmittance to [0, 1] and
         color to [0, most_color * alpha].

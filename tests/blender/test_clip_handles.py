@@ -135,7 +135,7 @@ def test_auto_keying_inserts_keyframes(owner, bridge):
     assert box.animation_data is None
     bpy.context.scene.tool_settings.use_keyframe_insert_auto = True
     bridge("scene.clip_handles").move_face(box, 0, 1, 4.0)
-    paths = {curve.data_path for curve in bridge("data.animation").curves_of(box)}
+    paths = {curve.data_path for curve in bridge("data.playback").curves_of(box)}
     assert paths == {"location", "scale"}
 
 

@@ -69,7 +69,7 @@ def pixels():
     ],
 )  # fmt: skip
 def test_the_share_of_a_material(addon, bridge, kind, values, share):
-    found = bridge("scene.glass").share_of(material(f"ShaderNodeBsdf{kind}", **values))
+    found = bridge("scene.meshes").share_of(material(f"ShaderNodeBsdf{kind}", **values))
     if share is None:
         assert found is None
     else:
@@ -77,7 +77,7 @@ def test_the_share_of_a_material(addon, bridge, kind, values, share):
 
 
 def test_mixed_shaders_and_what_a_texture_decides(addon, bridge):
-    share_of = bridge("scene.glass").share_of
+    share_of = bridge("scene.meshes").share_of
     made = glass((1.0, 1.0, 1.0))
     tree = made.node_tree
     mix, diffuse = tree.nodes.new("ShaderNodeMixShader"), tree.nodes.new("ShaderNodeBsdfDiffuse")

@@ -274,9 +274,10 @@ def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, prefe
     assert available() > 1 << 28
     preferences.show_live = False
     assert not bridge("live").is_allowed()
-    assert bridge("data.preferences").live_habits() == (True, 0)
+    habits = bridge("live.surface").preferred_habits
+    assert (habits().refines, habits().least_coarseness) == (True, 0)
     preferences.refine_live, preferences.live_pixels = False, "HALF"
-    assert bridge("data.preferences").live_habits() == (False, 1)
+    assert (habits().refines, habits().least_coarseness) == (False, 1)
 
 
 @pytest.mark.parametrize("is_wanted", (True, False))
@@ -297,7 +298,7 @@ def test_an_import_opens_or_closes_the_eyes_of_the_windows_viewports(volume_obje
 
 
 def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_path):
-    cache = bridge("data.kernel_cache")
+    cache = bridge("data.preferences")
     used, other = tmp_path / "kernels-1", tmp_path / "kernels-2"
     for folder in (used, other):
         folder.mkdir()
@@ -306,9 +307,9 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
     monkeypatch.setattr(cache, "KERNELS", used)
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)
-    assert cache.size() == 201
+    assert cache.kernels_size() == 201
     assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
-    assert cache.size() == 1 and used.is_dir() and not other.exists()
+    assert cache.kernels_size() == 1 and used.is_dir() and not other.exists()
 
 
 def test_every_choice_has_a_tooltip(addon):

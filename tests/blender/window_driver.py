@@ -207,11 +207,10 @@ def open_panels(*idnames: str) -> None:
     Run.start = ""
     panels, shown = import_module(f"{MODULE}.panels"), {"RLE_SPLAT_PT_volume", *idnames}
     panels.unregister()
-    for module in panels.MODULES:
-        for cls in module.CLASSES:
-            if issubclass(cls, bpy.types.Panel):
-                others = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
-                cls.bl_options = others if not idnames or cls.bl_idname in shown else others | {"DEFAULT_CLOSED"}
+    for cls in panels.CLASSES:
+        if issubclass(cls, bpy.types.Panel):
+            others = set(getattr(cls, "bl_options", ())) - {"DEFAULT_CLOSED"}
+            cls.bl_options = others if not idnames or cls.__name__ in shown else others | {"DEFAULT_CLOSED"}
     panels.register()
 
 

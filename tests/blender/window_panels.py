@@ -108,7 +108,7 @@ def check_popups():
     with in_the_view():
         add_volume(folder())
     yield
-    for name in (*(cls.bl_idname for cls in of_addon(bpy.types.Menu)), "TOPBAR_MT_file_import"):
+    for name in (*(cls.__name__ for cls in of_addon(bpy.types.Menu)), "TOPBAR_MT_file_import"):
         with in_the_view():
             bpy.ops.wm.call_menu(name=name)
         yield from photograph(name)

@@ -4,8 +4,6 @@ A plan is a ``Quality`` with its accuracy knobs set: depth rule, sheet density, 
 knobs, such as the classification, the record or the threads, stay as the user chose them.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import product

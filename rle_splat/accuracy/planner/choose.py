@@ -110,13 +110,10 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, ma
 
     Parameters
     ----------
-    features : Features
     base : Quality
         The knobs that a plan does not decide.
     tolerance : float
         Levels.  A plan keeps it when its expected error is at most SAFETY times the tolerance.
-    model : Model
-    machine : MachineProfile
     correction : float
         As ``Model.errors`` takes it.
     slack : float
@@ -124,10 +121,6 @@ def choose(features: Features, base: Quality, tolerance: float, model: Model, ma
         the most accurate plan; its ``keeps`` is False.
     only : Quality, optional
         Choose this plan, whatever is expected of it.
-
-    Returns
-    -------
-    Choice
     """
     base = replace(base, termination=termination_for(tolerance, features.largest_color))
     choices = []
@@ -154,8 +147,6 @@ def choose_with_rays(
 
     Parameters
     ----------
-    estimate : ErrorEstimate
-    cost : RayCost
     only : Quality, optional
         Choose single rays for the sheets of this plan alone.
 

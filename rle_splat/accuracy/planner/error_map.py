@@ -1,7 +1,5 @@
 """The error of a picture, pixel by pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...pipeline.stage_cache import StageCache

@@ -6,8 +6,6 @@ ray, where depth rules disagree.  Two differ in the sheet density alone, and sho
 ray, obliquity and magnification included.  Their times are used for what users see, not for the choice of a plan.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ rays.  Its errors are measured at the same probe pixels for all plans, and in on
 The crop is a whole picture that can be shown and compared.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -126,7 +124,6 @@ def sweep_steps(
 
     Parameters
     ----------
-    scene : Scene
     plans : sequence of Quality
         Each with a name of its own.
     chosen : Quality

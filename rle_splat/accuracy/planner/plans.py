@@ -1,7 +1,5 @@
 """Plans that an accuracy sweep measures: the qualities of the package and some between them."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 
 from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError

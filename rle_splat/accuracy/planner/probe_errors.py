@@ -1,7 +1,5 @@
 """Probe errors: the truth at pixels of a scene, and how far its pictures are from it there."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...effects.mesh_depth import mesh_depth

@@ -1,7 +1,5 @@
 """Pixels of a finished picture by single rays, where its sheets and warp would break the tolerance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +32,6 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     ----------
     scene : Scene
         Without the effects that are off.
-    quality : Quality
     columns, rows : (n,) int
         Pixels of the picture.
     slabs : int

@@ -1,7 +1,5 @@
 """The report of an accuracy sweep as text for people."""
 
-from __future__ import annotations
-
 from ..metrics import ERRORS
 
 # What a plan's error is measured against.

@@ -5,8 +5,6 @@ measured at probe pixels: random ones, which speak for all pixels; the steepest 
 estimate.  The truth is T1 for the classification ``pre`` and T2 for ``post``.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

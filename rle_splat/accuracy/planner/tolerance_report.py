@@ -1,7 +1,5 @@
 """What a picture to a tolerance reports: its rounds, the best of them, and sentences for people."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from ...runtime.figures import figure_text, percent_text
@@ -85,7 +83,6 @@ def with_report(
 
     Parameters
     ----------
-    session : PlannerSession
     tolerance : float
         Levels.
     rounds : list of Round

@@ -1,7 +1,5 @@
 """What a compressed frame says of itself, read before any decoder sees it."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Closed contours in parallel planes -> voxels of a grid. Pure functions; coordinates are voxel indices."""
 
-from __future__ import annotations
-
 import numpy as np
 
 ON_SLICE = 0.05  # slices; a plane this close to a slice is the slice's own

@@ -4,8 +4,6 @@ The children's answers come through files that no process waits for: on Windows,
 be cancelled at any time.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 import shutil

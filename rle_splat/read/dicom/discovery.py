@@ -1,7 +1,5 @@
 """Which files a path stands for, and the pictures in them. The content of a file decides, not its suffix."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path

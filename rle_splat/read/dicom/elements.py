@@ -3,8 +3,6 @@
 pydicom parses. Its exceptions may quote values, so none of them goes further than this module.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import os

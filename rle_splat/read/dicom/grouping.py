@@ -1,7 +1,5 @@
 """Pictures -> series: which belong together, which are frames in time, which are copies, and in which order."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Modality LUT: a table from stored to physical values, in place of slope and intercept (DICOM PS3.3, C.11.1)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

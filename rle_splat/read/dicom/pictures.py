@@ -1,7 +1,5 @@
 """One plain record for each image frame of a parsed file: where it lies, what its values mean, what tells it apart."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Stored voxels of pictures, slice by slice: where each frame is in its file, and decoding it."""
 
-from __future__ import annotations
-
 import hashlib
 import struct
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Reading a DICOM series as a volume, slice by slice into the final array."""
 
-from __future__ import annotations
-
 import math
 from itertools import islice
 from pathlib import Path

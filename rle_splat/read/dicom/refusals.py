@@ -1,7 +1,5 @@
 """Sentences that refuse bad input. None quotes a value of a file: values may name a patient."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...scene import RleSplatError

@@ -1,7 +1,5 @@
 """DICOM SEG: segments of any kind as one label map with names and colors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ sheared affine, exactly. SliceThickness, SpacingBetweenSlices and GantryDetector
 Numbers of files are rounded, or jitter. No tolerance here is a rounding: what is close is never parted by a border.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,7 +94,6 @@ def parts_at_gaps(points, gap: float) -> np.ndarray:
     Parameters
     ----------
     points : (n, d) array_like
-    gap : float
 
     Returns
     -------
@@ -160,10 +157,6 @@ def stack(positions, orientations, spacings, size) -> Stack:
     spacings : (m, 2) array_like
         PixelSpacing of pictures: distance between rows, then between columns; the grid has their median.
     size : (rows, columns)
-
-    Returns
-    -------
-    Stack
 
     Raises
     ------

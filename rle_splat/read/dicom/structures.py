@@ -1,7 +1,5 @@
 """DICOM RTSTRUCT: closed contours of regions as a label map on the grid of the scan that they were drawn on."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, replace

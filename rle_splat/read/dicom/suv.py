@@ -3,8 +3,6 @@
 Weight, dates and times serve this factor alone; no sentence quotes them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from datetime import date
 

@@ -1,7 +1,5 @@
 """What a chooser says about a series: data and one line. Nothing here names a patient."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,10 +88,6 @@ def volume_name(group: Group) -> str:
 
 def thumbnail(group: Group) -> np.ndarray:
     """The middle slice as gray levels.
-
-    Parameters
-    ----------
-    group : Group
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """The meaning of stored voxels: bits, sign, slope and intercept, padding. Pure functions on arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .pictures import ImageFrame, Storage
@@ -32,7 +30,6 @@ def extract_stored_values(words: np.ndarray, bits: int, high: int, signed: bool,
         May hold overlays or junk in other bits.
     bits, high : int
         BitsStored and HighBit.
-    signed : bool
     dtype : dtype
         Of the result; holds ``bits`` bits.
 
