@@ -81,9 +81,14 @@ def emission(color):
 
 
 def use_cycles(size=(64, 64), samples=1, transparent=True):
-    """Cycles on the CPU, box-filtered over one pixel, without noise of its own: emission only."""
+    """Cycles on the CPU, box-filtered over one pixel, without noise of its own: emission only.
+
+    It marches through volumes: from Blender 5.0 on it takes five seconds to begin otherwise.
+    """
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
+    if hasattr(scene.cycles, "volume_biased"):
+        scene.cycles.volume_biased = True
     scene.cycles.device = "CPU"
     scene.cycles.samples = samples
     scene.cycles.use_denoising = False

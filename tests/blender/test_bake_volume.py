@@ -22,8 +22,6 @@ def ball(addon, tmp_path):
     scene = use_cycles((SIZE, SIZE), samples=12)
     scene.cycles.filter_width = 0.01
     scene.cycles.volume_step_rate = 0.2
-    if hasattr(scene.cycles, "volume_biased"):
-        scene.cycles.volume_biased = True  # otherwise Cycles takes seconds to begin
     owner = import_raw(tmp_path, BALL)
     load_color(tmp_path, COLOR, alpha=0.15)
     scene.rle_splat.quality, scene.rle_splat.classification = "fine", "pre"
