@@ -12,9 +12,7 @@ from mathutils import Matrix
 from tests.blender import scenes
 
 SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
+BALL = scenes.ball()
 SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
 
 
