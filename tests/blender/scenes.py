@@ -224,6 +224,17 @@ def cube_scene(folder, size=(24, 24), **cube):
     return owner
 
 
+def ball_scene(folder, **camera):
+    """A ball of 11 voxels seen from above in ``draft``, 24 x 24 pixels; returns its object.  ``camera``: settings."""
+    owner = import_raw(folder, ball())
+    add_camera((0.0, 0.0, 40.0), **camera)
+    scene = bpy.context.scene
+    scene.render.resolution_x = scene.render.resolution_y = 24
+    scene.render.resolution_percentage = 100
+    scene.rle_splat.quality = "draft"
+    return owner
+
+
 def blot_scene(folder):
     """A soft blot of a medium about the world's origin, unlit, and a camera 4 units before it; returns its object."""
     outward = sum((axis - 6.0) ** 2 for axis in np.mgrid[:13, :13, :13])

@@ -11,7 +11,6 @@ from mathutils import Matrix
 
 from tests.blender import scenes
 
-SIZE = 24
 BALL = scenes.ball()
 SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
 
@@ -19,13 +18,7 @@ SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
 @pytest.fixture
 def ball(addon, tmp_path):
     """A ball of 11 mm seen from the patient's head by an orthographic camera that shows 20 mm."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0), type="ORTHO", ortho_scale=20.0)
-    scene = bpy.context.scene
-    scene.render.resolution_x = scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = 100
-    scene.rle_splat.quality = "draft"
-    return found
+    return scenes.ball_scene(tmp_path, type="ORTHO", ortho_scale=20.0)
 
 
 def texts_of(path) -> list[str]:

@@ -8,19 +8,14 @@ from tests.blender import scenes
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
-SIZE = 24
-BALL = scenes.ball()
 GREEN = (0.3, 0.9, 0.5)
 
 
 @pytest.fixture
 def volume(addon, tmp_path):
     """A ball seen from above."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0))
-    scenes.use_cycles((SIZE, SIZE))
-    bpy.context.scene.rle_splat.quality = "draft"
-    return found
+    scenes.use_cycles((24, 24))
+    return scenes.ball_scene(tmp_path)
 
 
 def material(kind="ShaderNodeBsdfGlass", **values):

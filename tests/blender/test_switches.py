@@ -16,17 +16,12 @@ from tests.blender.test_panels import draw_all, texts
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
-SIZE = 24
-BALL = scenes.ball()
-
 
 @pytest.fixture
 def volume(addon, tmp_path):
     """A ball seen from above, lit by a sun."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0))
-    scene = scenes.use_cycles((SIZE, SIZE))
-    scene.rle_splat.quality = "draft"
+    scene = scenes.use_cycles()
+    found = scenes.ball_scene(tmp_path)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.rotation_euler.x = math.radians(50.0)
     scene.collection.objects.link(sun)
