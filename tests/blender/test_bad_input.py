@@ -12,11 +12,9 @@ PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     return owner
 
@@ -116,7 +114,7 @@ def test_stereoscopy(volume, operator):
     assert "stereoscopy" in refusal(operator)
 
 
-def test_a_blank_transfer_function_warns(volume, bridge, core):
+def test_a_blank_transfer_function_warns(volume):
     """Blank is allowed, and said: the picture is made and the report explains it."""
     scenes.add_camera((4.0, 4.0, 30.0))
     volume.rle_splat.opacity_scale = 0.0

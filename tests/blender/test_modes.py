@@ -6,14 +6,13 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender import scenes
 from tests.blender.scenes import add_camera, gray_world, image_pixels, import_raw
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
+BALL = scenes.ball()
 
 
 @pytest.fixture

@@ -139,12 +139,12 @@ def test_pictures_and_normals_of_other_ranges_are_those_of_a_fresh_start(dtype, 
     assert cache.made["normals"] == 3  # the last was there already
 
 
-@pytest.mark.parametrize("rule", ("simpson", "preintegrated"))
 @pytest.mark.parametrize(
-    ("dtype", "way"),
-    [(np.uint8, "numba"), (np.int16, "numba"), (np.float32, "numba"), (np.uint32, "numpy"), (np.float64, "numpy")],
+    ("dtype", "rule", "way"),
+    (*((dtype, rule, "numba") for dtype in (np.uint8, np.int16, np.float32) for rule in ("simpson", "preintegrated")),
+     (np.uint32, "simpson", "numpy"), (np.float64, "preintegrated", "numpy")),
     indirect=["way"],
-)
+)  # fmt: skip
 def test_a_wider_range_that_is_kept_gives_the_same_picture(dtype, rule, way):
     """Voxels that are kept and do not matter leave no trace: to the bit, for every kind of values.
 

@@ -236,7 +236,7 @@ def test_every_environment_has_its_requirements_and_every_pinned_set_its_source(
     wanted = {
         name
         for environment in (
-            environments.CORE, environments.SAMPLE, environments.BENCH, environments.CLUSTER, *environments.BPY.values()
+            environments.CORE, environments.BENCH, environments.CLUSTER, *environments.BPY.values()
         )
         for name in environment.files
     }  # fmt: skip
