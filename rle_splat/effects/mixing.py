@@ -84,7 +84,7 @@ def add_light_steps(scene: Scene, scenes: list[Scene], make_steps):
     """
     if len(scenes) == 1:
         return (yield from make_steps(scenes[0]))
-    color, opacity, depth, reports = 0.0, 0.0, np.inf, []
+    color, opacity, depth, reports = 0.0, 0.0, np.full(1, np.inf, np.float32), []
     for number, single in enumerate(scenes):
         made = yield from rescale(make_steps(single), number / len(scenes), (number + 1) / len(scenes))
         color, opacity = color + made.rgba[..., :3], opacity + (1.0 - opacity) * made.rgba[..., 3:]
