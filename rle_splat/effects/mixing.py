@@ -51,13 +51,14 @@ def split_light(scene: Scene) -> list[Scene]:
     parts = (scene, *scene.channels)
     is_light = (
         _channels_called_for(scene, Quality())[0] and scene.effects.get("channels") is not False and scene.mist is None
+        and not scene.effects.get("shading")
         and all(one.volume.color and one.transfer_function.shade is None for one in parts)
         and all(np.array_equal(one.volume.affine, scene.volume.affine) for one in parts)
     )  # fmt: skip
     if not is_light:
         return [scene]
-    forced = {name: on for name, on in scene.effects.items() if name != "channels"}
-    first = change(scene, channels=(), effects=forced)
+    off = {name: on for name, on in scene.effects.items() if not on}  # what is forced on may be of one channel alone
+    first = change(scene, channels=(), effects=off)
     further = [
         change(first, volume=one.volume, transfer_function=one.transfer_function, labels=None)
         for one in scene.channels if is_shown(one.transfer_function)

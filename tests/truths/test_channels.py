@@ -293,6 +293,10 @@ def test_light_of_stains_adds_up(stage):
     np.testing.assert_allclose(found.rgba[..., :3], np.minimum(sum(alone)[..., :3], opacity[..., None]), atol=1e-6)
     np.testing.assert_allclose(found.rgba[..., 3], opacity, atol=1e-6)
     assert next(row for row in found.report["effects"] if row["name"] == "channels")["on"]
+    forced = {"channels": True, "labels": True, "mode": False}
+    labels = Labels(Volume(np.ones(given[0][0].voxels.shape, np.uint8), np.eye(4)), {5: None})
+    again = render(scene_of(stage, given, effects=forced, labels=labels))
+    np.testing.assert_allclose(again.rgba, found.rgba, atol=1e-6)
     (volume, red), _ = stains(2)
     green = replace(red, color=((0.0, 0.0, 1.0, 0.0),))
     yellow = render(scene_of(stage, [(volume, red), (volume, green)])).rgba
