@@ -132,7 +132,7 @@ def test_pictures_and_normals_of_other_ranges_are_those_of_a_fresh_start(dtype, 
         counts.append(picture.report["volume"]["visible_voxels"])
         fresh = StageCache()
         np.testing.assert_array_equal(picture.rgba, render(edited, quality, cache=fresh).rgba)
-        for (stage, key), (result, _) in fresh._results.items():
+        for (stage, key), (result, *_) in fresh._results.items():
             if stage == "normals":
                 np.testing.assert_array_equal(result, cache._results[stage, key][0])
     assert counts[2] < counts[0] < counts[1] == counts[3]

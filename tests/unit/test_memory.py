@@ -102,7 +102,7 @@ def held_by_stages(scene, quality):
     cache = StageCache()
     report = render(scene, quality, cache=cache).report
     sizes = Counter()
-    for (stage, _), (_, size) in cache._results.items():
+    for (stage, _), (_, size, _) in cache._results.items():
         sizes[stage] += size
     held = {part: sum(sizes[stage] for stage in stages) for part, stages in STAGES_OF.items()}
     if scene.volume.voxels.dtype.kind == "f":
