@@ -8,8 +8,8 @@ from ..bridge.translations import filled
 from ..bridge.volumes import facts
 from .places import BORDERS, BUTTON, paragraph
 
-# Buttons that are as high as the row above Blender's curve, and as the curve.
-ABOVE_CURVE, CURVE = 1.1, 8.4
+# Buttons that are as high as the row above Blender's curve, as the curve, and as what is free beside an icon.
+ABOVE_CURVE, CURVE, MARGIN = 0.9, 8.1, 0.45
 
 
 def draw_curve(context, layout, owner) -> None:
@@ -26,7 +26,7 @@ def draw_curve(context, layout, owner) -> None:
     curve.enabled = linked.is_own(owner.rle_splat.transfer)
     curve.template_curve_mapping(owner.rle_splat.transfer.nodes[transfer_nodes.OPACITY_NODE], "mapping")
     side = _side(context)
-    icon = previews.histogram_icon(owner, CURVE / side)
+    icon = previews.histogram_icon(owner, CURVE / (side - MARGIN))
     if icon:
         over.ui_units_y = 0.01  # 0 is as high as what is in it
         above = over.row()

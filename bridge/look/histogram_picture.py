@@ -25,17 +25,18 @@ def draw(stored, transfer_function, low: float, high: float, height: int) -> np.
     Returns
     -------
     ndarray, shape (WIDTH, WIDTH, 4), float32
-        Display-encoded RGBA, row 0 at the bottom as in Blender's images.  Blender's icons are squares: rows below the
-        ``height`` upper ones are transparent.
+        Display-encoded RGBA, multiplied by alpha, row 0 at the bottom as in Blender's images.  Blender's icons are
+        squares: rows below the ``height`` upper ones are transparent.
     """
     low, high = low + EDGE * (high - low), high - EDGE * (high - low)  # what lies between the free edges
     values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
     table = transfer_function.table(values)
     weight = np.sqrt(table[:, 3:])  # a faint opacity still tints its bar
     rows = (np.arange(height) + 0.5) / height
+    bars = np.ones((WIDTH, 4))
+    bars[:, :3] = BAR * (1.0 - weight) + _display(np.clip(table[:, :3], 0.0, 1.0)) * weight
     picture = np.zeros((WIDTH, WIDTH, 4), np.float32)
-    picture[..., :3] = BAR * (1.0 - weight) + _display(np.clip(table[:, :3], 0.0, 1.0)) * weight
-    picture[WIDTH - height :, :, 3] = ALPHA * (rows[:, None] < _bar_heights(stored, low, high))
+    picture[WIDTH - height :] = ALPHA * (rows[:, None] < _bar_heights(stored, low, high))[..., None] * bars
     return picture
 
 

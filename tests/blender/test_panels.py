@@ -270,7 +270,7 @@ def test_histogram_picture_shows_where_the_values_are(bridge, core):
     filled = drawn[..., 3] > 0.0  # rows go up
     np.testing.assert_array_equal(filled[-height // 2][clear], ((at > 0.5) & (at < 0.75))[clear])
     assert not filled[:-height].any() and not filled[-1].any() and drawn[..., 3].max() < 0.5
-    bar, gray, colored = drawn[-height // 2, :, :3], (at > 0.5) & (at < 0.59), (at > 0.66) & (at < 0.75)
+    bar, gray, colored = drawn[-height // 2, :, :3] / picture.ALPHA, (at > 0.5) & (at < 0.59), (at > 0.66) & (at < 0.75)
     np.testing.assert_allclose(bar[gray] - picture.BAR, 0.0, atol=1e-6)  # nothing is shown of these values
     linear = function.table(4.0 * at[colored])[:, :3:2]  # no green
     np.testing.assert_allclose(bar[colored][:, ::2], 1.055 * linear ** (1.0 / 2.4) - 0.055, atol=1e-3)
