@@ -15,11 +15,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from rle_splat.scene.color import decode_srgb
+
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
-SKULL = "dicom_ct_skull_phantom_512x512x140"
+SKULL, PET = "dicom_ct_skull_phantom_512x512x140", "pet_seg/dicom_pet_128x128x266"
+MOST_SUV = 6.0  # which is black
 VIEWS = ((0, 0), (90, 0), (0, 90))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.75")
 SMALL, POSTER, EYE = 360, 3600, (500, 2700)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -62,12 +65,27 @@ def skull_words(folder: Path) -> list[str]:
     return [str(series), "--preset", "ct-bone", *clip]
 
 
+def pet_lines(folder: Path) -> list[list[str]]:
+    """The figure of the PET, if there is that scan, in inverted grays that are proportional to SUV on a screen."""
+    if not (data_folder() / PET).is_dir():
+        return []
+    grays = np.linspace(0.0, 1.0, 33)
+    curve = np.stack((MOST_SUV * grays, 1.0 - decode_srgb(1.0 - grays)), axis=1)
+    path = folder / "grays.json"
+    path.write_text(json.dumps({"name": "PET", "unit": "SUVbw", "opacity": curve.tolist(), "color": [[0, 0, 0, 0]],
+                                "shade": False}), encoding="utf-8")  # fmt: skip
+    return [["figure", str(data_folder() / PET), "--transfer-function", str(path), "--mode", "mip", "--caption",
+             "FDG PET, maximum intensity projection", "--width-cm", "5.2", "--aspect", "0.53", "--fit", "1.03",
+             "-o", str(folder / "figure-pet.png")]]  # fmt: skip
+
+
 def command_lines(folder: Path) -> list[list[str]]:
-    """The figure, a turntable, and a part of the skull in two qualities."""
+    """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
     page = ["figure", *skull, "--columns", "3", "--fit", "1.02", "--quality", "fine"]
     return [
+        *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
         [*page, *turn, "--sides", "off", "--scale-bar", "off", "--caption", "", "--dpi", "200",
          "-o", str(folder / "how-to-turn.png")],
