@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from rle_splat.classify.presets import PRESETS
 from rle_splat.scene.color import decode_srgb
 
 from .gallery_pictures import save_jpeg
@@ -23,7 +24,7 @@ from .places import OUT, ROOT
 FOLDER = OUT / "figures"
 SKULL, PET = "dicom_ct_skull_phantom_512x512x140", "pet_seg/dicom_pet_128x128x266"
 MOST_SUV = 6.0  # which is black
-VIEWS = ((0, 0), (90, 0), (0, 90))  # azimuth and elevation
+VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.75")
 SMALL, POSTER, EYE = 360, 3600, (500, 2700)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
@@ -50,7 +51,17 @@ def boxes() -> list[dict]:
     ]  # fmt: skip
 
 
-def skull_words(folder: Path) -> list[str]:
+def opaque_bone(folder: Path) -> list[str]:
+    """The preset CT Bone with thin walls that are whole and opaque: lower by 100 HU, and for a thickness of 0.05 mm."""
+    bone = json.loads(PRESETS["ct-bone"].path.read_text(encoding="utf-8"))
+    air, *others = bone["opacity"]
+    bone.update(opacity=[air, *((value - 100.0, alpha) for value, alpha in others)], opacity_unit_distance=0.05)
+    path = folder / "bone.json"
+    path.write_text(json.dumps(bone), encoding="utf-8")
+    return ["--transfer-function", str(path), "--smoothness", "1"]
+
+
+def skull_words(folder: Path, look=("--preset", "ct-bone")) -> list[str]:
     """What each command line takes of the scan."""
     series, clip = data_folder() / SKULL, []
     if series.is_dir():
@@ -62,7 +73,7 @@ def skull_words(folder: Path) -> list[str]:
 
         series = folder / "practice-ct"
         write_series(series)
-    return [str(series), "--preset", "ct-bone", *clip]
+    return [str(series), *look, *clip]
 
 
 def pet_lines(folder: Path) -> list[list[str]]:
@@ -83,12 +94,12 @@ def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
-    page = ["figure", *skull, "--columns", "3", "--fit", "1.02", "--quality", "fine"]
+    page = ["figure", *skull_words(folder, opaque_bone(folder)), "--columns", "3", "--fit", "0.96", "--quality", "fine"]
     return [
         *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        [*page, *turn, "--sides", "off", "--scale-bar", "off", "--caption", "", "--dpi", "200",
-         "-o", str(folder / "how-to-turn.png")],
+        [*page, *turn, "--sides", "off", "--scale-bar", "off", "--no-color-bar", "--caption", "",
+         "--dpi", "200", "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
