@@ -61,7 +61,7 @@ def opaque_bone(folder: Path) -> list[str]:
     return ["--transfer-function", str(path), "--smoothness", "1"]
 
 
-def skull_words(folder: Path, look=("--preset", "ct-bone")) -> list[str]:
+def skull_words(folder: Path) -> list[str]:
     """What each command line takes of the scan."""
     series, clip = data_folder() / SKULL, []
     if series.is_dir():
@@ -73,7 +73,7 @@ def skull_words(folder: Path, look=("--preset", "ct-bone")) -> list[str]:
 
         series = folder / "practice-ct"
         write_series(series)
-    return [str(series), *look, *clip]
+    return [str(series), *opaque_bone(folder), *clip]
 
 
 def pet_lines(folder: Path) -> list[list[str]]:
@@ -94,7 +94,7 @@ def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
-    page = ["figure", *skull_words(folder, opaque_bone(folder)), "--columns", "3", "--fit", "0.96", "--quality", "fine"]
+    page = ["figure", *skull, "--columns", "3", "--fit", "0.96", "--quality", "fine"]
     return [
         *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
@@ -120,14 +120,14 @@ def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
 
 
 def picture_and_depth(folder: Path) -> None:
-    """The picture and the depth of the page on Python, as that page makes them."""
+    """The picture and the depth of the page on Python, as that page makes them, but for the transfer function."""
     import rle_splat as rs
 
     volume = rs.read_volume(skull_words(folder)[0])
     camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.75)
     file = folder / "boxes.json"
     clips = rs.Clip.list_from_json(file) if file.is_file() else ()
-    function, _ = rs.fit_preset("ct-bone", volume)
+    function = rs.TransferFunction.from_json(folder / "bone.json")
     scene = rs.Scene(volume, function, camera, width=SMALL, height=SMALL, volume_matrix=matrix, clips=clips)
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5
