@@ -253,19 +253,11 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         size=3, options={"HIDDEN"})  # fmt: skip
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
-        name="Gradient Opacity",
-        default=False,
-        description="Multiply the opacity by a curve over the gradient, so that even regions become transparent "
-        "and surfaces remain",
-    )
+        name="Gradient Opacity", default=False, description="Multiply the opacity by a curve over the gradient, so "
+        "that even regions become transparent and surfaces remain")  # fmt: skip
     gradient_low: LiveFloat(
-        name="Gradient From",
-        default=0.0,
-        min=0.0,
-        soft_max=1000.0,
-        precision=2,
-        description="Gradient at the left end of the curve: change of the values per unit of length, such as HU per mm",
-    )
+        name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2, description="Gradient at the left "
+        "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
         description="Gradient at the right end of the curve")  # fmt: skip
