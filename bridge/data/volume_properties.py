@@ -223,9 +223,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
-    use_shading: LiveBool(
-        name="Shading", description="Shade surfaces by their angle to the light", default=True
-    )
+    use_shading: LiveBool(name="Shading", description="Shade surfaces by their angle to the light", default=True)
     ambient: LiveFloat(
         name="Ambient", default=0.2, min=0.0, soft_max=1.0,
         description="Brightness that does not depend on the lights")  # fmt: skip
