@@ -221,7 +221,7 @@ def picture_steps(entry: Entry, volume):
     # The viewport has compiled the kernels of others.
     if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
         raise RleSplatError(
-            "A preset that shows only where values change has no picture here, since it would take long."
+            "A preset with gradient opacity has no picture here, since it would take long."
         )
     of_volume = "thumbnails", volume.key
     coarse = store.find(of_volume)
