@@ -21,12 +21,11 @@ SIDES = (
 
 
 class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
+    """Show all of the volume in the views of this window, also from a side of the patient: A anterior (front), P
+    posterior (back), L left, R right, S superior (head), I inferior (feet). Views through a camera stay"""
+
     bl_idname = "rle_splat.frame_volume"
     bl_label = "Frame Volume"
-    bl_description = (
-        "Show all of the volume in the views of this window, also from a side of the patient: A anterior (front), "
-        "P posterior (back), L left, R right, S superior (head), I inferior (feet). Views through a camera stay"
-    )
 
     side: EnumProperty(name="From", description="The side of the patient to look from", items=SIDES)
 
