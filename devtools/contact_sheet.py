@@ -3,7 +3,7 @@
     python3 dev.py blender --photograph tests/blender/window_trust.py --size 1280x1400
     .venv/bin/python -m devtools.contact_sheet build/window-shots/window_trust docs/images/messages.jpg
 
-makes that of docs/how-to/read-messages.md.
+makes that of docs/how-to/troubleshoot.md.
 """
 
 from __future__ import annotations

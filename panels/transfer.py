@@ -64,7 +64,7 @@ def _draw_window(layout, properties) -> None:
 def _draw_opacity(layout, properties) -> None:
     """The length to which opacities refer, and the opacity of flat regions."""
     column = layout.column(align=True)
-    column.label(text=with_unit("Curve Is for a Thickness of", properties.length_unit), translate=False)
+    column.label(text=with_unit("Opacity Unit Distance", properties.length_unit), translate=False)
     row = column.row(align=True)
     row.prop(properties, "use_smallest_spacing", toggle=True)
     if not properties.use_smallest_spacing:
