@@ -20,6 +20,7 @@ from . import (
     reading,
     records,
     repeats,
+    ripple,
     scaling,
     stages,
     systems,
@@ -33,7 +34,8 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main, "light": light.main, "history": history.main,
+    "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main,
+    "history": history.main,
 }  # fmt: skip
 
 
