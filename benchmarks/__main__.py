@@ -18,6 +18,7 @@ from . import (
     plans,
     presets,
     reading,
+    ripple,
     scaling,
     stages,
     systems,
@@ -31,7 +32,7 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main, "light": light.main, "history": history.main,
+    "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main, "history": history.main,
 }  # fmt: skip
 
 
