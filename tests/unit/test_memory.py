@@ -216,6 +216,7 @@ print(rendering.report["memory_estimate_bytes"]["needed"], status("VmHWM") - bef
 
 
 @pytest.mark.skipif(sys.platform != "linux" or not Path("/proc/self/clear_refs").exists(), reason="only Linux has it")
+@pytest.mark.slow
 @pytest.mark.parametrize("classification, meshes", (("pre", ""), ("post", "meshes")))
 def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification, meshes):
     """All of it: scratch that is kept, samples of meshes, and what no tracer of Python's own is told."""
