@@ -12,6 +12,7 @@ from . import (
     effects,
     engine,
     history,
+    labels,
     large_picture,
     light,
     paper,
@@ -33,7 +34,7 @@ BENCHMARKS = {
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main, "light": light.main, "history": history.main,
+    "large-picture": large_picture.main, "light": light.main, "labels": labels.main, "history": history.main,
 }  # fmt: skip
 
 
