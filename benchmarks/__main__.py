@@ -12,6 +12,7 @@ from . import (
     effects,
     engine,
     history,
+    labels,
     large_picture,
     light,
     paper,
@@ -31,7 +32,7 @@ BENCHMARKS = {
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
-    "reading": reading.main, "beyond-memory": beyond_memory.main,
+    "reading": reading.main, "beyond-memory": beyond_memory.main, "labels": labels.main,
     "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main, "history": history.main,
 }  # fmt: skip
 

@@ -87,10 +87,9 @@ def measured(name: str, entry: int, scan: str, buttons):
         yield from waited(count, is_idle)
     yield from photograph(name.replace(" ", "_"))
     with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:
-        table.write(
-            f"| {name} | {owner.rle_splat.transfer_name} | {count.clicks} | {count.seconds:.1f} | {count.work:.1f} |\n"
-        )
-    print(name, count.clicks, round(count.seconds, 1), round(count.work, 1), owner.rle_splat.remarks, flush=True)
+        spent = f"{count.clicks} | {count.seconds:.1f} | {count.work:.1f}"
+        table.write(f"| {name} | {owner.rle_splat.transfer_name} | {spent} |\n")
+    print(name, spent, owner.rle_splat.remarks, flush=True)
     passed(name)
 
 

@@ -218,9 +218,9 @@ def test_a_dragged_transfer_function_or_light_does_not_fill_the_memory(classific
 def test_the_tables_are_shared_between_lights():
     cache = StageCache()
     render(scene(lights=(SUN,)), PRE, cache=cache)
-    runs = [size for (stage, _), (_, size) in cache._results.items() if stage == "runs"]
+    runs = [size for (stage, _), (_, size, _) in cache._results.items() if stage == "runs"]
     render(scene(lights=(replace(SUN, energy=1.0),)), PRE, cache=cache)
-    records = [result for (stage, _), (result, _) in cache._results.items() if stage == "records"]
+    records = [result for (stage, _), (result, *_) in cache._results.items() if stage == "records"]
     assert len(runs) == 1 and len(records) == 2 and records[0].runs is records[1].runs
 
 
