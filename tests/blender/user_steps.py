@@ -10,7 +10,7 @@ from tests.blender.window_driver import area_of, region_of, until, window
 OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
 # Pixels from the left and the upper edge of the window: File in the top bar, and on the way to Import in its menu.
 FILE_TO_IMPORT = ((42, 14), (70, 290), (76, 311))
-STEP = 12  # pixels between rows of the sidebar that are hovered over: a button has 20
+STEP = 16  # pixels between rows of the sidebar that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 
 
