@@ -42,7 +42,7 @@ def test_pictures_are_kept_and_joined(small, capsys):
     sheet = np.asarray(image.open(small / "sheet.png")).astype(int)
     assert sheet.shape == (24 + TITLE, 48, 3)
     # Cycles' picture is made as bright.
-    assert np.abs(sheet[TITLE :, 24:] - sheet[TITLE :, :24]).max() <= 1
+    assert np.abs(sheet[TITLE:, 24:] - sheet[TITLE:, :24]).max() <= 1
     assert '"cycles": 60.0' in capsys.readouterr().out
 
 
@@ -53,7 +53,7 @@ def test_crops_are_twice_as_large(small, monkeypatch):
     side_by_side.draw("ours", ["shells"], 0.0, 24)
     side_by_side.join(["shells"], ["ours"], small / "whole.png", 80)
     side_by_side.join_crops(["ours"], small / "crops.png", 80)
-    whole, crops = (np.asarray(image.open(small / f"{name}.png"))[TITLE :] for name in ("whole", "crops"))
+    whole, crops = (np.asarray(image.open(small / f"{name}.png"))[TITLE:] for name in ("whole", "crops"))
     np.testing.assert_array_equal(crops[::2, ::2], whole[8:20, 6:18])
     assert crops.shape == (24, 24, 3) and crops.std() > 10.0
 
@@ -61,7 +61,7 @@ def test_crops_are_twice_as_large(small, monkeypatch):
 def test_a_sheet_of_presets(small):
     image = pytest.importorskip("PIL.Image")
     side_by_side.join_presets(["shells: own"], small / "sheet.png", 80)
-    assert np.asarray(image.open(small / "sheet.png"))[TITLE :, :24].std() > 10.0
+    assert np.asarray(image.open(small / "sheet.png"))[TITLE:, :24].std() > 10.0
 
 
 def test_a_volume_whose_first_slice_is_on_top_is_turned(monkeypatch):
