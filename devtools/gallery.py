@@ -28,7 +28,6 @@ class Shot:
 SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
-    "mirror": Shot("a skull on a floor before a mirror", (1200, 800), 64),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (340, 300), 1),
 }
 

@@ -77,4 +77,4 @@ def skull(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
-light = mirror = skull  # light: the first of its scans
+light = skull  # the first of its scans

@@ -6,10 +6,8 @@ Every step is an operator or a setting that a user has, too.
 
 from __future__ import annotations
 
-import math
-
 import bpy
-from demo_scene import material, named, rod
+from demo_scene import rod
 from gallery_light import light
 from gallery_skull import skull
 from gallery_studio import (
@@ -93,26 +91,4 @@ def aorta(stage: Stage):
     yield RENDER
 
 
-def mirror(stage: Stage):
-    """A skull on a floor before a mirror, with its shadow and its reflection."""
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    bpy.ops.rle_splat.remove_table()
-    ours = stage.volume.rle_splat
-    ours.opacity_unit_distance, ours.smoothness = 0.05, 2.0
-    toward, foot = (1.15, -1.9, 0.62), stage.foot - 0.02  # a floor that touches the box would get no shadow there
-    stage.camera(toward, lens=52.0, aim=(-0.12, 0.1, -0.05))
-    stage.sweep(toward, foot, (0.3, 0.29, 0.27))
-    bpy.ops.mesh.primitive_plane_add(size=1.0)
-    glass = named("Mirror", material("Mirror", (0.9, 0.9, 0.9), roughness=0.0, metallic=1.0))
-    glass.matrix_world = (
-        Matrix.Translation(stage.at(-0.72, 0.55, foot + 0.56)) @ Matrix.Rotation(math.radians(-48.0), 4, "Z")
-        @ Matrix.Rotation(math.radians(90.0), 4, "Y") @ Matrix.Diagonal((1.1 * stage.size, 1.2 * stage.size, 1.0, 1.0))
-    )  # fmt: skip
-    stage.key(3.0, (1.2, -0.5, 1.5))
-    softbox_world(((0.1, 0.1, 0.1), (0.25, 0.27, 0.3), (0.4, 0.43, 0.47)), (), 0.6)
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.6, "fine"
-    view_transform("Standard")
-    yield RENDER
-
-
-SETS = {"skull": skull, "aorta": aorta, "light": light, "mirror": mirror}
+SETS = {"skull": skull, "aorta": aorta, "light": light}
