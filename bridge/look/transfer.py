@@ -15,7 +15,6 @@ from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA
 
-INVERTED = 1.0, 0.0  # grays of the low and the high end of the window
 GRAYS = tuple(step / 32 for step in range(33))  # sRGB; straight lines between them are off by 0.4 of 1/255 at most
 
 
@@ -159,11 +158,9 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     Returns
     -------
     TransferFunction
-        With grays, the value at the low end of the window is black, and that at the high end white; inverted, the other
-        way round. Between them the gray on the screen (sRGB) is proportional to the value, over a black background, or
-        a white one if inverted, as on a viewing workstation. In the mode X-ray the opacity is proportional to the
-        value, and XRAY_ALPHA per smallest spacing at the high end. All modes but MinIP show the low end as
-        transparent: the smallest value is that of air in most lines.
+        With grays, the sRGB gray over black is proportional to the value, from 0 at the low end of the window to 1 at
+        the high end; inverted, it is 1 less that, over white. In the mode X-ray the opacity is, up to XRAY_ALPHA per
+        smallest spacing. All modes but MinIP show the low end as transparent: most lines have the value of air.
 
     Raises
     ------
@@ -188,13 +185,13 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
 
 def gray_ends(properties) -> tuple[float, float]:
     """The grays of the low and the high end of the window; what absorbs in an X-ray is always white."""
-    return INVERTED if properties.use_inverted_grays and properties.mode != "xray" else (0.0, 1.0)
+    return (1.0, 0.0) if properties.use_inverted_grays and properties.mode != "xray" else (0.0, 1.0)
 
 
 def is_dark(properties) -> bool:
     """Whether a volume shows its highest values black, for a white background; reads properties only."""
     if properties.mode != MODES[0] and properties.use_grays:
-        return gray_ends(properties) == INVERTED
+        return gray_ends(properties)[0] == 1.0
     tree = properties.transfer
     if tree is None or not nodes.is_transfer_tree(tree) or properties.use_shading:
         return False
