@@ -121,17 +121,6 @@ def window_and_curve():
     passed("window, curve, smoothness")
 
 
-def covered():
-    """A cube covers the volume; the tab names it and has the button that hides it."""
-    volume = yield from skull()
-    with in_the_view():
-        bpy.ops.mesh.primitive_cube_add(size=0.3, location=volume.matrix_world.translation)
-    activate(volume)
-    yield from settled()
-    yield from keep("how-to-covered", "1280x560+0+80")
-    passed("covered")
-
-
 def lamps(volume) -> None:
     middle_of = volume.matrix_world.translation
     for name, place, color, watts in (
@@ -305,5 +294,5 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, covered, light, surface, raw_file, pinned, organs, isolated, in_time)
+PARTS = (set_up_slices, window_and_curve, light, surface, raw_file, pinned, organs, isolated, in_time)
 drive(scenario)
