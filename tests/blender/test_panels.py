@@ -105,8 +105,13 @@ def test_a_volume_of_another_file_has_the_icon_of_one(state, icon, monkeypatch, 
 
 def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
     STATES["without_transfer"](tmp_path)
-    assert bpy.context.object.rle_splat.transfer_name
-    assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
+    name = bpy.context.object.rle_splat.transfer_name.casefold()
+    assert name and name not in {value.casefold() for kind, value in draw_all(monkeypatch) if kind == "text"}
+
+
+def test_a_preset_is_named_as_in_its_menu(volume_object, monkeypatch):
+    assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+    assert ("text", "CT Bone") in draw_all(monkeypatch)
 
 
 def test_effects_have_titles(volume_object, monkeypatch):
