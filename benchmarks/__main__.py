@@ -12,14 +12,14 @@ from . import (
     effects,
     engine,
     history,
+    labels,
     large_picture,
     light,
     paper,
     plans,
     presets,
     reading,
-    records,
-    repeats,
+    ripple,
     scaling,
     stages,
     systems,
@@ -28,12 +28,12 @@ from . import (
 )
 
 BENCHMARKS = {
-    "stages": stages.main, "engine": engine.main, "paper": paper.main, "records": records.main,
+    "stages": stages.main, "engine": engine.main, "paper": paper.main,
     "systems": systems.main, "scaling": scaling.main, "turn": turn.main, "editing": editing.main,
     "accuracy": accuracy.main, "tolerance": tolerance.main, "calibrate": calibrate.main,
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
-    "reading": reading.main, "repeats": repeats.main, "beyond-memory": beyond_memory.main,
-    "large-picture": large_picture.main, "light": light.main, "history": history.main,
+    "reading": reading.main, "beyond-memory": beyond_memory.main, "labels": labels.main,
+    "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main, "history": history.main,
 }  # fmt: skip
 
 

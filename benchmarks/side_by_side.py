@@ -44,7 +44,7 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
-TITLE = 30  # pixels above each picture
+TITLE, LETTERS = 1 / 11, 1 / 16  # height of the room above each picture, and of its letters, in sides of it
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
@@ -121,18 +121,18 @@ def read(subject: Subject) -> Volume:
         return Volume(found["voxels"], found["affine"])
 
 
-def scene_of(subject: Subject) -> Scene:
-    """The subject under a sun from above on the left of the camera, in a dim world."""
+def scene_of(subject: Subject, size: int) -> Scene:
+    """The subject under a sun from above on the left of the camera, in a dim world; so many pixels wide and high."""
     volume = read(subject)
     function = subject.function if isinstance(subject.function, TransferFunction) else fit_preset(
         subject.function, volume
     )[0]  # fmt: skip
     if function.shade is None:
         function = replace(function, shade=Shade())
-    camera, matrix = turntable(volume, *subject.view, subject.fit, True, 25.0, SIZE, SIZE)
+    camera, matrix = turntable(volume, *subject.view, subject.fit, True, 25.0, size, size)
     sun = Light(energy=ENERGY, matrix_world=shining(camera.matrix_world[:3, :3] @ LAMP))
     return Scene(
-        volume, function, camera, SIZE, SIZE, matrix, lights=(sun,), headlight=False, volume_shadows=True,
+        volume, function, camera, size, size, matrix, lights=(sun,), headlight=False, volume_shadows=True,
         world=(WORLD,) * 3, ambient_occlusion=OCCLUSION,
     )  # fmt: skip
 
@@ -171,7 +171,7 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
     blender.collection.objects.link(bpy.data.objects.new("medium", data))
     _place(bpy, scene)
     blender.render.engine, blender.render.film_transparent = "CYCLES", True
-    blender.render.resolution_x, blender.render.resolution_y = SIZE, SIZE
+    blender.render.resolution_x, blender.render.resolution_y = scene.width, scene.height
     blender.render.threads_mode, blender.render.threads = "FIXED", 1
     cycles = blender.cycles
     cycles.device, cycles.use_denoising, cycles.volume_bounces = "CPU", False, BOUNCES
@@ -191,9 +191,9 @@ def draw_cycles(scene: Scene, seconds: float) -> tuple:
     spent = rendered(1 + max(round(PILOT * (seconds - loading) / (pilot - loading)), 1))
     print(f"  {cycles.samples} samples")
     loaded = bpy.data.images.load(blender.render.filepath)
-    rgba = np.empty(SIZE * SIZE * 4, np.float32)
-    loaded.pixels.foreach_get(rgba)
-    return rgba.reshape(SIZE, SIZE, 4)[::-1].copy(), spent
+    rgba = np.empty((scene.height, scene.width, 4), np.float32)
+    loaded.pixels.foreach_get(rgba.reshape(-1))
+    return rgba[::-1].copy(), spent
 
 
 def _write_medium(scene: Scene, path: Path) -> None:
@@ -254,7 +254,7 @@ DRAW = {"before": draw_ours, "ours": draw_ours, "vtk": draw_vtk, "cycles": draw_
 TITLES = {"before": "before", "ours": "RLE Splat", "vtk": "VTK", "cycles": "Cycles"}
 
 
-def draw(program: str, names, seconds: float) -> None:
+def draw(program: str, names, seconds: float, size: int) -> None:
     """Draw the subjects of some names, and keep pictures and seconds."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     if program == "cycles":
@@ -262,7 +262,7 @@ def draw(program: str, names, seconds: float) -> None:
 
         bpy.utils.expose_bundled_modules()  # OpenVDB
     for name in names:
-        rgba, spent = DRAW[program](scene_of(SUBJECTS[name]), seconds)
+        rgba, spent = DRAW[program](scene_of(SUBJECTS[name], size), seconds)
         np.savez(FOLDER / f"{name}-{program}.npz", rgba=np.asarray(rgba, np.float32), seconds=spent)
         print(f"{name}, {program}: {spent:.2f} s", flush=True)
 
@@ -288,13 +288,13 @@ def _save(pictures, across: int, path: Path, quality: int) -> None:
     from PIL import Image, ImageDraw, ImageFont
 
     size = len(pictures[0][1])
-    font = ImageFont.load_default(20)
-    sheet = Image.new("RGB", (size * across, (size + TITLE) * -(-len(pictures) // across)), "white")
+    title, font = round(TITLE * size), ImageFont.load_default(round(LETTERS * size))
+    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), "white")
     pen = ImageDraw.Draw(sheet)
     for number, (text, picture) in enumerate(pictures):
-        left, top = size * (number % across), (size + TITLE) * (number // across)
-        sheet.paste(Image.fromarray(picture), (left, top + TITLE))
-        pen.text((left + 6, top + 3), text, fill="black", font=font)
+        left, top = size * (number % across), (size + title) * (number // across)
+        sheet.paste(Image.fromarray(picture), (left, top + title))
+        pen.text((left + title // 5, top + title // 2), text, fill="black", font=font, anchor="lm")
     sheet.save(path, quality=quality)
 
 
@@ -326,7 +326,7 @@ def join_crops(programs, path: Path, quality: int) -> None:
 def join_presets(names, path: Path, quality: int) -> None:
     """Draw PRESETS of some names at ``standard``, and join them to a sheet, four in a row."""
     quality_of_ours = Quality.preset("standard", threads=1)
-    pictures = [(name, _shown(render(scene_of(PRESETS[name]), quality_of_ours).rgba, None)) for name in names]
+    pictures = [(name, _shown(render(scene_of(PRESETS[name], SIZE), quality_of_ours).rgba, None)) for name in names]
     _save(pictures, 4, path, quality)
 
 
@@ -338,6 +338,7 @@ def main() -> None:
     parser.add_argument("--scan", nargs="*", choices=list(PRESETS), help="of the sheet of presets, all by default")
     parser.add_argument("--column", nargs="*", choices=PROGRAMS, default=PROGRAMS)
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--size", type=int, default=SIZE, help="pixels, wide and high")
     parser.add_argument("--jpeg-quality", type=int, default=80)
     given = parser.parse_args()
     if given.program == "join":
@@ -347,7 +348,7 @@ def main() -> None:
     elif given.program == "presets":
         join_presets([name for name in PRESETS if not given.scan or name in given.scan], given.path, given.jpeg_quality)
     else:
-        draw(given.program, given.subject, given.seconds)
+        draw(given.program, given.subject, given.seconds, given.size)
 
 
 if __name__ == "__main__":

@@ -140,7 +140,8 @@ def build(
             size = path.stat().st_size
             if size >= LARGEST_ZIP_BYTES:
                 raise Failure(f"{path.name} has {size / 1e6:.0f} MB; {LARGEST_ZIP_BYTES / 1e6:.0f} MB is the most.")
-            say(f"{path.relative_to(ROOT)}: {size / 1e6:.1f} MB, {_validate(path)}")
+            without = "" if kernels else ", without compiled code"
+            say(f"{path.relative_to(ROOT)}: {size / 1e6:.1f} MB{without}, {_validate(path)}")
             made[platform, python] = path
     return made
 

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from .blender_job import run_job
-from .environments import any_bpy
+from .environments import any_bpy, ensure_bpy
 from .places import OUT, Failure, say
 from .sample import sample
 
@@ -47,7 +47,7 @@ def demo(volumes) -> int:
             raise Failure(f"There is no {path}; give volumes such as scan.nii.gz, scan.raw.gz or smoke.vdb.")
         jobs.append((re.sub(r"\W+", "_", path.name.split(".")[0]), path.resolve(), {}))
     if not jobs:
-        path, facts = sample()
+        path, facts = sample(ensure_bpy(version))
         say(f"The sample is {facts['title']}.")
         jobs.append((path.stem, path, _sample_options(facts)))
     for name, path, options in jobs:

@@ -2,9 +2,10 @@
 
     python -m devtools.docs_reference
 
-writes each part between its two marks in a page of docs/reference.  The pages are committed, so that they can be read
-without building the site; a test compares them with the code.  The command line comes from the parsers themselves.
-Operators, panels and settings are read from their source, for without Blender they cannot be imported.
+writes each part between its two marks in a page of docs/reference, and the version where it is read without Python.
+The pages are committed, so that they can be read without building the site; a test compares them with the code.  The
+command line comes from the parsers themselves.  Operators, panels and settings are read from their source, for without
+Blender they cannot be imported.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import rle_splat
 from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS
 from rle_splat.read.formats import FORMATS
+from rle_splat.runtime.cache_folder import RELEASE
 
 from . import docs_panels
 from .docs_panels import A_NAME, AN_ICON, rows_of
@@ -410,16 +412,20 @@ PARTS = {
 PAGES = ROOT / "docs" / "reference"
 END = "<!-- end of the generated part -->"
 GENERATED = re.compile(rf"^<!-- generated: ([a-z -]+) -->$.*?^{END}$", re.MULTILINE | re.DOTALL)
+HOW_TO = ROOT / "docs" / "how-to"
+WITH_VERSION = (ROOT / "blender_manifest.toml", HOW_TO / "install.md", HOW_TO / "render-headless.md")
+VERSION = re.compile(r'(?<=^version = ")[\d.]+(?="$)|(?<=\brle_splat-)[\d.]+(?=-)', re.MULTILINE)
 
 
 def filled(text: str) -> str:
-    """A page with its generated part made from the code of today."""
-    return GENERATED.sub(lambda found: f"<!-- generated: {found[1]} -->\n\n{PARTS[found[1]]()}\n\n{END}", text)
+    """A page with its generated part, and the version, made from the code of today."""
+    text = GENERATED.sub(lambda found: f"<!-- generated: {found[1]} -->\n\n{PARTS[found[1]]()}\n\n{END}", text)
+    return VERSION.sub(RELEASE, text)
 
 
 def outdated() -> dict[Path, str]:
     """The pages that are not as the code has it, with what they should be."""
-    pages = {page: page.read_text(encoding="utf-8") for page in sorted(PAGES.glob("*.md"))}
+    pages = {page: page.read_text(encoding="utf-8") for page in (*sorted(PAGES.glob("*.md")), *WITH_VERSION)}
     return {page: new for page, old in pages.items() if (new := filled(old)) != old}
 
 

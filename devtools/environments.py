@@ -54,7 +54,6 @@ CORE = Environment("core", ROOT / ".venv", NEWEST_FIRST, ("core.txt", "test.txt"
 BENCH = Environment("the benchmarks", ENVIRONMENTS / "bench", NEWEST_FIRST, ("bench.txt",))
 CLUSTER = Environment("clusters", ENVIRONMENTS / "cluster", NEWEST_FIRST, ("cluster.txt",))
 JUDGES = Environment("other readers of DICOM", ENVIRONMENTS / "judges", PYTHONS, ("judges.txt",))
-SAMPLE = Environment("sample", ENVIRONMENTS / "sample", PYTHONS, ("sample.txt",))
 BPY = {
     version: Environment(f"bpy {version}", ENVIRONMENTS / f"bpy-{version}", (python,), (f"bpy-{version}.txt",))
     for version, python in BPY_PYTHON.items()

@@ -15,12 +15,16 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from rle_splat.classify.presets import PRESETS
+from rle_splat.scene.color import decode_srgb
+
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
-SKULL = "dicom_ct_skull_phantom_512x512x140"
-VIEWS = ((0, 0), (90, 0), (0, 90))  # azimuth and elevation
+SKULL, PET = "dicom_ct_skull_phantom_512x512x140", "pet_seg/dicom_pet_128x128x266"
+MOST_SUV = 6.0  # which is black
+VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.75")
 SMALL, POSTER, EYE = 360, 3600, (500, 2700)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
@@ -47,6 +51,16 @@ def boxes() -> list[dict]:
     ]  # fmt: skip
 
 
+def opaque_bone(folder: Path) -> list[str]:
+    """The preset CT Bone with thin walls that are whole and opaque: lower by 100 HU, and for a thickness of 0.05 mm."""
+    bone = json.loads(PRESETS["ct-bone"].path.read_text(encoding="utf-8"))
+    air, *others = bone["opacity"]
+    bone.update(opacity=[air, *((value - 100.0, alpha) for value, alpha in others)], opacity_unit_distance=0.05)
+    path = folder / "bone.json"
+    path.write_text(json.dumps(bone), encoding="utf-8")
+    return ["--transfer-function", str(path), "--smoothness", "1"]
+
+
 def skull_words(folder: Path) -> list[str]:
     """What each command line takes of the scan."""
     series, clip = data_folder() / SKULL, []
@@ -59,18 +73,33 @@ def skull_words(folder: Path) -> list[str]:
 
         series = folder / "practice-ct"
         write_series(series)
-    return [str(series), "--preset", "ct-bone", *clip]
+    return [str(series), *opaque_bone(folder), *clip]
+
+
+def pet_lines(folder: Path) -> list[list[str]]:
+    """The figure of the PET, if there is that scan, in inverted grays that are proportional to SUV on a screen."""
+    if not (data_folder() / PET).is_dir():
+        return []
+    grays = np.linspace(0.0, 1.0, 33)
+    curve = np.stack((MOST_SUV * grays, 1.0 - decode_srgb(1.0 - grays)), axis=1)
+    path = folder / "grays.json"
+    path.write_text(json.dumps({"name": "PET", "unit": "SUVbw", "opacity": curve.tolist(), "color": [[0, 0, 0, 0]],
+                                "shade": False}), encoding="utf-8")  # fmt: skip
+    return [["figure", str(data_folder() / PET), "--transfer-function", str(path), "--mode", "mip", "--caption",
+             "FDG PET, maximum intensity projection", "--width-cm", "5.2", "--aspect", "0.53", "--fit", "1.03",
+             "-o", str(folder / "figure-pet.png")]]  # fmt: skip
 
 
 def command_lines(folder: Path) -> list[list[str]]:
-    """The figure, a turntable, and a part of the skull in two qualities."""
+    """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
-    page = ["figure", *skull, "--columns", "3", "--fit", "1.02", "--quality", "fine"]
+    page = ["figure", *skull, "--columns", "3", "--fit", "0.96", "--quality", "fine"]
     return [
+        *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        [*page, *turn, "--sides", "off", "--scale-bar", "off", "--caption", "", "--dpi", "200",
-         "-o", str(folder / "how-to-turn.png")],
+        [*page, *turn, "--sides", "off", "--scale-bar", "off", "--no-color-bar", "--caption", "",
+         "--dpi", "200", "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
@@ -91,14 +120,14 @@ def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
 
 
 def picture_and_depth(folder: Path) -> None:
-    """The picture and the depth of the page on Python, as that page makes them."""
+    """The picture and the depth of the page on Python, as that page makes them, but for the transfer function."""
     import rle_splat as rs
 
     volume = rs.read_volume(skull_words(folder)[0])
     camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.75)
     file = folder / "boxes.json"
     clips = rs.Clip.list_from_json(file) if file.is_file() else ()
-    function, _ = rs.fit_preset("ct-bone", volume)
+    function = rs.TransferFunction.from_json(folder / "bone.json")
     scene = rs.Scene(volume, function, camera, width=SMALL, height=SMALL, volume_matrix=matrix, clips=clips)
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5

@@ -12,7 +12,7 @@ from .environments import CORE, any_bpy, ensure
 from .places import OUT, ROOT, Failure, clean_environ, run, say
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "skull", "studio", "data", "grids")
+PARTS = ("scene", "sets", "light", "skull", "studio", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
@@ -28,6 +28,7 @@ class Shot:
 SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
+    "light": Shot("six scans as they are imported, and under the light of a recipe", (340, 300), 1),
 }
 
 

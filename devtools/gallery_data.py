@@ -75,3 +75,6 @@ def skull(folder: Path):
     """A CT of a skull of plastic, slices 1 mm apart: the first file of its DICOM series."""
     series = _asked_for("dicom_ct_skull_phantom_512x512x140")
     return min(series.iterdir()), {}, series.name
+
+
+light = skull  # the first of its scans

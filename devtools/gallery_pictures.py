@@ -1,6 +1,6 @@
-"""Put a picture of the gallery on its backdrop and compress it (runs in an environment with Pillow).
+"""Put a picture of the gallery, or pairs of them, on its backdrop and compress it (runs in an environment with Pillow).
 
-Arguments: the folder with the picture and its name in ``parts.json``; the file to write.
+Arguments: the folder with the pictures and their names in ``parts.json``; the file to write.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
-MOST_BYTES = 480_000  # of a JPEG
+MOST_BYTES = 450_000  # of a JPEG
+GAP, TITLE = 12, 28  # pixels between pairs, and above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
 
@@ -36,9 +37,23 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
     return quality
 
 
+def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
+    """Two pairs of pictures in a row, with the name before the hyphen above each."""
+    width, height = next(iter(pictures.values())).size
+    sheet = Image.new("RGB", (4 * width + GAP, (height + TITLE) * -(-len(pictures) // 4)), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
+    for number, (name, picture) in enumerate(pictures.items()):
+        left, top = width * (number % 4) + GAP * (number % 4 // 2), (height + TITLE) * (number // 4)
+        sheet.paste(picture, (left, top + TITLE))
+        if number % 2 == 0:
+            pen.text((left + 2, top + 3), name.partition("-")[0].capitalize(), fill="black", font=font)
+    return sheet
+
+
 def main(folder: Path, path: Path) -> None:
-    (name,) = json.loads((folder / "parts.json").read_text())
-    save_jpeg(on_backdrop(Image.open(folder / f"{name}.png")), path)
+    names = json.loads((folder / "parts.json").read_text())
+    pictures = {name: on_backdrop(Image.open(folder / f"{name}.png")) for name in names}
+    save_jpeg(in_pairs(pictures) if len(names) > 1 else pictures[names[0]], path)
 
 
 if __name__ == "__main__":

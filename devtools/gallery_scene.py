@@ -26,13 +26,13 @@ def main(job: dict) -> int:
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))  # first: paths are kept relative to it
     path, options, source = getattr(gallery_data, name)(folder)
     bpy.ops.rle_splat.import_volume(filepath=str(path), at_cursor=True, **options)
-    volume_object = bpy.context.view_layer.objects.active
+    stage = Stage.of(bpy.context.view_layer.objects.active, folder)
     render_settings(scene)
     scene.cycles.samples = job["samples"]
     scene.render.resolution_x, scene.render.resolution_y = job["size"]
     reports, parts = [], []
-    for picture in SETS[name](Stage.of(volume_object, folder)):
-        bpy.context.view_layer.objects.active = volume_object
+    for picture in SETS[name](stage):
+        bpy.context.view_layer.objects.active = stage.volume
         bpy.context.view_layer.update()
         if not reports:
             reports.append(_priced(scene))

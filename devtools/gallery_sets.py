@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bpy
 from demo_scene import rod
+from gallery_light import light
 from gallery_skull import skull
 from gallery_studio import (
     COLD,
@@ -90,4 +91,4 @@ def aorta(stage: Stage):
     yield RENDER
 
 
-SETS = {"skull": skull, "aorta": aorta}
+SETS = {"skull": skull, "aorta": aorta, "light": light}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import time
 import zipfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from .environments import CORE, Environment, ensure
@@ -55,7 +54,7 @@ def _make(version: str, path: Path, made: str | Path = "") -> None:
 
 
 def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], made: str | Path = "") -> None:
-    """Make a file of kernels by any Python: compile them in two processes, or take those of the file ``made``.
+    """Make a file of kernels by any Python: compile them, or take those of the file ``made``.
 
     ``path``: its name ends with the level of processors.  ``python``: the command that runs it where ``rle_splat`` and
     ``devtools`` can be imported; it knows the file as ``seen_as``.
@@ -64,18 +63,11 @@ def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, 
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
 
-    def run(*how: str | Path) -> str:
-        return run_quietly(
-            [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode(), *how],
-            f"The kernels of {path.name} could not be made; the words above say why.", cwd=ROOT,
-            env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
-        )  # fmt: skip
-
-    with ThreadPoolExecutor(1) as worker:
-        other_half = None if made else worker.submit(run, "backward")
-        said = run(*[made] * bool(made))
-        if other_half:
-            other_half.result()
+    said = run_quietly(
+        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode(), *[made] * bool(made)],
+        f"The kernels of {path.name} could not be made; the words above say why.", cwd=ROOT,
+        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
+    )  # fmt: skip
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
 

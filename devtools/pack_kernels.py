@@ -1,11 +1,9 @@
 """Compile the kernels that travel with the extension and pack them into a file, in an environment with numba:
 
-    python -m devtools.pack_kernels FILE COMMENT           compile, and pack
-    python -m devtools.pack_kernels FILE COMMENT backward  compile from the last picture to the first, and pack nothing
-    python -m devtools.pack_kernels FILE COMMENT MADE      pack those of MADE, of another Python, for this one
+    python -m devtools.pack_kernels FILE COMMENT       compile, and pack
+    python -m devtools.pack_kernels FILE COMMENT MADE  pack those of MADE, of another Python, for this one
 
-NUMBA_CPU_NAME names the processor that the kernels are for.  Two processes that compile towards each other into one
-cache share the work.  The number of kernels is printed.
+NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
 
 Machine code is the same for all Pythons: it calls them by functions of their stable interface alone (a test of
 tests/unit/test_shipped_kernels.py).  The digest of a kernel's sources is not, because it covers Python's instructions.
@@ -21,7 +19,7 @@ from pathlib import Path
 
 from numba.core.serialize import dumps
 
-from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps, prepare_steps
+from rle_splat.pipeline.prepare import prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
 from rle_splat.runtime.kernel_digest import digest_of
 from rle_splat.runtime.numba_internals import Kernel
@@ -29,7 +27,6 @@ from rle_splat.runtime.shipped_kernels import entry_name
 from rle_splat.runtime.steps import drain
 
 EPOCH = (1980, 1, 1, 0, 0, 0)  # one date, so that the same kernels make the same file
-BACKWARD = "backward"
 
 
 def used_kernels():
@@ -78,15 +75,10 @@ def pack(path: Path, comment: bytes, found=None) -> int:
     return count
 
 
-def main(path: str, comment: str, how: str = "") -> None:
-    if how == BACKWARD:
-        for picture in reversed(PICTURES):
-            for stored in STORED_TYPES:
-                drain(picture_steps(picture, stored))
-        return
-    if not how:
+def main(path: str, comment: str, made: str = "") -> None:
+    if not made:
         drain(prepare_steps())
-    print(pack(Path(path), comment.encode(), _made_for_another(Path(how)) if how else None))
+    print(pack(Path(path), comment.encode(), _made_for_another(Path(made)) if made else None))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""NIfTI to raw voxels and their facts as JSON on stdout (runs in the sample's environment, with nibabel)."""
+"""NIfTI to raw voxels and their facts as JSON on stdout (runs in an environment with nibabel)."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import json
 import subprocess
 from pathlib import Path
 
-from .environments import CORE, SAMPLE, ensure
+from .environments import CORE, ensure
 from .places import BUILD, OUT, REQUIREMENTS, ROOT, Failure, clean_environ, say
 from .uv import uv
 
@@ -47,9 +47,8 @@ def _fetch_template(python: Path) -> Path:
     return template
 
 
-def _brain() -> dict:
+def _brain(python: Path) -> dict:
     target = FOLDER / "mni152_t1_brain.raw"
-    python = ensure(SAMPLE)
     template = _fetch_template(python)
     reader = [str(python), "-m", "devtools.read_nifti", str(template), str(target)]
     done = subprocess.run(reader, cwd=ROOT, env=clean_environ(), capture_output=True, text=True)
@@ -68,8 +67,8 @@ def _phantom() -> dict:
     return {"file": target.name, **PHANTOM, "shape": [int(n) for n in done.stdout.split()]}
 
 
-def sample() -> tuple[Path, dict]:
-    """(raw file, its facts); the facts are also written beside it as JSON.
+def sample(python: Path) -> tuple[Path, dict]:
+    """(raw file, its facts); the facts are also written beside it as JSON.  ``python``: one that has nibabel.
 
     Facts: file, title, source, shape (nx, ny, nz), dtype, byte_order, spacing (mm), modality, value_unit, preset.
     """
@@ -80,7 +79,7 @@ def sample() -> tuple[Path, dict]:
             return FOLDER / facts["file"], facts
     FOLDER.mkdir(parents=True, exist_ok=True)
     try:
-        facts = _brain()
+        facts = _brain(python)
     except Failure as problem:
         say(f"!!! {problem}\n!!! A generated CT head phantom is shown in place of the sample.")
         facts = _phantom()

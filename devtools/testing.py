@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +22,7 @@ from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, 
 from .kernels import make_kernels
 from .places import BPY_KERNELS, BPY_PYTHON, BUILD, KERNELS, PYTHONS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
-from .real_blender_tests import WHOLE, make_kernels_inside, real_blender_stages, window_stage
+from .real_blender_tests import WHOLE, real_blender_stages, window_stage
 from .stages import REPORTS, Stage, broken, file_name, measured, skipped, summary, untested
 from .uv import find_python
 from .windows import windows_stages
@@ -34,7 +34,9 @@ CLUSTER_TESTS = TESTS_FOLDER / "cli" / "cluster"
 FIGURES = REPORTS / "catalogue.json"
 
 AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages waited for processes and windows
-WANT_BLENDER = ("unit",)  # of them, those with tests that use its tool for packages where it is at hand
+WANT_BLENDER = ("unit",)  # folders with tests that use its tool for packages where it is at hand
+NOTHING, MADE_KERNELS, EVERYTHING = "nothing", "kernels", "everything"  # what a part waits for
+AFTER = {"read": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)  # others of the core wait for kernels
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
 # the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
@@ -43,15 +45,16 @@ IDLE_THREADS = {
     "NUMBA_THREADING_LAYER_PRIORITY": "omp tbb workqueue", "OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1",
 }  # fmt: skip
 
-SLOW, DEEP, EXTRAS, EVERY_BLENDER = "slow", "deep", "extras", "every_blender"  # marks of tests
+SLOW, DEEP, EXTRAS = "slow", "deep", "extras"  # marks of tests
+EVERY_BLENDER, LONG_TERM = "every_blender", "every_blender or long_term"
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
+WITH_LONG_TERM = ("4.5", "5.2")
 QUICK = ("unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
 
-# The longest parts, which begin first; the others take a minute or less.  None of them waits for another's kernels:
-# those that several use are made before (``_compile_first``).
+# The longest parts, which begin first; the others take a minute or less.
 LONGEST = (
     REAL_BLENDER, "core-unit", f"bpy-{NEWEST}", "hard-cases", "core-truths", "core-effects", "bpy-5.0", "bpy-4.5",
     "bpy-5.2", "core-read", "core-cli", "extras",
@@ -74,13 +77,13 @@ class Ready:
 class Part:
     """A part of the whole run.
 
-    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready, "zip" or one of OTHERS.  ``waits``: in
-    the whole run it begins when everything is made ready.
+    ``run(ready, aside)`` returns its stages.  ``needs``: what it takes of Ready, "zip" or one of OTHERS.  ``after``: in
+    the whole run it begins when nothing, the kernels or everything is made ready.
     """
 
     run: Callable[[Ready, bool], list[Stage]]
     needs: str = ""
-    waits: bool = True
+    after: str = EVERYTHING
 
 
 def _pytest(name: str, python: Path, arguments, environ, aside: bool = False) -> Stage:
@@ -151,26 +154,27 @@ def _zips(pythons=PYTHONS) -> Ready:
     return Ready(Stage("extension zips", passed=1, seconds=time.monotonic() - started), zips)
 
 
-def _make_ready(quick: bool) -> Ready:
-    """The zips, and every environment: one after the other, so that no two of them install what the system lacks."""
-    ready = _zips(_pythons(_versions(quick)))
+def _make_ready(quick: bool, kernels: Future) -> Ready:
+    """The real Blender and every environment, one after the other, so that no two of them install what the system
+    lacks; then the zips, with the kernels."""
+    if not quick:
+        with suppress(Failure):  # the stages of each say what is wrong
+            ensure_blender()
     for version in _versions(quick):
         if find_python(BPY[version].pythons[0]) is not None:
-            with suppress(Failure):  # its own stage says what is wrong
+            with suppress(Failure):
                 ensure_bpy(version)
-    if not quick:
-        ready.pythons = {name: _other(name) for name in OTHERS}
+    pythons = {} if quick else {name: _other(name) for name in OTHERS}
+    kernels.result()
+    ready = _zips(_pythons(_versions(quick)))
+    ready.pythons = pythons
     return ready
 
 
-def _compile_first(quick: bool) -> None:
-    """Make the kernels that zips and tests use, so that no test compiles them, while the real Blender is set up."""
-    with ThreadPoolExecutor(1) as worker:
-        found = None if quick else worker.submit(ensure_blender)
-        with suppress(Failure):  # the stages of the zips and of the real Blender say what is wrong
-            make_kernels([*_pythons(_versions(quick)), CORE.version])
-            if found and found.result().root is not None:  # else its Python may be one of these
-                make_kernels_inside(found.result())
+def _make_kernels(quick: bool) -> None:
+    """Make the kernels that zips and tests use, so that no test compiles them."""
+    with suppress(Failure):  # the stages of the zips say what is wrong
+        make_kernels([*_pythons(_versions(quick)), CORE.version])
 
 
 def _other(name: str) -> Path | Failure:
@@ -229,15 +233,17 @@ def _split(arguments) -> tuple[list[str], list[str], list[str]]:
 def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str, Part]:
     """The parts of the whole run by name, in their order; ``options``: pytest's.
 
-    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for every version; and
-    the deep tests run.  ``quick``: only QUICK, and of the newest bpy those marked for every version.
+    ``everywhere``: older versions of bpy run all of tests/blender, not only the tests marked for them; and the deep
+    tests run.  ``quick``: only QUICK, and of the newest bpy those marked for every version.
     """
     slow = [*[SLOW] * quick, *[DEEP] * (not everywhere)]
     whole = not options
 
     def core(folder: str) -> Part:
         words = [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
-        return Part(lambda ready, aside: [_core(words, f"core, {folder}", aside)], waits=folder in WANT_BLENDER)
+        return Part(
+            lambda ready, aside: [_core(words, f"core, {folder}", aside)], after=AFTER.get(folder, MADE_KERNELS)
+        )
 
     found = {}
     if not quick:
@@ -246,8 +252,9 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
     for version in _versions(quick):
-        marks = [] if everywhere or (version == NEWEST and not quick) else ["-m", EVERY_BLENDER]
-        words = [BLENDER_TESTS, *marks, *options]
+        marks = LONG_TERM if version in WITH_LONG_TERM else EVERY_BLENDER
+        whole_of_it = everywhere or (version == NEWEST and not quick)
+        words = [BLENDER_TESTS, *(() if whole_of_it else ("-m", marks)), *options]
         found[f"bpy-{version}"] = Part(
             lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
             needs="zip",
@@ -264,32 +271,36 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
 def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     """All stages, a few at a time: most of each is work for one core, or waiting.
 
-    Each part begins as soon as it can: the windows, which take longest, as soon as their Blender is there.
+    Each part begins as soon as it can: reading while kernels are compiled, and the windows, which take longest, as soon
+    as their Blender is there.
     """
     ensure(CORE)
-    _compile_first(quick)
     found = list(parts(options, quick, everywhere).values())
     pending, stages, lock = list(found), {}, Lock()
 
-    def take() -> Part | None:
-        """The next part that can begin; None when every part has begun."""
-        while pending:
-            with lock:
-                part = next((part for part in pending if making.done() or not part.waits), None)
-                if part:
-                    pending.remove(part)
-                    return part
-            wait([making])
-        return None
+    with ThreadPoolExecutor(AT_ONCE + 1) as workers:  # kernels and making take the places of two parts meanwhile
+        kernels = workers.submit(_make_kernels, quick)
+        making = workers.submit(_make_ready, quick, kernels)
+        begun = {MADE_KERNELS: kernels, EVERYTHING: making}
 
-    def work() -> None:
-        while part := take():
-            ready = making.result() if part.waits else Ready()
-            can_run = part.needs != "zip" or ready.zips
-            stages[part] = part.run(ready, True) if can_run else []
+        def take() -> Part | None:
+            """The next part that can begin; None when every part has begun."""
+            while pending:
+                waited = {name: future for name, future in begun.items() if not future.done()}
+                with lock:
+                    part = next((part for part in pending if part.after not in waited), None)
+                    if part:
+                        pending.remove(part)
+                        return part
+                wait(waited.values(), return_when=FIRST_COMPLETED)
+            return None
 
-    with ThreadPoolExecutor(AT_ONCE) as workers:
-        making = workers.submit(_make_ready, quick)  # takes the place of one of the parts meanwhile
+        def work() -> None:
+            while part := take():
+                ready = making.result() if part.after == EVERYTHING else Ready()
+                can_run = part.needs != "zip" or ready.zips
+                stages[part] = part.run(ready, True) if can_run else []
+
         for worker in [workers.submit(work) for _ in range(AT_ONCE)]:
             worker.result()
     made = [making.result().zip_stage, *(stage for part in found for stage in stages[part])]

@@ -16,7 +16,7 @@ from .reading import LoadsFirst
 from .refusal import has_volume, refuses
 
 FIT = EnumProperty(
-    name="Fit", description="What a clip box holds, or what a new plane halves",
+    name="Fit", description="What a clip box encloses or a new plane divides",
     items=[("VOLUME", "Whole Volume", "All voxels"),
            ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])  # fmt: skip
 

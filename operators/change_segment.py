@@ -15,7 +15,7 @@ TOOLS = [
     ("SMOOTH", "Smooth", "Remove bumps and notches that are smaller than a ball", "SMOOTHCURVE"),
     ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
     ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
-    ("INVERT", "Invert", "Exchange the segment with what is in no segment", "ARROW_LEFTRIGHT"),
+    ("INVERT", "Invert", "Swap the segment and the voxels that are in no segment", "ARROW_LEFTRIGHT"),
 ]
 OF_LENGTH = {"GROW": grow_steps, "SHRINK": shrink_steps, "SMOOTH": smooth_steps}
 OF_MASK = {"FILL": fill_steps, "LARGEST": keep_largest_steps}

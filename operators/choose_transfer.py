@@ -59,7 +59,7 @@ class RLE_SPLAT_OT_choose_transfer(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
-    """Keep all transfer functions of a file, such as 3D Slicer's presets.xml, as own presets"""
+    """Add all transfer functions of a file, such as 3D Slicer's presets.xml, to your presets"""
 
     bl_idname = "rle_splat.import_presets"
     bl_label = "Import Presets"

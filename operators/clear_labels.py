@@ -7,7 +7,7 @@ from .refusal import has_editable_volume, needs
 
 
 class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
-    """Take the label file and the list of its segments off the volume. The file itself stays"""
+    """Remove the label file and its segments from the volume. The file itself stays"""
 
     bl_idname = "rle_splat.clear_labels"
     bl_label = "Clear Segments"

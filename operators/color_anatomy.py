@@ -8,7 +8,7 @@ from .refusal import has_segments
 
 class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
     """Color segments by their names as in anatomical atlases: bones and organs opaque, skin, muscles, fat and lungs
-    clear. Other segments keep their colors or get distinct ones, and what is in no segment is hidden"""
+    transparent. Other segments keep their colors or get distinct ones, and what is in no segment is hidden"""
 
     bl_idname = "rle_splat.color_anatomy"
     bl_label = "Anatomy"

@@ -17,8 +17,7 @@ KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Relea
 
 
 class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
-    """Change the range of values that the colors and the opacity curve cover by dragging, over a slice that of the
-    slices: to the right and left the window, up and down the level"""
+    """Drag right and left for the window, up and down for the level; over a slice, those of the slices"""
 
     bl_idname = "rle_splat.drag_window"
     bl_label = "Drag Window and Level"

@@ -36,7 +36,7 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
     of: EnumProperty(
         name="Surface Of",
         description="What the surface is the boundary of",
-        items=[(OPACITY, "Opacity", "What is at least so opaque"), (VALUE, "Value", "What has at least this value")],
+        items=[(OPACITY, "Opacity", "Isosurface of the opacity"), (VALUE, "Value", "Isosurface of the value")],
     )
     opacity: FloatProperty(
         name="Opacity", description="Opacity at the surface, as a share of the largest one of the transfer function",

@@ -21,7 +21,8 @@ SIDES = (
 
 
 class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
-    """Move the views of this window so that all of the volume is seen. Views through a camera stay"""
+    """Show all of the volume in the views of this window, also from a side of the patient: A anterior (front), P
+    posterior (back), L left, R right, S superior (head), I inferior (feet). Views through a camera stay"""
 
     bl_idname = "rle_splat.frame_volume"
     bl_label = "Frame Volume"

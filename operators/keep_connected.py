@@ -16,7 +16,7 @@ KEYS = "Click: Keep What Is Under the Mouse   |   Esc, Right Click: Cancel"
 
 
 class RLE_SPLAT_OT_keep_connected(MakesSegments, bpy.types.Operator):
-    """Make a segment of what is connected to a voxel, of segments that are shown, and hide all else"""
+    """Make a segment of what is connected to a voxel, except hidden segments, and hide all else"""
 
     bl_idname = "rle_splat.keep_connected"
     bl_label = "Keep Connected"

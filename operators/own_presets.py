@@ -14,7 +14,7 @@ WIDTH = 300  # pixels at interface scale 1
 
 
 class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
-    """Replace the volume's colors and opacities by a preset of yours"""
+    """Replace the volume's colors and opacities by one of your presets"""
 
     bl_idname = "rle_splat.apply_own_preset"
     bl_label = "Apply Own Preset"
@@ -26,7 +26,7 @@ class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
-    """Save the volume's transfer function at the current frame as a preset of yours"""
+    """Save the volume's transfer function at the current frame as a preset"""
 
     bl_idname = "rle_splat.save_own_preset"
     bl_label = "Save as Preset"
@@ -61,7 +61,7 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
-    """Delete a preset of yours, which cannot be undone"""
+    """Delete one of your presets, which cannot be undone"""
 
     bl_idname = "rle_splat.delete_own_preset"
     bl_label = "Delete Own Preset"

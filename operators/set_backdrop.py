@@ -20,7 +20,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_description = "Render the volume and show it in the active camera's view, aligned to the pixel"
 
     place: EnumProperty(
-        name="Place", description="Where the camera view shows the picture",
+        name="Depth", description="Where the camera view shows the picture",
         items=[("BACK", "Behind", "Show it behind the objects"),
                ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
                ("SCENE", "As Set", "Use the setting in the panel")],

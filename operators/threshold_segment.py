@@ -11,7 +11,7 @@ from .segmenting import MakesSegments
 
 
 class RLE_SPLAT_OT_threshold_segment(MakesSegments, bpy.types.Operator):
-    """Make a segment of the voxels whose values are in a range, of segments that are shown"""
+    """Make a segment of the voxels whose values are in a range, except those of hidden segments"""
 
     bl_idname = "rle_splat.threshold_segment"
     bl_label = "Threshold to Segment"

@@ -13,7 +13,7 @@ from .refusal import has_editable_values, has_volume, refuses
 
 
 class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
-    """Read the volume's transfer function from a file of ours, 3D Slicer, niivue or FSL"""
+    """Read the volume's transfer function from a file of RLE Splat, 3D Slicer, niivue or FSL"""
 
     bl_idname = "rle_splat.load_transfer"
     bl_label = "Load Transfer Function"

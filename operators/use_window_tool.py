@@ -15,10 +15,10 @@ class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if context.area is None or context.area.type != "VIEW_3D":
-            cls.poll_message_set("The tool is one of the 3D viewport's")
+            cls.poll_message_set("The tool works in a 3D viewport only")
             return False
         if context.mode != "OBJECT":
-            cls.poll_message_set("The tool is one of Object Mode")
+            cls.poll_message_set("The tool works in Object Mode only")
             return False
         return True
 

@@ -1,4 +1,4 @@
-"""The Advanced panel: the largest error, classification, the knobs of quality, memory and threads."""
+"""The Advanced panel: the largest error, classification, settings of quality, memory and threads."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""The Diagnostics panel, which holds effects, the last report and measured errors."""
+"""The Diagnostics panel: effects, the last report and measured errors."""
 
 import bpy
 

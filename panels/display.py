@@ -7,10 +7,12 @@ from ..bridge.scene import clip_objects
 from ..bridge.translations import with_unit
 from ..bridge.volumes import encoded, volumes
 from ..operators import plain_background
+from ..rle_splat.classify.presets import PRESETS
 from ..rle_splat.scene import MODES
 from .places import DataTab, OfVolume, paragraph
 
 MINIP = "The smallest value of most lines is that of air: cut the volume to a slab with Cut > Add Box"
+LABELS = {preset.label.casefold(): preset.label for preset in PRESETS.values()}  # as the menu has them
 WIDE = 50.0  # range of values above which a drag shifts by whole units
 
 
@@ -43,7 +45,7 @@ class DisplayPanel:
         name = properties.transfer_name if is_there or is_encoded else ""
         layout = layout.column()
         layout.enabled = not is_encoded
-        layout.menu("RLE_SPLAT_MT_presets", text=name or "Presets", icon="PRESET")
+        layout.menu("RLE_SPLAT_MT_presets", text=LABELS.get(name.casefold(), name) or "Presets", icon="PRESET")
         span = properties.value_high - properties.value_low
         unit = with_unit("Shift", properties.value_unit)
         layout.prop(properties, "shift_by" if span >= WIDE else "shift_finely", text=unit, translate=False)

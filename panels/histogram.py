@@ -1,38 +1,48 @@
-"""The histogram above the opacity curve: one picture as wide as the curve, its value axis, and the selected point."""
+"""The opacity curve with the histogram inside it, its value axis, and the selected point."""
 
-from ..bridge.look import histogram_picture, previews, transfer_nodes
+from ..bridge import linked
+from ..bridge.look import previews, transfer_nodes
 from ..bridge.look.probe import value_text
 from ..bridge.look.transfer import window_of
 from ..bridge.translations import filled
 from ..bridge.volumes import facts
 from .places import BORDERS, BUTTON, paragraph
 
+# In buttons, as measured on screens: the row above Blender's curve, the curve, and what is free beside an icon.
+ABOVE_CURVE, CURVE, MARGIN = 0.9, 7.78, 0.8
 
-def draw_histogram(context, layout, owner) -> None:
-    """Draw the histogram of a volume and the values at both ends and in the middle of the curve's range.
 
-    Blender draws icons as squares.  The picture is in the upper part of one, and the part of the panel that it takes is
-    only as high as that; what is below is transparent, and other buttons are drawn over it.
+def draw_curve(context, layout, owner) -> None:
+    """Draw the opacity curve of a volume, its histogram, and the values at both ends and in the middle of their range.
+
+    The picture of the histogram is laid over the curve: it is added later, to a column above that has no height.
+    Blender gives no mouse events to pictures.
     """
     problem = facts.histogram_problem(owner.rle_splat)
     if problem:
         paragraph(context, layout, problem, icon="ERROR")
     column = layout.column(align=True)
-    icon = previews.histogram_icon(owner)
+    over, curve = column.column(align=True), column.column()
+    curve.enabled = linked.is_own(owner.rle_splat.transfer)
+    curve.template_curve_mapping(owner.rle_splat.transfer.nodes[transfer_nodes.OPACITY_NODE], "mapping")
+    side = _side(context)
+    icon = previews.histogram_icon(owner, CURVE / (side - MARGIN))
     if icon:
-        side = _side(context)
-        picture = column.column()
-        picture.ui_units_y = side / histogram_picture.ASPECT
-        picture.template_icon(icon_value=icon, scale=side)
+        over.ui_units_y = 0.01  # 0 is as high as what is in it
+        above = over.row()
+        above.scale_y = ABOVE_CURVE
+        above.label(text="")
+        over.template_icon(icon_value=icon, scale=side)
     low, high = window_of(owner.rle_splat)
     axis = column.grid_flow(columns=3, even_columns=True, align=True)
     for value, alignment in ((low, "LEFT"), (0.5 * (low + high), "CENTER"), (high, "RIGHT")):
         place = axis.row()
         place.alignment = alignment
         place.label(text=value_text(value, low, high, owner.rle_splat.value_unit))
+    _draw_selected(column, owner)
 
 
-def draw_selected(layout, owner) -> None:
+def _draw_selected(layout, owner) -> None:
     """Tell the value and the opacity of the curve's selected point, where one is selected."""
     properties = owner.rle_splat
     points = transfer_nodes.opacity_mapping(properties.transfer).curves[0].points

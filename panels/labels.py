@@ -1,4 +1,4 @@
-"""The Segments panel: the label file, and the visibility, color, name and opacity of each label in it."""
+"""The Segments panel: the label file, and the visibility, color, name and opacity of each segment."""
 
 import bpy
 

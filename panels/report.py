@@ -1,4 +1,4 @@
-"""The Last Report panel: remarks, error and stage times of the last picture."""
+"""The Last Report panel: notes, error and stage times of the last picture."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""The File panel: the volume's file, grid and values, remarks on them, and corrections of what the file says."""
+"""The File panel: the volume's file, grid and values, notes on them, and corrections of what the file says."""
 
 import bpy
 

@@ -7,7 +7,7 @@ from ..bridge.look import transfer, transfer_nodes
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import encoded, volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
-from .histogram import draw_histogram, draw_selected
+from .histogram import draw_curve
 from .places import DataTab, OfVolume, paragraph
 
 
@@ -38,12 +38,10 @@ class ColorPanel:
         if tree is None or not transfer_nodes.is_transfer_tree(tree):
             layout.label(text="No transfer function. Apply a preset", icon="ERROR")
             return
-        draw_histogram(context, layout, owner)
-        curves = layout.column()
-        curves.enabled = linked.is_own(tree)
-        curves.template_curve_mapping(tree.nodes[transfer_nodes.OPACITY_NODE], "mapping")
-        draw_selected(curves, owner)
-        curves.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
+        draw_curve(context, layout, owner)
+        ramp = layout.column()
+        ramp.enabled = linked.is_own(tree)
+        ramp.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         _draw_window(layout, owner.rle_splat)
         _draw_opacity(layout, owner.rle_splat)
         layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
@@ -66,7 +64,7 @@ def _draw_window(layout, properties) -> None:
 def _draw_opacity(layout, properties) -> None:
     """The length to which opacities refer, and the opacity of flat regions."""
     column = layout.column(align=True)
-    column.label(text=with_unit("Curve Is for a Thickness of", properties.length_unit), translate=False)
+    column.label(text=with_unit("Opacity Unit Distance", properties.length_unit), translate=False)
     row = column.row(align=True)
     row.prop(properties, "use_smallest_spacing", toggle=True)
     if not properties.use_smallest_spacing:

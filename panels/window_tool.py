@@ -1,4 +1,4 @@
-"""The Window and Level tool of the 3D viewport's toolbar; its settings tell the value under the mouse."""
+"""The Window and Level tool of the 3D viewport's toolbar; its settings show the value under the mouse."""
 
 import bpy
 

@@ -38,8 +38,8 @@ class Playback:
         name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 shows the "
         "first volume", default=0)  # fmt: skip
     frame_step: LiveFloat(
-        name="Step", description="Volumes to go on by in each frame of the timeline. With 0.5 each is shown twice; a "
-        "negative step plays backward", default=1.0, precision=3)  # fmt: skip
+        name="Step", description="Volumes per frame of the timeline. 0.5 shows each twice; a negative step plays "
+        "backward", default=1.0, precision=3)  # fmt: skip
 
 
 def curves_of(datablock) -> list:

@@ -60,14 +60,14 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     show_imported: BoolProperty(
         name="Show Imported Volumes",
         default=True,
-        description="Open the eye of the window's viewports when a volume is imported. Without, the first volume of a "
-        "scene closes it",
+        description="Show volumes live in the window's viewports when one is imported. If off, the first volume of a "
+        "scene is not shown live",
     )
     refine_live: BoolProperty(
         name="Refine When Still",
         default=True,
         update=_live_changed,
-        description="Render a view with the scene's Quality once nothing changes. Without, viewports show drafts only",
+        description="Render a view with the scene's Quality once nothing changes. If off, viewports show drafts only",
     )
     live_pixels: EnumProperty(
         name="Drafts", items=DRAFT_ITEMS, update=_live_changed,

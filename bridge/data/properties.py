@@ -81,11 +81,11 @@ PLAIN_TEXTS = {
     "kernel": "Shape in which a voxel is drawn; only Linear with Sharp Edges",
     "minification": "What prevents shimmer where voxels are smaller than pixels; only Off with Sharp Edges",
     "warp_filter": "How the finished layers become the pixels of the picture",
-    "axis_fade": "Angle in degrees over which pictures are blended where the slices that are used change, so that "
-    "nothing jumps when the camera turns; in orthographic views only",
-    "termination": "Share of light behind a pixel below which it counts as opaque, and what is behind is skipped",
-    "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is computed by a ray of "
-    "its own, which is slower and exact; at most a quarter of large pictures; 0 for none; with Sharp Edges only",
+    "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
+    "turns, so that it does not jump; in orthographic views only",
+    "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped",
+    "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is ray cast, which is "
+    "slower and exact; 0 for none; with Sharp Edges only",
     "model": "What voxels that overlap add up; only Extinction with Sharp Edges",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
@@ -144,10 +144,11 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in gray levels of 255. The fastest settings that keep it are "
-        "chosen in place of Quality, and the picture's error is measured and reported. 0 uses Quality")  # fmt: skip
+        description="Largest allowed error of a color, in gray levels of 255. The picture's error is measured and "
+        "reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
-        name="Maximum Error", description="Choose the fastest settings that keep an error, instead of Quality",
+        name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
+        "Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))  # fmt: skip
     classification: EnumProperty(
         name="Edges", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
@@ -159,10 +160,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
         default=USUAL.kernel)  # fmt: skip
     minification: KnobEnum(
-        name="When Small", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
+        name="Anti-Aliasing", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)  # fmt: skip
     warp_filter: LiveEnum(
-        name="Final Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),
+        name="Pixel Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),
         default=USUAL.warp_filter)  # fmt: skip
     model: KnobEnum(
         name="Overlap", description=PLAIN_TEXTS["model"], items=knob_items.items(tables.MODELS), default=USUAL.model
@@ -228,7 +229,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
-        description="Show a length in 3D viewports, in perspective as it is in the middle of the volume")  # fmt: skip
+        description="Show a length in 3D viewports; in perspective it is true in the middle of the volume")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,
         description="Show the colors of the volume's window with their values in 3D viewports")  # fmt: skip
@@ -236,7 +237,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera view shows the picture", update=_place_backdrop,
+        name="Depth", description="Where the camera view shows the picture", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the picture behind the objects"),
                ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(

@@ -120,7 +120,7 @@ class SourceOptions:
         name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
         min=0)  # fmt: skip
     use_only_series: BoolProperty(
-        name="The Only One", description="Read the series that the place holds, and ask where it holds several",
+        name="The Only One", description="Read the only series of the folder, or ask which one if there are several",
         **switch("series", 0, 1))  # fmt: skip
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",

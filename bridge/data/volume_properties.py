@@ -213,19 +213,17 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Thickness", description="Thickness of material that has the opacity of the curve; 0 uses the "
+        name="Opacity Unit Distance", description="Length of material that has the opacity of the curve; 0 uses the "
         "smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
-        name="Automatic", description="Let the opacity of the curve be that of the smallest voxel spacing",
+        name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
-    use_shading: LiveBool(
-        name="Shading", description="Light the volume like a surface where its values change", default=True
-    )
+    use_shading: LiveBool(name="Shading", description="Shade surfaces by their angle to the light", default=True)
     ambient: LiveFloat(
-        name="Base Light", default=0.2, min=0.0, soft_max=1.0,
+        name="Ambient", default=0.2, min=0.0, soft_max=1.0,
         description="Brightness that does not depend on the lights")  # fmt: skip
     diffuse: LiveFloat(
-        name="From Lights", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light"
+        name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light"
     )
     mode: LiveEnum(name="Mode", description="What each pixel shows of the volume behind it", items=MODE_ITEMS)
     use_grays: LiveBool(
@@ -240,40 +238,32 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray",
     )
     display: EnumProperty(
-        name="Mode", description="What each pixel shows of the volume behind it. Another mode than Shaded begins with "
-        "grays and with a level and window that suit it; Shaded has its own again", items=DISPLAY_ITEMS, get=_mode_of,
+        name="Mode", description="What each pixel shows of the volume behind it. Modes other than Shaded begin with "
+        "grays and a level and window that suit them", items=DISPLAY_ITEMS, get=_mode_of,
         set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
         name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
         size=3, options={"HIDDEN"})  # fmt: skip
     lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
-        name="Only Where Values Change",
-        default=False,
-        description="Multiply the opacity by a curve over how fast values change, so that even regions become "
-        "transparent and surfaces remain",
-    )
+        name="Gradient Opacity", default=False, description="Multiply the opacity by a curve over the gradient, so "
+        "that even regions become transparent and surfaces remain")  # fmt: skip
     gradient_low: LiveFloat(
-        name="Change From",
-        default=0.0,
-        min=0.0,
-        soft_max=1000.0,
-        precision=2,
-        description="Change of the values per unit of length, such as HU per mm, at the left end of the curve",
-    )
+        name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2, description="Gradient at the left "
+        "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Change of the values per unit of length at the right end of the curve")  # fmt: skip
+        description="Gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
-        name="Highlights", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
+        name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
     )
     shininess: LiveFloat(
-        name="Sharpness", default=20.0, min=1.0, soft_max=100.0,
+        name="Specular Power", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Formula", description="Formula of the highlights", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Wide", "Use the direction halfway between light and camera"),
-               ("PHONG", "Mirror", "Use the mirror direction of the light")))  # fmt: skip
+        name="Reflection", description="Model of the highlights", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
+               ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "

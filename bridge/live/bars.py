@@ -59,8 +59,8 @@ def colors_of(owner, depsgraph=None) -> np.ndarray:
     if owner.rle_splat.mode != MODES[0] and owner.rle_splat.use_grays:
         rgb = np.repeat(np.linspace(*transfer.gray_ends(owner.rle_splat), STEPS + 1)[:, None], 3, axis=1)
     else:
-        rgb = transfer.read_transfer(owner, depsgraph).color_at(np.linspace(low, high, STEPS + 1))
-    return np.column_stack((to_display(rgb), np.ones(STEPS + 1)))
+        rgb = to_display(transfer.read_transfer(owner, depsgraph).color_at(np.linspace(low, high, STEPS + 1)))
+    return np.column_stack((rgb, np.ones(STEPS + 1)))
 
 
 def _draw() -> None:

@@ -15,6 +15,7 @@ from mathutils import Vector
 from ...rle_splat.volume.orientation import face_letters
 from ...rle_splat.volume.volume import PATIENT
 from .. import live
+from ..scene import placements
 from ..translations import translate
 from ..volumes import box, volumes
 from . import drawing, slice_places
@@ -57,7 +58,7 @@ def ink_over(context) -> tuple[float, float, float, float]:
 
 
 def _draw() -> None:
-    """Draw the letters of all visible volumes into the region that is drawn."""
+    """Draw the letters of all visible volumes, channels apart, into the region that is drawn."""
     context = bpy.context
     owners = volumes.volume_objects(context.scene)
     if not (owners and context.space_data.overlay.show_overlays):
@@ -69,9 +70,10 @@ def _draw() -> None:
         sentence = slice_places.place_text(faced, context.evaluated_depsgraph_get())
     _draw_lines(context, sentence)
     shown = [owner for owner in owners if owner.visible_get()]
+    channels = placements.as_channels(shown)
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
     blf.color(FONT, *ink_over(context))
-    for owner in shown:
+    for owner in (one for one in shown if one not in channels):
         for text, place, away in _on_screen(placed_letters(owner), context, faced is not None):
             width, height = blf.dimensions(FONT, text)
             left = place.x + 0.5 * (away * (width - height) - width)

@@ -1,20 +1,14 @@
-"""A small picture of the histogram with the opacity curve and the colors of the transfer function."""
+"""A picture of the histogram in the colors of the transfer function, to be laid over the opacity curve."""
 
 import numpy as np
 
 WIDTH = 320  # pixels of a square icon, about those that a sidebar gives it
-ASPECT = 3.2  # width of the picture over its height
-HEIGHT = round(WIDTH / ASPECT)
 EDGE = 3.0 / 240.0  # share of the panel's width that Blender leaves free on either side of an icon
-GROUND = np.array((0.10, 0.10, 0.11))
-BAR = np.array((0.36, 0.36, 0.38))
-CURVE = np.array((1.0, 1.0, 1.0))
-TICK = np.array((0.22, 0.22, 0.24))
-TICKS = (0.25, 0.5, 0.75)  # shares of the range, at lines of Blender's own grid behind the curve
-RAMP_ROWS = 8  # pixels at the bottom that show only the colors
+BAR = np.array((0.62, 0.62, 0.65))  # gray where nothing is shown
+ALPHA = 0.45  # of a bar, through which the curve and its points are seen
 
 
-def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
+def draw(stored, transfer_function, low: float, high: float, height: int) -> np.ndarray:
     """Draw the histogram; the bars are logarithmic and tinted by the transfer function's colors where it is opaque.
 
     Parameters
@@ -24,50 +18,26 @@ def draw(stored, transfer_function, low: float, high: float) -> np.ndarray:
     transfer_function : TransferFunction
         Colors and opacities.
     low, high : float
-        The window: physical values at the left and the right edge of the curve below.
-
-    Returns
-    -------
-    ndarray, shape (HEIGHT, WIDTH, 4), float32
-        Display-encoded RGBA, row 0 at the bottom as in Blender's images.
-    """
-    low, high = low + EDGE * (high - low), high - EDGE * (high - low)  # what lies between the free edges
-    values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
-    table = transfer_function.table(values)
-    colors, alphas = _display(np.clip(table[:, :3], 0.0, 1.0)), table[:, 3]
-    picture = np.empty((HEIGHT, WIDTH, 4), dtype=np.float32)
-    picture[..., :3] = GROUND
-    picture[..., 3] = 1.0
-    columns = (np.array(TICKS) - EDGE) / (1.0 - 2.0 * EDGE) * WIDTH
-    picture[:, columns.astype(int), :3] = TICK
-    rows = (np.arange(HEIGHT) + 0.5 - RAMP_ROWS) / (HEIGHT - RAMP_ROWS)
-    bars = rows[:, None] < _bar_heights(stored, low, high)[None, :]
-    weight = np.sqrt(alphas)[:, None]  # a faint opacity still tints its bar
-    tinted = BAR * (1.0 - weight) + colors * weight
-    picture[..., :3] = np.where(bars[..., None], tinted[None], picture[..., :3])
-    line = (alphas * (HEIGHT - RAMP_ROWS - 1)).round().astype(int) + RAMP_ROWS
-    before = np.concatenate((line[:1], line[:-1]))
-    indices = np.arange(HEIGHT)[:, None]
-    picture[(indices >= np.minimum(line, before)) & (indices <= np.maximum(line, before)), :3] = CURVE
-    picture[:RAMP_ROWS, :, :3] = colors[None]
-    return picture
-
-
-def as_icon(picture: np.ndarray) -> np.ndarray:
-    """A picture at the top of a square, which is transparent below, because Blender's icons are squares.
-
-    Parameters
-    ----------
-    picture : ndarray, shape (HEIGHT, WIDTH, 4)
-        The result of ``draw``.
+        The window: physical values at the left and the right edge of the curve.
+    height : int
+        Rows of pixels that are as high as the curve, at most WIDTH.
 
     Returns
     -------
     ndarray, shape (WIDTH, WIDTH, 4), float32
+        Display-encoded RGBA, multiplied by alpha, row 0 at the bottom as in Blender's images.  Blender's icons are
+        squares: rows below the ``height`` upper ones are transparent.
     """
-    square = np.zeros((WIDTH, WIDTH, 4), np.float32)
-    square[-HEIGHT:] = picture
-    return square
+    low, high = low + EDGE * (high - low), high - EDGE * (high - low)  # what lies between the free edges
+    values = low + (np.arange(WIDTH) + 0.5) / WIDTH * (high - low)
+    table = transfer_function.table(values)
+    weight = np.sqrt(table[:, 3:])  # a faint opacity still tints its bar
+    rows = (np.arange(height) + 0.5) / height
+    bars = np.ones((WIDTH, 4))
+    bars[:, :3] = BAR * (1.0 - weight) + _display(np.clip(table[:, :3], 0.0, 1.0)) * weight
+    picture = np.zeros((WIDTH, WIDTH, 4), np.float32)
+    picture[WIDTH - height :] = ALPHA * (rows[:, None] < _bar_heights(stored, low, high))[..., None] * bars
+    return picture
 
 
 def _bar_heights(stored, low: float, high: float) -> np.ndarray:

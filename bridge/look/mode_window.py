@@ -13,7 +13,7 @@ XRAY_ALPHA = 0.04  # opacity of the brightest value for each smallest spacing, a
 # middle of a body have about twice that.
 XRAY_DEPTH = 0.7
 # Physical values shown black and white, in HU.
-OF_CT = {"mip": (0.0, 1000.0), "minip": (-1000.0, 0.0), "average": (-1000.0, 200.0)}
+OF_CT = {"mip": (-200.0, 1000.0), "minip": (-1000.0, 0.0), "average": (-1000.0, 200.0)}
 # Percentiles of the values, for other scans.  The largest value of a line is seldom below the median.
 PERCENTS = {"mip": (50.0, 99.9), "minip": (1.0, 75.0), "average": (1.0, 95.0)}
 AIR = 1.0  # percentile that stands for air

@@ -20,15 +20,11 @@ def unregister():
     _drawn.clear()
 
 
-def histogram_icon(volume_object) -> int:
-    """The icon of a volume's histogram, ``histogram_picture.as_icon``.
+def histogram_icon(volume_object, share: float) -> int:
+    """The icon of a volume's histogram, ``histogram_picture.draw``; 0 without a transfer function or a window.
 
-    It reads only properties of the object, so a panel may call it at every redraw.
-
-    Returns
-    -------
-    int
-        Its id; 0 without a transfer function, or without a window.
+    It reads only properties of the object, so a panel may call it at every redraw.  ``share``: height of the curve,
+    which the histogram is to fill, over the icon's width.
     """
     if not _collections:
         return 0
@@ -39,14 +35,14 @@ def histogram_icon(volume_object) -> int:
         return 0
     name = str(volume_object.session_uid)
     window = window_of(properties)
-    shown = (transfer_function.classification_key, window, hash(properties.histogram))
+    height = min(round(histogram_picture.WIDTH * share), histogram_picture.WIDTH)
+    shown = (transfer_function.classification_key, window, hash(properties.histogram), height)
     collection = _collections[-1]
     if name not in collection:
         collection.new(name)
         _drawn.pop(name, None)
     if _drawn.get(name) != shown:
-        picture = histogram_picture.draw(facts.stored_histogram(properties), transfer_function, *window)
-        icon = histogram_picture.as_icon(picture)
+        icon = histogram_picture.draw(facts.stored_histogram(properties), transfer_function, *window, height)
         collection[name].image_size = icon.shape[1::-1]
         collection[name].image_pixels_float.foreach_set(icon.ravel())
         _drawn[name] = shown

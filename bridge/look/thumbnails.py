@@ -206,9 +206,7 @@ def picture_steps(entry: Entry, volume):
         return kept
     # The viewport has compiled the kernels of others.
     if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
-        raise RleSplatError(
-            "A preset that shows only where values change has no picture here, since it would take long."
-        )
+        raise RleSplatError("A preset with gradient opacity has no picture here, since it would take long.")
     of_volume = "thumbnails", volume.key
     coarse = store.find(of_volume)
     if coarse is None:

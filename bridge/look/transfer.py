@@ -7,6 +7,7 @@ group, as copies share a material, but has its own window.
 
 from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
+from ...rle_splat.scene.color import linear
 from .. import linked
 from ..data.decimals import rounded_to_span, typed, typed_tuple
 from ..data.playback import curves_of
@@ -14,7 +15,7 @@ from ..volumes import encoded
 from . import transfer_nodes as nodes
 from .mode_window import XRAY_ALPHA
 
-INVERTED = 1.0, 0.0  # grays of the low and the high end of the window
+GRAYS = tuple(step / 32 for step in range(33))  # sRGB; straight lines between them are off by 0.4 of 1/255 at most
 
 
 def window_of(properties) -> tuple[float, float]:
@@ -157,9 +158,9 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     Returns
     -------
     TransferFunction
-        With grays, the value at the low end of the window is black, and that at the high end white; inverted, the other
-        way round. In the mode X-ray the latter has the opacity XRAY_ALPHA per smallest spacing. All modes but MinIP
-        show the low end as transparent: the smallest value is that of air in most lines.
+        With grays, the sRGB gray over black is proportional to the value, from 0 at the low end of the window to 1 at
+        the high end; inverted, it is 1 less that, over white. In the mode X-ray the opacity is, up to XRAY_ALPHA per
+        smallest spacing. All modes but MinIP show the low end as transparent: most lines have the value of air.
 
     Raises
     ------
@@ -173,21 +174,24 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
         return own
     low, high = window_of(properties)
     first, last = gray_ends(properties)
-    opacity, color = ((low, 0.0), (high, XRAY_ALPHA if mode == "xray" else 1.0)), ((low, last, last, last),)
+    light = [(low + gray * (high - low), *linear((first + gray * (last - first),))) for gray in GRAYS]
+    opacity, color = [(value, abs(gray - first)) for value, gray in light], [(low, last, last, last)]
     if mode == "minip":
-        opacity, color = ((low, 1.0),), ((low, first, first, first), (high, last, last, last))
-    return TransferFunction(name=f"{own.name}, gray", unit=own.unit, opacity=opacity, color=color)
+        opacity, color = [(low, 1.0)], [(value, gray, gray, gray) for value, gray in light]
+    elif mode == "xray":
+        opacity = [(low, 0.0), (high, XRAY_ALPHA)]
+    return TransferFunction(name=f"{own.name}, gray", unit=own.unit, opacity=tuple(opacity), color=tuple(color))
 
 
 def gray_ends(properties) -> tuple[float, float]:
     """The grays of the low and the high end of the window; what absorbs in an X-ray is always white."""
-    return INVERTED if properties.use_inverted_grays and properties.mode != "xray" else (0.0, 1.0)
+    return (1.0, 0.0) if properties.use_inverted_grays and properties.mode != "xray" else (0.0, 1.0)
 
 
 def is_dark(properties) -> bool:
     """Whether a volume shows its highest values black, for a white background; reads properties only."""
     if properties.mode != MODES[0] and properties.use_grays:
-        return gray_ends(properties) == INVERTED
+        return gray_ends(properties)[0] == 1.0
     tree = properties.transfer
     if tree is None or not nodes.is_transfer_tree(tree) or properties.use_shading:
         return False

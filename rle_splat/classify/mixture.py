@@ -1,10 +1,5 @@
 """Labels and channels: voxels of one grid classified by several transfer functions (algorithm.md 4.2).
 
-if TYPE_CHECKING:
-    from ..scene import Labels
-    from ..volume.volume import Volume
-    from .transfer_function import TransferFunction
-
 A voxel's label selects its transfer function, or hides the voxel. Channels are added: extinctions add up, and colors
 are averaged by extinction, which is the sum of associated colors. Label numbers are never interpolated: each voxel is
 classified by its own label, or, beside an edge, by the functions that share it (``label_edges.py``). Samples between

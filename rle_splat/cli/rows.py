@@ -92,7 +92,7 @@ class ExrRows(_Rows):
         try:
             self._file.writePixels({name: plane.tobytes() for name, plane in planes.items()}, len(rgba))
         except OSError:  # of the package, without a number
-            raise OSError(errno.EIO, "not all of it could be written", str(self._path)) from None
+            raise OSError(errno.ENOSPC, "not all of it could be written", str(self._path)) from None
 
     def _close(self):
         with suppress(OSError):  # an incomplete file complains, and is deleted

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from ..scene import MODES, Quality, Scene
+import numpy as np
+
+from ..runtime.steps import rescale
+from ..scene import MODES, Quality, Rendering, Scene
 from ..scene.changed import change
 from .kind import Kind
 
@@ -21,6 +24,76 @@ def only_hides(scene: Scene) -> bool:
 def is_sampled(scene: Scene) -> bool:
     """Whether, post-classified, each sample of a scene looks up which label it belongs to."""
     return scene.labels is not None and not only_hides(scene)
+
+
+def split_light(scene: Scene) -> list[Scene]:
+    """The scenes of single channels whose pictures add up to that of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    list of Scene
+        The scene alone, unless it shows channels of microscopy, which have colors of their own, and lights none of
+        them.  Light that stained structures emit adds up; surfaces and a scan below a PET hide each other.
+    """
+    parts = (scene, *scene.channels)
+    is_light = (
+        _channels_called_for(scene, Quality())[0] and scene.effects.get("channels") is not False and scene.mist is None
+        and not scene.effects.get("shading")
+        and all(one.volume.color and one.transfer_function.shade is None for one in parts)
+        and all(np.array_equal(one.volume.affine, scene.volume.affine) for one in parts)
+    )  # fmt: skip
+    if not is_light:
+        return [scene]
+    off = {name: on for name, on in scene.effects.items() if not on}  # what is forced on may be of one channel alone
+    first = change(scene, channels=(), effects=off)
+    further = [
+        change(first, volume=one.volume, transfer_function=one.transfer_function, labels=None)
+        for one in scene.channels if is_shown(one.transfer_function)
+    ]  # fmt: skip
+    return [first, *further]
+
+
+def add_light_steps(scene: Scene, scenes: list[Scene], make_steps):
+    """Generator of Progress: the sum of the pictures of some scenes; returns its Rendering.
+
+    Parameters
+    ----------
+    scene : Scene
+    scenes : list of Scene
+        Its ``split_light``.
+    make_steps : callable
+        ``make_steps(scene)``: generator of Progress, returns the Rendering of a scene of one channel.
+
+    Notes
+    -----
+    Colors are summed and end at the opacity 1 - (1 - a1)(1 - a2)...: two saturated channels of red and green are
+    yellow, as in ImageJ's composites.  The depth is that of the nearest channel, the report that of the first with the
+    times of all.
+    """
+    if len(scenes) == 1:
+        return (yield from make_steps(scenes[0]))
+    color, opacity, depth, reports = 0.0, 0.0, np.full(1, np.inf, np.float32), []
+    for number, single in enumerate(scenes):
+        made = yield from rescale(make_steps(single), number / len(scenes), (number + 1) / len(scenes))
+        color, opacity = color + made.rgba[..., :3], opacity + (1.0 - opacity) * made.rgba[..., 3:]
+        depth = np.minimum(depth, made.depth)
+        reports.append(made.report)
+    stages = reports[-1]["stages_ms"]
+    row = {"on": True, "reason": _channels_called_for(scene, Quality())[1], "ms": stages["total"]}
+    row["ms"] -= reports[0]["stages_ms"]["total"]
+    effects = [{**one, **row} if one["name"] == "channels" else one for one in reports[0]["effects"]]
+    remarks = list(dict.fromkeys(remark for report in reports for remark in report["remarks"]))
+    report = {**reports[0], "effects": effects, "stages_ms": stages, "remarks": remarks}
+    return Rendering(np.concatenate((np.minimum(color, opacity), opacity), axis=-1), depth, report)
+
+
+def is_shown(function) -> bool:
+    """Whether a transfer function has any opacity."""
+    return max(alpha for _, alpha in function.opacity) > 0.0
 
 
 def _obstacle(scene: Scene) -> str:
@@ -47,8 +120,7 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
         return False, "the volume is the only channel"
     if reason := _obstacle(scene):
         return False, reason
-    shown = sum(max(alpha for _, alpha in channel.transfer_function.opacity) > 0.0 for channel in scene.channels)
-    if not shown:
+    if not any(is_shown(channel.transfer_function) for channel in scene.channels):
         return False, f"{len(scene.channels)} further channel(s) are fully transparent"
     return True, f"{len(scene.channels)} further channel(s) are added"
 

@@ -54,4 +54,6 @@ def begin_picture(source: Source, cache: StageCache, refuse_empty_view: bool, cl
     if not cache.has_plenty(needed):
         cache.make_room(needed)
         refuse_too_large(needed, right - left, bottom - top)
-    return Picture(wanted, source, view, rays, Work(cache.job(), clock, len(view.axes), needed))
+    volume = source.scene.volume
+    frame = volume.key if cache.keeps and volume.holds_values and volume.frames > 1 else None
+    return Picture(wanted, source, view, rays, Work(cache.job(frame), clock, len(view.axes), needed))

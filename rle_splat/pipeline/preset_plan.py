@@ -20,8 +20,8 @@ from .single_rays import can_trace
 from .source import Source
 from .stage_cache import StageCache
 
-# Costs this near to each other are equal: what they are depends that much on the day and on the scene.
-EQUAL_COSTS = 1.05
+# Costs this near to each other are equal: what they are depends more than that on the day and on the scene.
+EQUAL_COSTS = 1.1
 # Of a preset's aim, what a plan may be expected to err by. What is expected is the middle of the calibration scenes;
 # other scenes, under lamps, err up to 3 times as much.
 EXPECTED_SHARE = 0.4

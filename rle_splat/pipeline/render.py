@@ -21,9 +21,10 @@ Voxels are classified "pre", before they are interpolated, as in the paper: a re
 scalar, and codes of the normal and of the light that arrives; a sheet interpolates, classifies and lights them.  What
 is splatted, of either kind, is a *medium*.
 
-A blurred scene is the mean of several sharp pictures.  A sharp picture is a sum of *fades*: one, unless a parallel
-view lies between principal axes.  A fade has *passes*: one, unless meshes hide parts of pixels.  A pass has base
-planes: one, unless the rays of a perspective view belong to several axes.  A base plane has sheets.
+Channels of microscopy that are not lit have a picture each, which add up.  A blurred scene is the mean of several sharp
+pictures.  A sharp picture is a sum of *fades*: one, unless a parallel view lies between principal axes.  A fade has
+*passes*: one, unless meshes hide parts of pixels.  A pass has base planes: one, unless the rays of a perspective view
+belong to several axes.  A base plane has sheets.
 
 A stage that takes long is a generator of steps, so that whoever asks for the picture can show how far it is, and can
 cancel it by closing the generator.  Each stage is timed, here or in its own module.  A StageCache keeps what the
@@ -36,6 +37,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
+from ..effects.mixing import add_light_steps, split_light
 from ..runtime.steps import Clock, Progress, announce, drain
 from ..scene import Quality, Rendering, Scene
 from ..volume.volume import key_steps
@@ -89,7 +91,9 @@ def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None
     half-made stays in ``cache``.
     """
     clock = Clock()
-    steps = _average_steps(scene, quality, cache, refuse_empty_view, clock)
+    steps = add_light_steps(
+        scene, split_light(scene), lambda one: _average_steps(one, quality, cache, refuse_empty_view, clock)
+    )
     rendering, kernels = yield from watch_steps(steps, scene, clock)
     return replace(rendering, report={**rendering.report, "kernels": kernels})
 

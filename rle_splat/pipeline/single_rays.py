@@ -144,7 +144,7 @@ def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba,
         rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
         where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
         for first in range(0, len(where), RAYS_AT_ONCE):
-            yield Progress(0.95 + 0.04 * first / len(where), "Following single rays")
+            yield Progress(0.95 + 0.04 * first / len(where), "Computing exact pixels")
             rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
             pixels = columns + inner[1].start, rows + inner[0].start
             rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
@@ -160,4 +160,4 @@ def describe_rays(rays: dict | None) -> list[str]:
     """A report's ``rays`` as lines for people."""
     if not rays or not rays["pixels"]:
         return []
-    return [f"{rays['pixels']} pixels ({percent_text(rays['share'])}) by single rays"]
+    return [f"{rays['pixels']} pixels ({percent_text(rays['share'])}) are exact, by rays of their own"]

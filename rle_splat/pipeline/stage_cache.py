@@ -58,16 +58,20 @@ class StageCache:
     @property
     def nbytes(self) -> int:
         """Bytes of all stored results."""
-        return sum(size for _, size in self._results.copy().values())
+        return sum(size for _, size, _ in self._results.copy().values())
 
     @property
     def contents(self) -> tuple:
         """(stage, key) of every result, the least recently used first."""
         return tuple(self._results.copy())
 
-    def job(self) -> Job:
-        """A new job, which reads this cache and stores its own results in it when all of its work is done."""
-        return Job(self)
+    def job(self, frame=None) -> Job:
+        """A new job, which reads this cache and stores its own results in it when all of its work is done.
+
+        ``frame``: key of a volume in time, whose results are counted by themselves, so that a loop makes each frame
+        once, as far as there is memory.
+        """
+        return Job(self, frame)
 
     def has(self, stage: str, key) -> bool:
         """Whether a result of a stage is stored under a key."""
@@ -94,12 +98,12 @@ class StageCache:
             self._stale, self._free = now + FRESH, available_bytes()
         return needed < FEW * self._free
 
-    def _add(self, entry, result, size: int) -> None:
+    def _add(self, entry, result, size: int, frame) -> None:
         was_held = self._results.pop(entry, None) is not None
-        self._results[entry] = (result, size)
+        self._results[entry] = (result, size, frame)
         if was_held:
             return
-        alike = [other for other in self.contents if other[0] == entry[0]]
+        alike = [other for other, (*_, own) in self._results.copy().items() if (other[0], own) == (entry[0], frame)]
         for oldest in alike[: -MOST_RESULTS.get(entry[0], len(alike))]:
             self._drop(oldest)
 
@@ -117,8 +121,8 @@ class StageCache:
 class Job:
     """The stage results that one picture or one file uses: those of the cache, and those that it makes itself."""
 
-    def __init__(self, cache: StageCache):
-        self.cache = cache
+    def __init__(self, cache: StageCache, frame):
+        self.cache, self._frame = cache, frame
         self._used: dict = {}
 
     def has(self, stage: str, key) -> bool:
@@ -156,8 +160,8 @@ class Job:
     def keep(self) -> None:
         """Add everything that the job used to the cache; call it when the job is done."""
         if self.cache.keeps:
-            for entry, (result, size) in self._used.items():
-                self.cache._add(entry, result, size)
+            for entry, held in self._used.items():
+                self.cache._add(entry, *held)
             self.cache._trim()
 
     def _find(self, entry) -> bool:
@@ -168,4 +172,4 @@ class Job:
 
     def _note_made(self, entry, result, size) -> None:
         self.cache.made[entry[0]] = self.cache.made.get(entry[0], 0) + 1
-        self._used[entry] = (result, result.nbytes if size is None else size(result))
+        self._used[entry] = (result, result.nbytes if size is None else size(result), self._frame)

@@ -18,8 +18,8 @@ SIDE = 128  # pixels
 VOXELS = 128  # along the longest side of the volume that it is made from
 ROOM = 1.02  # height of the view over what is seen of the volume
 FLAT, ASIDE = 0.4, 50.0  # a volume flatter than this is seen from so many degrees above or aside, else from the front
-BEHIND = 0.012  # scene-linear gray behind the volume
-KIND = "2"  # of pictures; another one for each change that makes old pictures wrong
+BEHIND, BEHIND_BLACK = 0.012, 0.8  # scene-linear gray behind the volume, and behind one whose highest values are black
+KIND = "3"  # of pictures; another one for each change that makes old pictures wrong
 # An unshaded function of one color is for projections (the preset "window"); composited, it would be a flat shape.  Its
 # opacities are brought down to at most this optical depth over the longest side.
 DEPTH = 3.0
@@ -62,6 +62,7 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
         sRGB, row 0 at the top.
     """
     camera, matrix = _front(small)
+    behind = BEHIND if function.shade is not None or any(function.color[-1][1:]) else BEHIND_BLACK
     flat = function.shade is None and len({tuple(rgb) for _, *rgb in function.color}) == 1
     shade = function.shade or Shade(1.0, 0.0, FAINT, 1.0)
     function = replace(
@@ -77,7 +78,7 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
     # On one thread no kernel waits for a second core: beside other work that took 15 ms of each, 180 in place of 40 ms.
     quality = Quality.preset("draft", name="thumbnail", threads=1)
     rendering = yield from render_steps(scene, quality, cache, refuse_empty_view=False)
-    rgb = rendering.rgba[..., :3] + BEHIND * (1.0 - rendering.rgba[..., 3:])
+    rgb = rendering.rgba[..., :3] + behind * (1.0 - rendering.rgba[..., 3:])
     return np.rint(255.0 * to_display(rgb)).astype(np.uint8)
 
 

@@ -26,12 +26,38 @@ LEAST_MAPPED = 1 << 28  # bytes of voxels from which a file is mapped: a smaller
 EXPANSION = {None: 1, "gzip": DEFLATE_LIMIT, "zlib": DEFLATE_LIMIT, "bzip2": BZIP2_LIMIT}  # packing -> largest factor
 
 
+BOOKMARKS = 64  # 40 KB each
+_bookmarks: dict = {}  # (file, unpacked bytes before) -> packed bytes before, decoder
+
+
 class _InflatedStream:
-    """Unpacked bytes of a gzip or zlib stream; the members of a gzip file follow one another."""
+    """Unpacked bytes of a gzip or zlib stream; the members of a gzip file follow one another.
+
+    A packed stream can only be read from its begin on.  Bookmarks are where earlier ones of the same file ended: frames
+    in turn are unpacked once each.
+    """
 
     def __init__(self, stream, window: int):
         self._stream, self._window = stream, window
         self._decoder, self._input = zlib.decompressobj(window), b""
+        status = os.fstat(stream.fileno())
+        self._file = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, stream.tell()
+        self._position = 0
+
+    def go_to_bookmark(self, position: int) -> int:
+        """Go on at the last bookmark up to a position of the unpacked bytes; return where it is, 0 without one."""
+        self._position = max((at for file, at in list(_bookmarks) if file == self._file and at <= position), default=0)
+        if self._position:
+            packed, decoder = _bookmarks[self._file, self._position]
+            self._stream.seek(packed)
+            self._decoder = decoder.copy()
+        return self._position
+
+    def put_bookmark(self) -> None:
+        """Let later streams of the file go on here."""
+        _bookmarks[self._file, self._position] = self._stream.tell() - len(self._input), self._decoder.copy()
+        if len(_bookmarks) > BOOKMARKS:
+            del _bookmarks[next(iter(_bookmarks))]
 
     def readinto(self, view) -> int:
         """Fill a view with up to its length of bytes; return how many, 0 at the end."""
@@ -50,6 +76,7 @@ class _InflatedStream:
                 raise EOFError
             if data:
                 view[: len(data)] = data
+                self._position += len(data)
                 return len(data)
 
 
@@ -270,8 +297,12 @@ def _part_steps(part: Part, begin: int, target: np.ndarray, doing: str):
     """Generator of Progress: fill an array with the bytes of a part from ``begin`` on."""
     before = part.skip + begin
     with open_stream(part.path, part.offset + (0 if part.packing else before), part.packing) as source:
-        yield from skip_steps(part.path, source, before if part.packing else 0, doing)
+        inflates = isinstance(source, _InflatedStream)
+        begun = source.go_to_bookmark(before) if inflates else 0
+        yield from skip_steps(part.path, source, before - begun if part.packing else 0, doing)
         yield from fill_steps(part.path, source, target, doing)
+        if inflates:
+            source.put_bookmark()
         if part.packing:
             source.readinto(memoryview(bytearray(1)))  # at its end a packed stream compares its checksum
 

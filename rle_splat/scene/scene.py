@@ -119,7 +119,8 @@ class Scene:
         Amount, 0 to 1, of light that is scattered on its way from lamps that cast shadows; ``post`` alone has it.
     labels : Labels or None
     channels : tuple of Channel
-        Further volumes on the same grid. Extinctions are added; colors are averaged by extinction.
+        Further volumes on the same grid. Extinctions are added; colors are averaged by extinction, or added where the
+        volumes have colors and no transfer function shades.
     reasons_off : dict of str to str
         Effect name -> why the scene was made without it, for reports only.
 

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import paper
+from benchmarks import paper, records
 from benchmarks.data_sets import PAPER, stand_in
 from benchmarks.paper_words import explain, table_1, table_2
+from benchmarks.records import compare_records
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.jit import compiled
 from rle_splat.runtime.steps import Clock
+from rle_splat.scene import Quality
 from rle_splat.splat.pixel_block import BLOCK
 
 from benchmarks.frames import view_scene  # isort: skip
@@ -41,6 +43,16 @@ def test_memory_differs_between_record_sizes_by_the_records_alone(row):
     nx, ny, nz = row["shape_xyz"]
     # Scanlines run along x under principal z and y, along y under principal x: 4 bytes each.
     assert memory[16]["scanline_pointers"] == 4 * (2 * ny * nz + nx * nz)
+
+
+def test_shorter_records_err_little(small):
+    scenes, quality = [view_scene(*small, (20, 10), 24, shaded=False)], Quality.preset("standard", threads=1)
+    rows = compare_records(scenes, quality, probes=9, repeats=1)
+    assert [row["record"] for row in rows] == [16, 8]
+    best, short = (row["against_16"]["largest"] for row in rows)
+    assert best == 0.0 < short < 1.0  # where a linear alpha of 8 bits is 59 levels off
+    assert 0.0 < abs(rows[0]["t1"]["largest"] - rows[1]["t1"]["largest"]) <= short + 1e-9
+    assert f"{short:.2f}" in records.line("somebody", "standard", rows) and "8 B against 16" in records.header()
 
 
 def test_bound_is_one_over_p(row):

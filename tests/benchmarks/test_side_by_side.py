@@ -14,6 +14,8 @@ from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality
 
+TITLE = round(24 * side_by_side.TITLE)
+
 pytestmark = pytest.mark.skipif(not compiled(), reason="slow without kernels")
 
 
@@ -31,16 +33,16 @@ def small(tmp_path, monkeypatch):
 
 def test_pictures_are_kept_and_joined(small, capsys):
     image = pytest.importorskip("PIL.Image")
-    side_by_side.draw("ours", ["shells"], 0.0)
+    side_by_side.draw("ours", ["shells"], 0.0, 24)
     with np.load(small / "shells-ours.npz") as kept:
         ours, seconds = kept["rgba"], float(kept["seconds"])
     assert ours.shape == (24, 24, 4) and ours[..., 3].max() > 0.5 and seconds > 0.0
     np.savez(small / "shells-cycles.npz", rgba=ours * (0.25, 0.25, 0.25, 1.0), seconds=60.0)
     side_by_side.join(["shells"], ["ours", "cycles"], small / "sheet.png", 80)
     sheet = np.asarray(image.open(small / "sheet.png")).astype(int)
-    assert sheet.shape == (24 + side_by_side.TITLE, 48, 3)
+    assert sheet.shape == (24 + TITLE, 48, 3)
     # Cycles' picture is made as bright.
-    assert np.abs(sheet[side_by_side.TITLE :, 24:] - sheet[side_by_side.TITLE :, :24]).max() <= 1
+    assert np.abs(sheet[TITLE:, 24:] - sheet[TITLE:, :24]).max() <= 1
     assert '"cycles": 60.0' in capsys.readouterr().out
 
 
@@ -48,10 +50,10 @@ def test_crops_are_twice_as_large(small, monkeypatch):
     image = pytest.importorskip("PIL.Image")
     monkeypatch.setattr(side_by_side, "CROP", 12)
     monkeypatch.setattr(side_by_side, "CROPS", {"part": ("shells", 6, 8)})
-    side_by_side.draw("ours", ["shells"], 0.0)
+    side_by_side.draw("ours", ["shells"], 0.0, 24)
     side_by_side.join(["shells"], ["ours"], small / "whole.png", 80)
     side_by_side.join_crops(["ours"], small / "crops.png", 80)
-    whole, crops = (np.asarray(image.open(small / f"{name}.png"))[side_by_side.TITLE :] for name in ("whole", "crops"))
+    whole, crops = (np.asarray(image.open(small / f"{name}.png"))[TITLE:] for name in ("whole", "crops"))
     np.testing.assert_array_equal(crops[::2, ::2], whole[8:20, 6:18])
     assert crops.shape == (24, 24, 3) and crops.std() > 10.0
 
@@ -59,7 +61,7 @@ def test_crops_are_twice_as_large(small, monkeypatch):
 def test_a_sheet_of_presets(small):
     image = pytest.importorskip("PIL.Image")
     side_by_side.join_presets(["shells: own"], small / "sheet.png", 80)
-    assert np.asarray(image.open(small / "sheet.png"))[side_by_side.TITLE :, :24].std() > 10.0
+    assert np.asarray(image.open(small / "sheet.png"))[TITLE:, :24].std() > 10.0
 
 
 def test_a_volume_whose_first_slice_is_on_top_is_turned(monkeypatch):

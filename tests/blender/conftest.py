@@ -27,20 +27,25 @@ if HAS_BPY:
 else:
     collect_ignore_glob = ["test_*.py"]
 
-# The files whose tests also run in Blender's older versions, where ``dev.py test`` runs the tests marked every_blender
-# only: of what Blender does otherwise in another version.
+# The files whose tests also run in Blender's older versions: those marked every_blender in each, and those marked
+# long_term in 4.5 and 5.2, which have long-term support.  They test what differs between versions.
 EVERY_BLENDER = {
     # The zip: installation, registration, the kernels' Python, files of earlier versions of the extension.
     "test_register.py", "test_package.py", "test_kernels.py", "test_migration.py", "test_documented_script.py",
-    # Blender's data: undo, files, linked and copied datablocks, handlers, keyframes, color spaces, OpenVDB.
-    "test_persistence.py", "test_linked.py", "test_images.py", "test_animation.py", "test_motion.py",
-    "test_transfer.py", "test_import.py", "test_vdb.py",
-    # Renders: Cycles, EEVEE, compositors, view layers, the world's nodes.
-    "test_composite.py", "test_view_layers.py", "test_world_light.py", "test_mesh_shadows.py", "test_camera.py",
-    # The interface: panels, viewports, what they leave in the depth buffer.
-    "test_panels.py", "test_viewports.py", "test_live_switch.py", "test_live_bad_input.py",
-    # What users do to a file, with each operator: every situation of the catalogue of hard cases.
-    "test_situations_copies.py", "test_situations_deletion.py", "test_situations_edits.py", "test_situations_files.py",
+    # Blender's data: undo, files, linked and copied datablocks, handlers, color spaces.
+    "test_persistence.py", "test_linked.py", "test_images.py",
+    # Compositors and view layers; panels; each operator, with what users do to a file meanwhile.
+    "test_composite.py", "test_view_layers.py", "test_panels.py", "test_situations_edits.py",
+}  # fmt: skip
+LONG_TERM = {
+    # Blender's data: keyframes, dialogs, OpenVDB.
+    "test_animation.py", "test_motion.py", "test_transfer.py", "test_import.py", "test_vdb.py",
+    # Renders: Cycles, EEVEE, the world's nodes.
+    "test_world_light.py", "test_mesh_shadows.py", "test_camera.py",
+    # The interface: viewports, and what they leave in the depth buffer.
+    "test_viewports.py", "test_live_switch.py", "test_live_bad_input.py",
+    # What users do to a file: every other situation of the catalogue of hard cases.
+    "test_situations_copies.py", "test_situations_deletion.py", "test_situations_files.py",
     "test_situations_identity.py", "test_situations_renders.py", "test_situations_stale.py",
     "test_situations_window.py", "test_messages.py", "test_modes.py", "test_switches.py",
 }  # fmt: skip
@@ -51,8 +56,9 @@ _status = [0]
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
     for item in items:
-        if item.path.parent == Path(__file__).parent and item.path.name in EVERY_BLENDER:
-            item.add_marker("every_blender")
+        for mark, files in (("every_blender", EVERY_BLENDER), ("long_term", LONG_TERM)):
+            if item.path.parent == Path(__file__).parent and item.path.name in files:
+                item.add_marker(mark)
 
 
 def pytest_report_header():

@@ -71,8 +71,6 @@ def march(path):
     cycles = scenes.use_cycles(SIZE, samples=24).cycles
     cycles.filter_width = 0.01
     cycles.volume_step_rate, cycles.volume_max_steps = 0.1, 4096
-    if hasattr(cycles, "volume_biased"):  # from 5.0 on marching is a choice
-        cycles.volume_biased = True
     return scenes.rendered(path).astype(np.float64)
 
 

@@ -15,14 +15,12 @@ SIZE = (24, 20)
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     """A ball that grows denser inwards, seen obliquely in perspective."""
     z, y, x = np.mgrid[:8, :8, :8] - 3.5
     voxels = np.clip(255.0 - 62.0 * np.sqrt(x**2 + y**2 + z**2), 0.0, 255.0).astype(np.uint8)
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (255.0, 0.5)), (0.9, 0.5, 0.2))
     scenes.add_camera((3.5, -5.5, 15.0), (0.6, 0.0, 0.0))
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = SIZE
     return owner

@@ -12,11 +12,9 @@ PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     return owner
 
@@ -76,7 +74,7 @@ def test_a_camera_that_sees_nothing(volume, operator):
 def test_a_volume_scaled_to_nothing(volume, operator):
     scenes.add_camera()
     volume.scale = (1.0, 0.0, 1.0)
-    assert "singular" in refusal(operator).lower() or "scale" in refusal(operator).lower()
+    assert "give it a scale other than zero on every axis" in refusal(operator)
 
 
 @pytest.mark.parametrize("operator", PICTURE_OPERATORS)
@@ -116,7 +114,7 @@ def test_stereoscopy(volume, operator):
     assert "stereoscopy" in refusal(operator)
 
 
-def test_a_blank_transfer_function_warns(volume, bridge, core):
+def test_a_blank_transfer_function_warns(volume):
     """Blank is allowed, and said: the picture is made and the report explains it."""
     scenes.add_camera((4.0, 4.0, 30.0))
     volume.rle_splat.opacity_scale = 0.0
@@ -179,11 +177,12 @@ def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
     np.testing.assert_allclose(scenes.image_pixels(settings.image), compiled, atol=1e-5)
 
 
-@pytest.mark.parametrize("content", ['{"opacity": [], "color": [[0, 1, 1, 1]]}', "{}", "{not json"])
-def test_an_empty_transfer_function(volume, tmp_path, content):
+@pytest.mark.parametrize("content, words", [
+    ('{"opacity": [], "color": [[0, 1, 1, 1]]}', "opacity"), ("{}", "opacity"), ("{not json", "empty.json"),
+])  # fmt: skip
+def test_an_empty_transfer_function(volume, tmp_path, content, words):
     path = tmp_path / "empty.json"
     path.write_text(content)
     before = volume.rle_splat.transfer_name
-    sentence = refusal("load_transfer", filepath=str(path))
-    assert "empty.json" in sentence or "opacity" in sentence
+    assert words in refusal("load_transfer", filepath=str(path))
     assert volume.rle_splat.transfer_name == before

@@ -5,14 +5,13 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from tests.blender import scenes
 from tests.blender.scenes import add_camera, add_white_floor, import_raw, load_color, picture_of, rendered, use_cycles
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(250.0 - 35.0 * np.sqrt(sum((axis - 6.0) ** 2 for axis in np.mgrid[:13, :13, :13])), 0.0, 255.0).astype(
-    np.uint8
-)
+BALL = scenes.ball(13, 35.0)
 COLOR = (0.8, 0.3, 0.1)
 
 
@@ -22,8 +21,6 @@ def ball(addon, tmp_path):
     scene = use_cycles((SIZE, SIZE), samples=12)
     scene.cycles.filter_width = 0.01
     scene.cycles.volume_step_rate = 0.2
-    if hasattr(scene.cycles, "volume_biased"):
-        scene.cycles.volume_biased = True  # otherwise Cycles takes seconds to begin
     owner = import_raw(tmp_path, BALL)
     load_color(tmp_path, COLOR, alpha=0.15)
     scene.rle_splat.quality, scene.rle_splat.classification = "fine", "pre"

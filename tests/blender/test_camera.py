@@ -80,7 +80,7 @@ CAMERAS = {
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
+def test_a_voxel_is_where_cycles_shows_a_sphere(tmp_path, name):
     """A tiny emissive sphere and one opaque voxel at the same place agree to 0.1 pixel."""
     camera_settings, render_settings, parent_scale = CAMERAS[name]
     place = np.array((0.37, -0.21, 0.13))
@@ -103,9 +103,7 @@ def test_a_voxel_is_where_cycles_shows_a_sphere(bridge, core, tmp_path, name):
     spacing = 0.07
     owner = scenes.import_raw(tmp_path, voxels, (spacing,) * 3)
     owner.location = place - 2.0 * spacing
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (255.0, 1.0)), (1.0, 1.0, 1.0))
     scene.rle_splat.quality = "fine"
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     ours = scenes.image_pixels(scene.rle_splat.image)[..., 3]

@@ -15,14 +15,12 @@ RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.2, 0.9)
 
 
 @pytest.fixture
-def pair(bridge, core, tmp_path):
+def pair(tmp_path):
     """Two homogeneous cubes on one grid, red and blue, the first active; seen from above."""
     made = []
     for name, color in (("second", BLUE), ("first", RED)):
         made.append(scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name))
-        scenes.give_transfer(
-            bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, made[-1],
-            ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)  # fmt: skip
+        scenes.give_transfer(made[-1], ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), color)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
@@ -72,12 +70,10 @@ def test_extinctions_add_and_colors_by_their_share(pair):
     np.testing.assert_array_equal(middle(), alone)
 
 
-def test_the_channels_own_transfer_function_counts(pair, bridge, core):
+def test_the_channels_own_transfer_function_counts(pair):
     second = pair[1]
     bpy.ops.rle_splat.add_channels()
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, second,
-        ((0.0, 0.0), (255.0, 0.0)), BLUE)  # fmt: skip
+    scenes.give_transfer(second, ((0.0, 0.0), (255.0, 0.0)), BLUE)
     np.testing.assert_allclose(middle()[:3] / middle()[3], RED, atol=5e-3)
     assert "fully transparent" in reported("channels")["reason"]
 

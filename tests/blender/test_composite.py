@@ -26,11 +26,9 @@ TOLERANCE = 1.0 / 255.0
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.use_cycles()
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=VIEW)
@@ -347,7 +345,7 @@ def test_of_several_effects_the_first_gets_the_picture(volume, bridge):
 
 
 @pytest.mark.skipif(bpy.app.version < (5, 3, 0), reason="a scene has one compositor tree")
-def test_where_all_effects_are_off_one_is_made_and_taken_away(volume, bridge):
+def test_where_all_effects_are_off_one_is_made_and_taken_away(volume):
     effects = bpy.context.scene.compositor_effects
     off = effects.new(name="off")
     off.node_group, off.enable_for_render = bpy.data.node_groups.new("off", "CompositorNodeTree"), False

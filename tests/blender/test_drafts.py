@@ -21,15 +21,13 @@ SIZE = 48
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     """A ball and a box, off the middle and different along every axis, 80 voxels wide."""
     z, y, x = np.indices((70, 64, 80))
     voxels = np.where((x - 28) ** 2 + (y - 36) ** 2 + (z - 30) ** 2 < 22**2, 60, 0).astype(np.uint8)
     voxels[10:30, 5:20, 50:72] = 200
     owner = scenes.import_raw(tmp_path, voxels, name="ball")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, 0.0), (51.0, 0.01), (255.0, 0.03)), (0.9, 0.5, 0.2))
     scenes.add_camera((40.0, 32.0, 200.0), type="ORTHO", ortho_scale=100.0)
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = SIZE
     return owner

@@ -7,26 +7,19 @@ import bpy
 import numpy as np
 import pytest
 
-from tests.blender.scenes import add_camera, add_mesh, import_raw
+from tests.blender import scenes
+from tests.blender.scenes import add_mesh
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
 
 
 @pytest.fixture
 def scene(addon, tmp_path):
     """A ball seen from above through a small frame, with no light of its own."""
-    import_raw(tmp_path, BALL)
-    add_camera(location=(0.0, 0.0, 40.0))
-    found = bpy.context.scene
-    found.render.resolution_x = found.render.resolution_y = SIZE
-    found.render.resolution_percentage = 100
-    found.rle_splat.quality = "draft"
-    return found
+    scenes.ball_scene(tmp_path)
+    return bpy.context.scene
 
 
 def picture(scene, **options):

@@ -26,12 +26,10 @@ def ball():
 
 
 @pytest.fixture
-def scan(bridge, core, tmp_path):
+def scan(tmp_path):
     """The scan that is encoded, unshaded, in a scene with a camera; kernels are not compiled."""
     owner = scenes.import_raw(tmp_path, ball(), (1.0, 2.0, 1.0), "ball")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (60.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (60.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))
     scenes.add_camera((5.5, 11.0, 60.0), type="ORTHO", ortho_scale=30.0)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
@@ -70,8 +68,7 @@ def picture_of(owner):
         other.select_set(False)
     owner.select_set(True)
     bpy.context.view_layer.objects.active = owner
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    return scenes.picture()
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -11,23 +11,14 @@ from mathutils import Matrix
 
 from tests.blender import scenes
 
-SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
+BALL = scenes.ball()
 SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
 
 
 @pytest.fixture
 def ball(addon, tmp_path):
     """A ball of 11 mm seen from the patient's head by an orthographic camera that shows 20 mm."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0), type="ORTHO", ortho_scale=20.0)
-    scene = bpy.context.scene
-    scene.render.resolution_x = scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = 100
-    scene.rle_splat.quality = "draft"
-    return found
+    return scenes.ball_scene(tmp_path, type="ORTHO", ortho_scale=20.0)
 
 
 def texts_of(path) -> list[str]:

@@ -8,21 +8,14 @@ from tests.blender import scenes
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
-SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
 GREEN = (0.3, 0.9, 0.5)
 
 
 @pytest.fixture
 def volume(addon, tmp_path):
     """A ball seen from above."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0))
-    scenes.use_cycles((SIZE, SIZE))
-    bpy.context.scene.rle_splat.quality = "draft"
-    return found
+    scenes.use_cycles((24, 24))
+    return scenes.ball_scene(tmp_path)
 
 
 def material(kind="ShaderNodeBsdfGlass", **values):
@@ -47,11 +40,6 @@ def add_lid(surface, name="lid"):
     lid = scenes.add_mesh([(-50, -50, 20), (50, -50, 20), (50, 50, 20), (-50, 50, 20)], [(0, 1, 2, 3)], name=name)
     lid.data.materials.append(surface)
     return lid
-
-
-def pixels():
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
 
 
 @pytest.mark.parametrize(
@@ -116,9 +104,9 @@ def test_glass_and_opaque_faces_of_one_mesh_are_told_apart(volume, bridge):
 
 
 def test_a_lid_of_glass_tints_every_picture(volume, tmp_path):
-    alone = pixels()
+    alone = scenes.picture()
     lid = add_lid(glass())
-    np.testing.assert_allclose(pixels(), alone * (*GREEN, 1.0), atol=1e-6)
+    np.testing.assert_allclose(scenes.picture(), alone * (*GREEN, 1.0), atol=1e-6)
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
     rows = bpy.context.scene.rle_splat.effect_rows
     assert rows["glass"].on and not rows["mesh occlusion"].on
@@ -128,14 +116,14 @@ def test_a_lid_of_glass_tints_every_picture(volume, tmp_path):
     np.testing.assert_allclose(scenes.image_pixels(settings.composite_image), alone * (*GREEN, 1.0), atol=1e-6)
     lid.data.materials[0] = material("ShaderNodeBsdfDiffuse")
     scenes.update()
-    assert pixels()[..., 3].max() == 0.0
+    assert scenes.picture()[..., 3].max() == 0.0
     settings.meshes_occlude = False
-    np.testing.assert_array_equal(pixels(), alone)
+    np.testing.assert_array_equal(scenes.picture(), alone)
 
 
 def test_a_maximum_error_is_kept_through_glass(volume):
     settings = bpy.context.scene.rle_splat
     settings.use_tolerance = True
-    alone = pixels()
+    alone = scenes.picture()
     add_lid(glass())
-    np.testing.assert_allclose(pixels(), alone * (*GREEN, 1.0), atol=2.0 / 255.0)
+    np.testing.assert_allclose(scenes.picture(), alone * (*GREEN, 1.0), atol=2.0 / 255.0)

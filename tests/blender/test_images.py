@@ -15,14 +15,12 @@ COLOR = (0.9, 0.5, 0.2)
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     """Opaque on a slab of half the height, so that up is up."""
     voxels = np.zeros((9, 9, 9), np.uint8)
     voxels[:, 5:, :] = 200
     owner = scenes.import_raw(tmp_path, voxels, name="slab")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.5)), COLOR)  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (255.0, 0.5)), COLOR)
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 40
     return owner
@@ -130,7 +128,7 @@ def test_a_folder_that_cannot_be_written_packs_and_says_so(volume, tmp_path):
     np.testing.assert_array_equal(scenes.image_pixels(bpy.context.scene.rle_splat.image), before)
 
 
-def test_render_image(volume, bridge):
+def test_render_image(volume):
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     settings = bpy.context.scene.rle_splat
     picture, depth = scenes.image_pixels(settings.image), scenes.image_pixels(settings.depth_image)[..., 0]

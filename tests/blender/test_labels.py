@@ -15,12 +15,10 @@ COLOR = (0.9, 0.5, 0.2)
 
 
 @pytest.fixture
-def owner(bridge, core, tmp_path):
+def owner(tmp_path):
     """A homogeneous cube whose left third is labeled 3, the rest 0; seen from above."""
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
@@ -30,11 +28,6 @@ def owner(bridge, core, tmp_path):
     labels.tofile(path)
     owner.rle_splat.label_file = str(path)
     return owner
-
-
-def picture():
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
 
 
 def column_of(x):
@@ -47,30 +40,30 @@ def reported():
 
 def test_labels_are_listed_hidden_and_colored(owner):
     rows = owner.rle_splat.labels
-    before = picture()
+    before = scenes.picture()
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Label 3")]
-    np.testing.assert_array_equal(picture(), before)
+    np.testing.assert_array_equal(scenes.picture(), before)
     assert reported()["plan"]["classification"] == "post", "nothing asks for more than one transfer function"
 
     rows[1].use_color, rows[1].color = True, (0.0, 0.0, 1.0)
-    blue = picture()
+    blue = scenes.picture()
     left, right = (blue[20:28, column_of(x)].mean(axis=0) for x in (1.0, 6.0))
     assert left[2] == pytest.approx(left[3], abs=0.01) and left[0] < 0.01 < 0.3 < left[3]
     np.testing.assert_allclose(right[:3], right[3] * np.array(COLOR), atol=0.01)
     assert reported()["plan"]["classification"] == "post"
 
     rows[1].show = False
-    hidden = picture()[20:28]
+    hidden = scenes.picture()[20:28]
     assert hidden[:, column_of(0.5), 3].max() < 0.01 < 0.3 < hidden[:, column_of(6.0), 3].min()
     owner.rle_splat.smooth_labels = False
-    assert np.abs(picture()[20:28] - hidden).max() > 0.02
+    assert np.abs(scenes.picture()[20:28] - hidden).max() > 0.02
     rows[1].label_name = "liver"
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert rows[1].label_name == "liver" and not rows[1].show, "what was said of a label stays"
 
 
-def test_label_maps_are_read_in_steps(owner, bridge, core):
+def test_label_maps_are_read_in_steps(owner, bridge):
     """What a window reads first, in slices of work, and what Esc leaves: nothing."""
     loading, store, volumes = (bridge(name) for name in ("volumes.loading", "loop.store", "volumes.volumes"))
 
@@ -110,7 +103,7 @@ def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, ref
 def test_a_preset_for_a_label(owner):
     bpy.ops.rle_splat.read_labels()
     owner.rle_splat.labels[1].look = "smoke"
-    changed = picture()[20:28]
+    changed = scenes.picture()[20:28]
     np.testing.assert_allclose(changed[:, column_of(6.0), :3], changed[:, column_of(6.0), 3:] * COLOR, atol=0.01)
     assert np.abs(changed[:, column_of(1.0), :3] - changed[:, column_of(1.0), 3:] * COLOR).max() > 0.02
 
@@ -126,16 +119,16 @@ def test_what_is_no_file_of_labels_is_refused_in_a_sentence(owner, refused, tmp_
     refused(bpy.ops.rle_splat.read_labels, "729 different values")
 
 
-def test_the_path_of_the_labels_follows_the_blend(owner, bridge, tmp_path):
+def test_the_path_of_the_labels_follows_the_blend(owner, tmp_path):
     bpy.ops.rle_splat.read_labels()
     owner.rle_splat.labels[1].show = False
-    before = picture()
+    before = scenes.picture()
     folder = tmp_path / "elsewhere"
     folder.mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "a.blend"))
     assert scenes.stored(folder / "a.blend", "objects", owner.name).rle_splat.label_file.startswith("//")
     bpy.ops.wm.open_mainfile(filepath=str(folder / "a.blend"))
-    np.testing.assert_array_equal(picture(), before)
+    np.testing.assert_array_equal(scenes.picture(), before)
 
 
 def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_path):

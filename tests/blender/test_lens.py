@@ -10,20 +10,11 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 
 
 @pytest.fixture
-def blot(tmp_path, core, bridge):
+def blot(tmp_path):
     """A soft blot of a medium about the world's origin, drawn 48 pixels wide by a camera 4 units before it."""
-    position = np.arange(-6.0, 7.0)
-    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
-    found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
-    function = core("classify.transfer_function").TransferFunction
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0)
-    )
-    found.location = (-0.12, -0.12, -0.12)
-    scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
+    found = scenes.blot_scene(tmp_path)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 96
-    bpy.context.scene.rle_splat.lighting = "NONE"
     return found
 
 

@@ -14,13 +14,11 @@ UNITS = {"bytes": 1, "KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30}
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     """A ball that fills a fifth of 48 voxels cubed, under a function that shows the ball alone."""
     at = np.indices((48, 48, 48)) - 23.5
     owner = scenes.import_raw(tmp_path, np.where((at**2).sum(axis=0) < 17.5**2, 180, 20).astype(np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (100.0, 0.0), (150.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     scenes.add_camera((23.5, 23.5, 150.0))
     return owner

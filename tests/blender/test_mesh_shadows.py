@@ -41,14 +41,6 @@ def add_sun(slant=math.pi / 4.0):
     return light
 
 
-def march_volumes():
-    """Have Cycles march volumes, four steps a voxel: from 5.0 on it takes seconds to begin otherwise."""
-    cycles = bpy.context.scene.cycles
-    cycles.volume_step_rate = 0.25
-    if hasattr(cycles, "volume_biased"):
-        cycles.volume_biased = True
-
-
 @pytest.fixture
 def slab(grids_in_cycles, addon, tmp_path):
     """A slab of 12 x 12 x 4 voxels over a floor, from x = 0.5 and z = 14.5 on, included in renders.
@@ -58,7 +50,7 @@ def slab(grids_in_cycles, addon, tmp_path):
     voxels = np.zeros((6, 14, 14), np.uint8)
     voxels[1:5, 1:13, 1:13] = 100
     scene = use_cycles((SIZE, SIZE), samples=16)
-    march_volumes()
+    bpy.context.scene.cycles.volume_step_rate = 0.25  # four steps a voxel
     owner = import_raw(tmp_path, voxels)
     load_color(tmp_path, COLOR, alpha=ALPHA)
     owner.location = (0.0, 0.0, 14.0)
@@ -136,7 +128,7 @@ def test_the_camera_does_not_see_the_grid(slab, tmp_path):
 
 def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(grids_in_cycles, addon, tmp_path):
     """An opaque red cube beside a mirror that leans by 45 degrees, in which the camera above sees it."""
-    march_volumes()
+    bpy.context.scene.cycles.volume_step_rate = 0.25  # four steps a voxel
     owner = cube_scene(tmp_path, size=(16, 16), alpha=1.0)
     owner.location = (-20.0, 0.0, 0.0)
     mirror = add_mesh([(0, -3, 0), (6, -3, 6), (6, 9, 6), (0, 9, 0)], [(0, 1, 2, 3)])
@@ -189,7 +181,7 @@ def test_the_shadow_follows_edits_and_frames(slab, tmp_path, grid):
 def cube(addon, tmp_path):
     """A cube over a floor under a sun, included in renders; its grid is there, and no file yet."""
     owner = cube_scene(tmp_path, size=(4, 4))
-    march_volumes()
+    bpy.context.scene.cycles.volume_step_rate = 0.25  # four steps a voxel
     floor = add_white_floor(9.0)
     floor.location.z = -3.0
     add_sun()
@@ -386,7 +378,7 @@ def test_a_linked_volume_casts_its_shadow_and_a_linked_scene_says_why_not(cube, 
     for one in into.objects:
         bpy.context.scene.collection.objects.link(one)
     use_cycles((4, 4))
-    march_volumes()
+    bpy.context.scene.cycles.volume_step_rate = 0.25  # four steps a voxel
     bpy.context.scene.rle_splat.scene_scale = 1.0
     add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.view_layer.objects.active = into.objects[0]

@@ -21,11 +21,9 @@ STRIPES = ((1.0, 0.0, 0.6, 1.0), (0.02, 0.02, 0.02, 1.0))
 
 
 @pytest.fixture
-def volume(bridge, core, tmp_path):
+def volume(tmp_path):
     owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
     scene = scenes.use_cycles((16, 16))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=4.0)
@@ -338,11 +336,9 @@ def test_nodes_that_the_user_moved_into_a_group_are_still_found(volume, bridge, 
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
 
 
-def test_B34_a_volume_one_voxel_thick_under_post_classification(bridge, core, tmp_path, capfd):
+def test_B34_a_volume_one_voxel_thick_under_post_classification(tmp_path, capfd):
     owner = scenes.import_raw(tmp_path, np.full((1, N, N), 100, np.uint8))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
     scenes.use_cycles((16, 16))
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=4.0)
     bpy.context.scene.rle_splat.classification = "post"
@@ -387,11 +383,9 @@ def test_B22_a_volume_deleted_by_the_user_or_from_python(volume, tmp_path, remov
     )
 
 
-def test_B23_a_deleted_channel_is_not_drawn(volume, bridge, core, tmp_path):
+def test_B23_a_deleted_channel_is_not_drawn(volume, tmp_path):
     other = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="other")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, other,
-        ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))  # fmt: skip
+    scenes.give_transfer(other, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
     volume.rle_splat.channels.add().source = other
     bpy.context.view_layer.objects.active = volume
     settings = composite()

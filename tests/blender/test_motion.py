@@ -15,19 +15,10 @@ FRAME = 4
 
 
 @pytest.fixture
-def blot(tmp_path, bridge, core):
+def blot(tmp_path):
     """A soft blot of a medium about the world's origin, through a camera 4 units before it; Motion Blur is on."""
-    position = np.arange(-6.0, 7.0)
-    square = position**2 + (position**2)[:, None] + (position**2)[:, None, None]
-    found = scenes.import_raw(tmp_path, np.rint(255.0 * np.exp(-0.25 * square)).astype(np.uint8), spacing=(0.02,) * 3)
-    function = core("classify.transfer_function").TransferFunction
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, function, found, [(0.0, 0.0), (255.0, 0.9)], (1.0, 1.0, 1.0)
-    )
-    found.location = (-0.12, -0.12, -0.12)
-    scenes.add_camera((0.0, 0.0, 4.0), lens=50.0, clip_start=0.01)
+    found = scenes.blot_scene(tmp_path)
     scene = scenes.use_cycles((48, 48))
-    scene.rle_splat.lighting = "NONE"
     scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
     scene.frame_set(FRAME)
     return found
@@ -227,8 +218,7 @@ def width(weights):
 
 def picture(volume_object):
     bpy.context.view_layer.objects.active = volume_object
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
+    return scenes.picture()
 
 
 def test_B55_a_render_is_blurred_as_render_image_is_and_as_cycles_blurs_a_mesh(blot, tmp_path):

@@ -105,8 +105,13 @@ def test_a_volume_of_another_file_has_the_icon_of_one(state, icon, monkeypatch, 
 
 def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
     STATES["without_transfer"](tmp_path)
-    assert bpy.context.object.rle_splat.transfer_name
-    assert ("text", bpy.context.object.rle_splat.transfer_name) not in draw_all(monkeypatch)
+    name = bpy.context.object.rle_splat.transfer_name.casefold()
+    assert name and name not in {value.casefold() for kind, value in draw_all(monkeypatch) if kind == "text"}
+
+
+def test_a_preset_is_named_as_in_its_menu(volume_object, monkeypatch):
+    assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+    assert ("text", "CT Bone") in draw_all(monkeypatch)
 
 
 def test_effects_have_titles(volume_object, monkeypatch):
@@ -245,44 +250,35 @@ def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):
 
 def test_histogram_picture_is_drawn_once_for_each_change(volume_object, bridge, monkeypatch):
     previews = bridge("look.previews")
-    calls = []
+    heights = []
     draw = previews.histogram_picture.draw
-    monkeypatch.setattr(previews.histogram_picture, "draw", lambda *args: calls.append(1) or draw(*args))
-    previews.histogram_icon(volume_object)
-    previews.histogram_icon(volume_object)
-    assert len(calls) == 1
+    monkeypatch.setattr(previews.histogram_picture, "draw", lambda *args: heights.append(args[-1]) or draw(*args))
+    previews.histogram_icon(volume_object, 0.5)
+    previews.histogram_icon(volume_object, 0.5)
+    assert heights == [160]
     volume_object.rle_splat.window_center += 10.0
-    previews.histogram_icon(volume_object)
-    assert len(calls) == 2
+    previews.histogram_icon(volume_object, 0.5)
+    previews.histogram_icon(volume_object, 2.0)  # a panel that is narrower than the curve is high
+    assert heights == [160, 160, 320]
 
 
 def test_histogram_picture_shows_where_the_values_are(bridge, core):
-    picture = bridge("look.histogram_picture")
+    """Blender's icons are squares; what is below the histogram covers nothing of the panel."""
+    picture, height = bridge("look.histogram_picture"), 100
     stored = bridge("volumes.facts").StoredHistogram(np.array([0, 0, 1000, 0]), 0.0, 4.0)
     function = core("classify.transfer_function").TransferFunction(
-        opacity=((0.0, 0.0), (4.0, 0.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0))
+        opacity=((0.0, 0.0), (2.4, 0.0), (2.6, 1.0), (4.0, 1.0)), color=((0.0, 1.0, 0.0, 0.0), (4.0, 0.0, 0.0, 1.0))
     )
-    drawn = picture.draw(stored, function, 0.0, 4.0)
-    middle = drawn[picture.HEIGHT // 2, :, :3]
-    filled = np.abs(middle - picture.BAR).max(axis=1) < 1e-3
+    drawn = picture.draw(stored, function, 0.0, 4.0, height)
     at = picture.EDGE + (np.arange(picture.WIDTH) + 0.5) / picture.WIDTH * (1.0 - 2.0 * picture.EDGE)
     clear = np.abs(at - np.array(((0.5,), (0.75,)))).min(axis=0) > 1.0 / picture.WIDTH  # of the bin's two ends
-    np.testing.assert_array_equal(filled[clear], ((at > 0.5) & (at < 0.75))[clear])
-    ticks = np.abs(middle - picture.TICK).max(axis=1) < 1e-3
-    assert ticks.sum() >= 2  # that in the middle is at the end of the bar, which may hide it
-    assert np.abs(at[ticks] - np.array(((0.25,), (0.5,), (0.75,)))).min(axis=0).max() < 1.0 / picture.WIDTH
-    np.testing.assert_allclose(drawn[0, 0, :3], (1.0, 0.0, 0.0), atol=0.15)  # the range's ends lie beside it
-    np.testing.assert_allclose(drawn[0, -1, :3], (0.0, 0.0, 1.0), atol=0.15)
-
-
-def test_the_histogram_is_the_top_of_a_transparent_square(bridge):
-    """Blender's icons are squares; what is below the picture covers nothing of the panel."""
-    picture = bridge("look.histogram_picture")
-    drawn = np.random.default_rng(2).uniform(0.1, 1.0, (picture.HEIGHT, picture.WIDTH, 4)).astype(np.float32)
-    icon = picture.as_icon(drawn)
-    assert icon.shape == (picture.WIDTH, picture.WIDTH, 4)
-    np.testing.assert_array_equal(icon[-picture.HEIGHT :], drawn)  # rows go up
-    assert not icon[: -picture.HEIGHT].any()
+    filled = drawn[..., 3] > 0.0  # rows go up
+    np.testing.assert_array_equal(filled[-height // 2][clear], ((at > 0.5) & (at < 0.75))[clear])
+    assert not filled[:-height].any() and not filled[-1].any() and drawn[..., 3].max() < 0.5
+    bar, gray, colored = drawn[-height // 2, :, :3] / picture.ALPHA, (at > 0.5) & (at < 0.59), (at > 0.66) & (at < 0.75)
+    np.testing.assert_allclose(bar[gray] - picture.BAR, 0.0, atol=1e-6)  # nothing is shown of these values
+    linear = function.table(4.0 * at[colored])[:, :3:2]  # no green
+    np.testing.assert_allclose(bar[colored][:, ::2], 1.055 * linear ** (1.0 / 2.4) - 0.055, atol=1e-3)
 
 
 def test_the_values_of_the_curves_range_and_of_its_selected_point_are_told(volume_object, monkeypatch):

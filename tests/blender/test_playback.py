@@ -23,7 +23,7 @@ def sequence(tmp_path):
 
 
 @pytest.fixture
-def owner(sequence, bridge, core):
+def owner(sequence):
     """The sequence imported, its values shown with the opacities ALPHAS."""
     scene = scenes.use_cycles((16, 16))
     scene.rle_splat.scene_scale, scene.rle_splat.classification = 1.0, "pre"
@@ -33,9 +33,7 @@ def owner(sequence, bridge, core):
     ) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     points = ((0.0, 0.0), *((50.0 * i, alpha) for i, alpha in enumerate(ALPHAS, 1)), (255.0, ALPHAS[-1]))
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner, points,
-        (1.0, 1.0, 1.0))  # fmt: skip
+    scenes.give_transfer(owner, points, (1.0, 1.0, 1.0))
     scenes.add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=16.0)
     return owner
 
@@ -195,7 +193,7 @@ def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
     assert not freshness.out_of_date(scene)
 
 
-def test_a_followed_backdrop_shows_the_frame(owner, bridge):
+def test_a_followed_backdrop_shows_the_frame(owner):
     bpy.ops.rle_splat.set_backdrop(follow=True)
     scene = bpy.context.scene
     entry = scene.camera.data.background_images[0]

@@ -21,16 +21,14 @@ ALPHA = {"red": 0.06, "blue": 0.1}  # per unit
 
 
 @pytest.fixture
-def cubes(bridge, core, tmp_path):
+def cubes(tmp_path):
     """A red and a blue cube in the same place, seen from above; included in renders."""
     found = {}
     for name, color in (("blue", BLUE), ("red", RED)):
         found[name] = owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name=name)
         owner.location = (0.0, 0.0, 0.0)
         alpha = ALPHA[name]
-        scenes.give_transfer(
-            bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-            ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)  # fmt: skip
+        scenes.give_transfer(owner, ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)
     scenes.use_cycles((SIZE, SIZE))
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 40.0), type="ORTHO", ortho_scale=VIEW)

@@ -14,21 +14,12 @@ from tests.blender import scenes
 from tests.blender.test_panels import draw_all
 
 SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
 
 
 @pytest.fixture
 def ball(addon, tmp_path):
     """A ball seen from above."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0))
-    scene = bpy.context.scene
-    scene.render.resolution_x = scene.render.resolution_y = SIZE
-    scene.render.resolution_percentage = 100
-    scene.rle_splat.quality = "draft"
-    return found
+    return scenes.ball_scene(tmp_path)
 
 
 def add_light(kind, location, aim=(0.0, 0.0, 0.0), **settings):

@@ -16,19 +16,12 @@ from tests.blender.test_panels import draw_all, texts
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
-SIZE = 24
-BALL = np.clip(250.0 - 40.0 * np.sqrt(sum((axis - 5.0) ** 2 for axis in np.mgrid[:11, :11, :11])), 0.0, 255.0).astype(
-    np.uint8
-)
-
 
 @pytest.fixture
 def volume(addon, tmp_path):
     """A ball seen from above, lit by a sun."""
-    found = scenes.import_raw(tmp_path, BALL)
-    scenes.add_camera(location=(0.0, 0.0, 40.0))
-    scene = scenes.use_cycles((SIZE, SIZE))
-    scene.rle_splat.quality = "draft"
+    scene = scenes.use_cycles()
+    found = scenes.ball_scene(tmp_path)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     sun.rotation_euler.x = math.radians(50.0)
     scene.collection.objects.link(sun)
@@ -42,28 +35,23 @@ def add_lid():
     )
 
 
-def pixels(**options):
-    assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
-
-
 def test_B53_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
     add_lid()
     bpy.ops.rle_splat.composite()
-    alone = pixels(use_meshes=False)
+    alone = scenes.picture(use_meshes=False)
     assert alone[..., 3].max() > 0.1
     for occlude in (True, False):
         settings.meshes_occlude = occlude
-        found = pixels()
+        found = scenes.picture()
         assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
         assert settings.effect_rows["mesh occlusion"].on == occlude
         scenes.rendered(tmp_path / "frame.exr")
         np.testing.assert_array_equal(found, scenes.image_pixels(settings.composite_image))
         assert (found[..., 3].max() == 0.0) == occlude
-        np.testing.assert_array_equal(pixels(use_meshes=False), alone)
-        assert pixels(use_meshes=True)[..., 3].max() == 0.0
-    np.testing.assert_array_equal(pixels(), alone)  # what was given above is not remembered
+        np.testing.assert_array_equal(scenes.picture(use_meshes=False), alone)
+        assert scenes.picture(use_meshes=True)[..., 3].max() == 0.0
+    np.testing.assert_array_equal(scenes.picture(), alone)  # what was given above is not remembered
 
 
 def test_B54_the_shadow_pass_has_the_shadows_of_meshes_as_the_scene_says(volume, addon, monkeypatch):
@@ -182,6 +170,6 @@ def test_a_clip_in_a_hidden_collection_cuts_and_says_that_it_is_hidden(clips, ca
     (added,) = clips.objects
     rectangle = {name: before[name] + 1 for name in ("meshes", "collections")}  # which the arrow instances
     assert contents() == {**before, **rectangle, "objects": before["objects"] + 2, "active": added}
-    half = pixels()
+    half = scenes.picture()
     clips.objects.unlink(added)
-    assert 0.0 < half[..., 3].sum() != pixels()[..., 3].sum()
+    assert 0.0 < half[..., 3].sum() != scenes.picture()[..., 3].sum()

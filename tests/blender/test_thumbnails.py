@@ -71,6 +71,11 @@ def test_a_thumbnail_shows_the_volume(ball, thumbnails, bridge, cache):
     assert abs(columns.mean() - 63.5) < 3
 
 
+def test_what_is_black_as_in_a_pet_lies_on_white(ball, thumbnails, bridge, cache):
+    pixels = picture(thumbnails, bridge, ball, "pet").astype(int)
+    assert pixels[0, 0].min() > 200 and pixels[0, 0].min() - pixels.min() > 50, "black on black"
+
+
 def test_presets_look_different(ball, thumbnails, bridge, cache):
     pictures = [picture(thumbnails, bridge, ball, name) for name in ("AUTO", "mr-head", "x-ray", "smoke")]
     for i, one in enumerate(pictures):

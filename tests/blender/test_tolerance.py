@@ -12,14 +12,12 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 
 
 @pytest.fixture
-def settings(bridge, core, tmp_path):
+def settings(tmp_path):
     """Of a scene with a soft ball of one color before a camera."""
     z, y, x = np.ogrid[:14, :14, :14]
     radius = np.sqrt((x - 6.5) ** 2 + (y - 6.5) ** 2 + (z - 6.5) ** 2)
     owner = scenes.import_raw(tmp_path, np.clip(255.0 - 40.0 * radius, 0, 255).astype(np.uint8), name="ball")
-    scenes.give_transfer(
-        bridge("look.transfer").write_transfer, core("classify.transfer_function").TransferFunction, owner,
-        ((0.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))  # fmt: skip
+    scenes.give_transfer(owner, ((0.0, 0.0), (255.0, 0.4)), (0.9, 0.5, 0.2))
     scenes.add_camera((6.5, 6.5, 30.0), type="ORTHO", ortho_scale=16.0)
     bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 40, 32
     return bpy.context.scene.rle_splat

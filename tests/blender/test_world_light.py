@@ -9,9 +9,7 @@ from tests.blender import scenes
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
 WIDTH, HEIGHT = 64, 32
-BALL = np.clip(250.0 - 25.0 * np.sqrt(sum((axis - 7.0) ** 2 for axis in np.mgrid[:15, :15, :15])), 0.0, 255.0).astype(
-    np.uint8
-)
+BALL = scenes.ball(15, 25.0)
 
 
 @pytest.fixture
@@ -79,11 +77,6 @@ def read(bridge, volume, **how):
     return bridge("scene.render_scene").read_scene(volume, depsgraph, with_meshes=False, **how)[0]
 
 
-def picture():
-    assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    return scenes.image_pixels(bpy.context.scene.rle_splat.image)
-
-
 def held():
     kinds = "scenes", "worlds", "cameras", "objects", "meshes", "materials"
     images = [one.name for one in bpy.data.images if one.name != "Render Result"]
@@ -123,7 +116,7 @@ def test_a_ball_is_lit_as_cycles_lights_a_sphere(ball, bridge, core, tmp_path):
     )
     plain = read(bridge, ball)
     assert plain.environment is not None and not plain.headlight
-    ours = picture()
+    ours = scenes.picture()
     scenes.use_cycles((32, 32), samples=64)
     bpy.context.scene.cycles.max_bounces = 1
     bpy.ops.mesh.primitive_uv_sphere_add(radius=5.2, segments=64, ring_count=32)
@@ -151,7 +144,7 @@ def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
     plain = read(bridge, ball, warn=said.append)
     assert plain.world is None and plain.headlight and "not rendered yet" in said[0]
     assert bridge("scene.world").state(bpy.context.scene) == said[0]
-    first = picture()
+    first = scenes.picture()
     plain = read(bridge, ball, warn=said.append)
     assert plain.environment is not None and not plain.headlight and len(said) == 1
     assert bridge("scene.world").state(bpy.context.scene) == "World: rendered, by direction"
@@ -161,11 +154,11 @@ def test_any_world_is_rendered_when_a_picture_is_made(ball, bridge):
     earlier = read(bridge, ball, warn=said.append).environment
     np.testing.assert_array_equal(earlier.first, plain.environment.first)
     assert "has changed" in said[1]
-    again = picture()
+    again = scenes.picture()
     assert again[..., 0].max() < 0.7 * first[..., 0].max()
 
 
-def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, bridge, tmp_path):
+def test_baking_a_world_leaves_renders_and_render_handlers_alone(ball, tmp_path):
     """Both slots of the Render Result keep their pixels, and no handler of a render or a frame is called."""
     scene, path = scenes.use_cycles((8, 8), transparent=False), tmp_path / "slot.exr"
     scenes.write_exr(path)
@@ -229,7 +222,7 @@ def test_each_frame_of_an_animated_world_has_its_own_light(ball, bridge):
     np.testing.assert_allclose(found, np.outer((1.0, 2.0, 3.0), found[0]), rtol=0.01)
 
 
-def test_in_background_each_frame_is_rendered_with_its_own_light(ball, bridge, tmp_path):
+def test_in_background_each_frame_is_rendered_with_its_own_light(ball, tmp_path):
     """A white ball under a brighter and brighter world, of which nothing was rendered before."""
     animate(sky_world())
     scene = scenes.use_cycles((8, 8))
@@ -246,11 +239,11 @@ def test_in_background_each_frame_is_rendered_with_its_own_light(ball, bridge, t
 
 def test_undo_brings_back_the_light_of_the_world_before(ball, bridge):
     ramp = sky_world()
-    picture()
+    scenes.picture()
     bpy.ops.ed.undo_push(message="before")
     first = read(bridge, ball).world
     ramp.color_ramp.elements[1].color = (0.3, 0.3, 0.3, 1.0)
-    picture()
+    scenes.picture()
     assert read(bridge, ball).world[0] < 0.7 * first[0]
     bpy.ops.ed.undo_push(message="darker")
     bpy.ops.ed.undo()
@@ -273,7 +266,7 @@ def test_update_world_light_is_for_worlds_that_need_it(ball, bridge):
 
 def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     sky_world()
-    picture()
+    scenes.picture()
     kept = read(bridge, ball).environment
     name = ball.name
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "sky.blend"))
@@ -285,7 +278,7 @@ def test_a_saved_file_keeps_the_rendered_light(ball, bridge, tmp_path):
     for damaged in ("{", "7", settings.world_light.replace("[", "{", 1), '["a", [1], [2], [3]]'):
         settings.world_light = damaged
         assert bridge("scene.world_render").light_of(bpy.context.scene)[0] is None
-    picture()
+    scenes.picture()
     np.testing.assert_allclose(read(bridge, bpy.data.objects[name]).environment.first, kept.first, atol=1e-6)
 
 
@@ -335,7 +328,7 @@ def test_what_changes_a_world_changes_its_light(ball, bridge, tmp_path):
     texture = next(node for node in tree.nodes if node.type == "TEX_ENVIRONMENT")
     first = read(bridge, ball).world
     texture.image.pixels.foreach_set(0.5 * panorama().ravel())
-    picture()
+    scenes.picture()
     np.testing.assert_allclose(read(bridge, ball).world, 0.5 * np.array(first), rtol=1e-5)
     texture.image.filepath_raw, texture.image.file_format = str(tmp_path / "sky.exr"), "OPEN_EXR"
     texture.image.save()
@@ -343,7 +336,7 @@ def test_what_changes_a_world_changes_its_light(ball, bridge, tmp_path):
     loaded.colorspace_settings.name = "Non-Color"
     saved = read(bridge, ball).world
     loaded.pixels.foreach_set(panorama().ravel())
-    picture()
+    scenes.picture()
     np.testing.assert_allclose(read(bridge, ball).world, first, rtol=1e-5)
     loaded.reload()
     bpy.context.view_layer.update()

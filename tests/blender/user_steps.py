@@ -10,7 +10,7 @@ from tests.blender.window_driver import area_of, region_of, until, window
 OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
 # Pixels from the left and the upper edge of the window: File in the top bar, and on the way to Import in its menu.
 FILE_TO_IMPORT = ((42, 14), (70, 290), (76, 311))
-STEP = 12  # pixels between rows of the sidebar that are hovered over: a button has 20
+STEP = 16  # pixels between rows of the sidebar that are hovered over: a button has 20
 FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the buttons of a row are
 
 
@@ -101,12 +101,12 @@ def confirm_browser(folder, name=""):
     yield
 
 
-def find_button(command: str, argument: str = ""):
-    """The place in the window of a button of the sidebar; ``command``: how its Python command begins; ``argument``: one
-    of its arguments."""
+def find_button(command: str, argument: str = "", columns=FROM_EDGE):
+    """The place in the window of a button or a setting of the sidebar; ``command``: how its Python command begins, or
+    the end of its data path; ``argument``: one of its arguments; ``columns``: pixels from the sidebar's right edge."""
     area = area_of("VIEW_3D")
     region = region_of(area, "UI")
-    columns, seen = [region.x + region.width - away for away in FROM_EDGE], set()
+    columns, seen = [region.x + region.width - away for away in columns], set()
     for y in range(region.y + region.height - STEP, region.y, -STEP):
         for x in columns:
             simulate("MOUSEMOVE", "NOTHING", (x, y))
@@ -114,16 +114,17 @@ def find_button(command: str, argument: str = ""):
             yield
             bpy.context.window_manager.clipboard = ""
             with bpy.context.temp_override(window=window(), area=area, region=region):
-                if bpy.ops.ui.copy_python_command_button.poll():
-                    bpy.ops.ui.copy_python_command_button()
+                for copy in (bpy.ops.ui.copy_python_command_button, bpy.ops.ui.copy_data_path_button):
+                    if copy.poll():
+                        copy()
             found = bpy.context.window_manager.clipboard
-            if found.startswith(command) and argument in found:
+            if (found.startswith(command) or found.endswith(command)) and argument in found:
                 return x, y
             seen.add(found)
     raise AssertionError(f"no button of the sidebar is {command}; there are {sorted(seen)}")
 
 
-def press_button(command: str, argument: str = ""):
+def press_button(command: str, argument: str = "", columns=FROM_EDGE):
     """Find a button of the sidebar, as ``find_button``, and press it with the mouse."""
-    at = yield from find_button(command, argument)
+    at = yield from find_button(command, argument, columns)
     yield from press("LEFTMOUSE", at)

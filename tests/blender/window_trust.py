@@ -2,8 +2,7 @@
 
     python3 dev.py blender --photograph tests/blender/window_trust.py --size 1280x1400
 
-keeps them in build/window-shots/window_trust; devtools/contact_sheet.py makes docs/images/messages.jpg of them.  Each
-step also asserts the sentence, where it is a property.
+keeps them in build/window-shots/window_trust.  Each step also asserts the sentence, where it is a property.
 """
 
 import tempfile

@@ -132,8 +132,6 @@ def scenario():
     area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")  # as in a new file
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 32, "CPU"
-    scene.cycles.use_denoising = False
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
 

@@ -7,19 +7,12 @@ import pytest
 
 from rle_splat.accuracy.metrics import difference
 from rle_splat.accuracy.truths import truth
-from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.comparison.medium import scene_medium
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.truths.conftest import OPACITY_IS_VALUE
 
-OPACITY_IS_VALUE = TransferFunction(
-    name="opacity is the value",
-    opacity=((0.0, 0.0), (1.0, 1.0)),
-    color=((0.0, 0.9, 0.3, 0.1), (0.2, 0.2, 0.8, 0.3), (0.5, 0.1, 0.3, 1.0)),
-    opacity_unit_distance=1.0,
-    shade=None,
-)
 EXACT = Quality.preset("fine", classification="pre", termination=0.0)
 
 

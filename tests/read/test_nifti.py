@@ -6,6 +6,7 @@ import nibabel
 import numpy as np
 import pytest
 
+from rle_splat.read import streaming
 from rle_splat.read.formats import format_of, read_volume, write_volume
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.orientation import axis_letters
@@ -110,6 +111,36 @@ def test_a_frame_of_a_series_in_time(tmp_path, suffix):
     for frame in (0, 6):
         with pytest.raises(RleSplatError, match=r"no frame .* from 1 to 5"):
             read_volume(path, frame=frame)
+
+
+def _packed_in_members(path, content: bytes):
+    path.write_bytes(b"".join(gzip.compress(content[at : at + 500]) for at in range(0, len(content), 500)))
+
+
+@pytest.mark.parametrize("in_members", [False, True])
+def test_frames_in_turn_are_unpacked_once_each(tmp_path, monkeypatch, in_members):
+    values = np.random.default_rng(1).integers(-999, 999, (9, 8, 7, 5), dtype=np.int16)
+    path, size = saved(tmp_path / "a.nii.gz", values, AFFINES["axial"]), values[..., 0].nbytes
+    if in_members:
+        _packed_in_members(path, gzip.decompress(path.read_bytes()))
+    skipped, skip_steps = [], streaming.skip_steps
+
+    def recorded(path, source, count, doing):
+        skipped.append(count)
+        return skip_steps(path, source, count, doing)
+
+    def read(frame, expected):
+        found = read_volume(path, frame=frame).voxels.transpose(2, 1, 0)
+        np.testing.assert_array_equal(found, expected[..., frame - 1])
+
+    monkeypatch.setattr(streaming, "skip_steps", recorded)
+    for frame in (1, 2, 3, 5, 2, 4, 1, 5):
+        read(frame, values)
+    assert skipped == [352, 0, 0, size, 0, 0, 352, 0]
+    path = saved(path, values[::-1], AFFINES["axial"])  # another file of the same name: nothing of the first
+    for frame in (4, 5):
+        read(frame, values[::-1])
+    assert skipped[-2:] == [352 + 3 * size, 0]
 
 
 @pytest.mark.parametrize("values, dtype", [

@@ -8,6 +8,7 @@ from devtools.catalogue import FIGURES_VARIABLE
 from tests.stability.catalogue import WIDTHS, Catalogue, ids_in
 
 CATALOGUE = Catalogue()
+RARE = ("int8", "uint32")  # stored types whose kernels no zip brings; int32 stands for them in every run
 
 
 @pytest.fixture
@@ -45,14 +46,18 @@ def pytest_sessionfinish():
 
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
-    """Leave sums in double precision to the deep tests where numpy makes them, which takes too long for so many sheets,
-    or a kernel that is compiled for one or two tests: of opacities, and of groups of sheets."""
+    """Leave to the deep tests what takes a kernel that is compiled for a few tests: sums in double precision of
+    opacities, and of groups of sheets; normals of two of the stored types.  Numpy, too, takes too long for the sheets
+    of sums in double precision."""
+    in_groups = ("test_A8_", "test_A9_", "test_A11_")
     for item in items:
         given = item.callspec.params if hasattr(item, "callspec") else {}
-        if given.get("width") == "float64" and "way" in given:
-            grouped = item.originalname.startswith("test_A8_") and given["classification"] == "post"
-            if given["way"] == "numpy" or grouped or given.get("model") == "opacity":
+        if given.get("width") == "float64":
+            grouped = item.originalname.startswith(in_groups) and given["classification"] == "post"
+            if given.get("way") == "numpy" or grouped or given.get("model") == "opacity":
                 item.add_marker("deep")
+        if item.originalname.startswith("test_V8_") and given["way"] == "numba" and given.get("dtype") in RARE:
+            item.add_marker("deep")
 
 
 @pytest.fixture(params=WIDTHS)

@@ -232,10 +232,10 @@ def test_S4_columns_grow_with_the_width(record, way):
         record("S4", "visible voxels of a long row at a wrong position", off, 0, "either", TABLES_ARE_WHOLE)
 
 
-@needs_kernels
+@pytest.mark.parametrize("way", ("numpy", pytest.param("numba", marks=pytest.mark.deep)), indirect=True)
 @every_axis
 @pytest.mark.parametrize("long", (0, 1, 2))
-def test_S4_the_far_end_of_a_long_volume_is_drawn_as_if_it_were_all(record, long, axis):
+def test_S4_the_far_end_of_a_long_volume_is_drawn_as_if_it_were_all(record, long, axis, way):
     """The last voxels of 70,000, behind a transparent run that 16 bits cannot hold, against the same voxels alone."""
     shape = [3, 3, 3]
     shape[2 - long] = 12

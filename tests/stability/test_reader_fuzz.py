@@ -93,7 +93,7 @@ RAW_OPTIONS = st.fixed_dictionaries(
 @example(b"\0" * 8, "a", {"shape": (2, 2, 2), "dtype": "uint8", "slope": 10**400})
 @example(b"\0" * 8, "a", {"shape": (2, 2, 2), "dtype": "uint8", "spacing": (1, 1, 10**400)})
 @example(b"\0" * 8, "a", {"shape": 5, "dtype": ["uint8"]})
-@examples(300)
+@examples(150)
 def search_raw(folder, content, name, options):
     path = folder / (name.replace("/", "") + ".raw")
     path.write_bytes(content)
@@ -105,7 +105,7 @@ def search_raw(folder, content, name, options):
 
 
 @given(st.binary(max_size=2000), st.integers(0, 60), st.data())
-@examples(150)
+@examples(75)
 def search_gzip(folder, content, repeat, data):
     """Packed files, whole, cut, flipped, joined and of content that unpacks to far more."""
     packed = bytearray(gzip.compress(content * (1 + repeat**2)))
@@ -150,7 +150,7 @@ def first_picture(values, slope, intercept, dtype):
 @example([5e-324] * 4 + [0.0] * 4, 1e-300, 0.0, "float64")
 @example([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], 1.0, 1.7e308, "float64")
 @example([0.0] * 6 + [2.096e16, 2.146e19], 2.094e288, 0.0, "float32")
-@examples(100)
+@examples(50)
 def search_values(values, slope, intercept, dtype):
     """A volume of any values at all: its first picture is finite, or it gives a clear error."""
 
@@ -274,7 +274,7 @@ def small_picture(function=None, camera=None, lights=()):
 @example(altered(GOOD_FUNCTION, ("opacity", 1, 0), 10**400))
 @example(altered(GOOD_FUNCTION, ("shade", "shininess"), 10**400))
 @example(altered(GOOD_FUNCTION, ("opacity",), [[-1.7e308, 0.5], [1.7e308, 0.1]]))
-@examples(250)
+@examples(125)
 def search_functions(folder, tree):
     function, _ = from_file(folder, tree, TransferFunction.from_json)
     if function is None:
@@ -291,7 +291,7 @@ def search_functions(folder, tree):
 @example(altered(GOOD_CAMERA, ("shift_x",), 10**400))
 @example(altered(GOOD_CAMERA, ("matrix_world", 0, 3), 10**400))
 @example(altered(GOOD_CAMERA, ("pixel_aspect",), [1e300, 1e-300]))
-@examples(150)
+@examples(75)
 def search_cameras(folder, tree):
     camera, _ = from_file(folder, tree, Camera.from_json)
     if camera is not None:
@@ -303,7 +303,7 @@ def search_cameras(folder, tree):
 @example(altered(GOOD_LIGHTS, (1, "energy"), 10**400))
 @example(altered(GOOD_LIGHTS, (0, "color", 1), 10**400))
 @example(altered(GOOD_LIGHTS, (3, "matrix_world", 0, 0), 1e300))
-@examples(150)
+@examples(75)
 def search_lights(folder, tree):
     lights, _ = from_file(folder, tree, Light.list_from_json)
     if lights is not None:
@@ -408,7 +408,7 @@ def test_R3_rle_files(record, tmp_path, name):
     whole = rle_file(tmp_path) if name == "today" else (EARLIER / name).read_bytes()
 
     @given(rle_damage(whole))
-    @examples(200)
+    @examples(100)
     def search(content):
         path = tmp_path / "damaged.rle"
         path.write_bytes(content)
@@ -445,7 +445,7 @@ def vdb_file() -> bytes:
 
 
 @given(st.data())
-@examples(400)
+@examples(200)
 def search_vdb(folder, data):
     content = bytearray(vdb_file())
     for _ in range(data.draw(st.integers(0, 4))):

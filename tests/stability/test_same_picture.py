@@ -18,6 +18,8 @@ from tests.ways import both
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 BITS = "bits are counted"
+OPACITIES = ("opacities",)
+BY_MODEL = {"extinction": tuple(name for name in SCENES if name not in OPACITIES), "opacity": OPACITIES}
 
 
 def elsewhere(folder, *arguments, python=sys.executable, **environ) -> dict[str, np.ndarray]:
@@ -74,8 +76,9 @@ def test_A13_another_processor(record, tmp_path):
 
 
 @WITH_KERNELS
-def test_A13_kernels_and_their_reference_implementations(record, width):
-    fast, slow = both(pictures)
+@pytest.mark.parametrize("model", BY_MODEL)
+def test_A13_kernels_and_their_reference_implementations(record, width, model):
+    fast, slow = both(lambda: pictures(BY_MODEL[model]))
     for name in fast:
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
         if name.startswith("post"):
@@ -85,10 +88,11 @@ def test_A13_kernels_and_their_reference_implementations(record, width):
             record("A13", "difference between kernels and their reference implementations", error, 1e-5, width)
 
 
-def test_A13_single_and_double_width(record, monkeypatch, way):
-    single = pictures()
+@pytest.mark.parametrize("model", ("extinction", pytest.param("opacity", marks=pytest.mark.deep)))
+def test_A13_single_and_double_width(record, monkeypatch, way, model):
+    single = pictures(BY_MODEL[model])
     monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 0)
-    double = pictures()
+    double = pictures(BY_MODEL[model])
     for name in single:
         error = float(np.abs(single[name][..., :4] - double[name][..., :4]).max())
         # T falls below its least, 1/1024, a sheet sooner or later.

@@ -275,6 +275,50 @@ def test_order_does_not_matter(stage):
     np.testing.assert_allclose(pictures[0], pictures[1], atol=2e-6)
 
 
+def stains(count, shade=None):
+    """So many volumes of microscopy, in primary colors."""
+    primaries = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    made = zip(parts(count), primaries)
+    return [
+        (replace(volume, color=color), replace(tf, color=((0.0, *color),), shade=shade)) for (volume, tf), color in made
+    ]
+
+
+def test_light_of_stains_adds_up(stage):
+    """Red and green at one place are yellow, as in ImageJ's composites, and each stays as bright as alone."""
+    given = stains(3)
+    alone = [render(scene_of(stage, [one])).rgba for one in given]
+    opacity = 1.0 - np.prod([1.0 - one[..., 3] for one in alone], axis=0)
+    found = render(scene_of(stage, given))
+    np.testing.assert_allclose(found.rgba[..., :3], np.minimum(sum(alone)[..., :3], opacity[..., None]), atol=1e-6)
+    np.testing.assert_allclose(found.rgba[..., 3], opacity, atol=1e-6)
+    assert next(row for row in found.report["effects"] if row["name"] == "channels")["on"]
+    forced = {"channels": True, "labels": True, "mode": False}
+    labels = Labels(Volume(np.ones(given[0][0].voxels.shape, np.uint8), np.eye(4)), {5: None})
+    again = render(scene_of(stage, given, effects=forced, labels=labels))
+    np.testing.assert_allclose(again.rgba, found.rgba, atol=1e-6)
+    (volume, red), _ = stains(2)
+    green = replace(red, color=((0.0, 0.0, 1.0, 0.0),))
+    yellow = render(scene_of(stage, [(volume, red), (volume, green)])).rgba
+    np.testing.assert_array_equal(yellow[..., 0], yellow[..., 1])
+    np.testing.assert_allclose(yellow[..., 0], render(scene_of(stage, [(volume, red)])).rgba[..., 0], atol=1e-6)
+    assert yellow[..., 0].max() > 0.5
+
+
+def test_lit_stains_hide_each_other(stage):
+    """What is lit is a surface: colors are averaged, in the same picture as without colors of the file."""
+    given = stains(2, SHADE)
+    plain = [(replace(volume, color=None), tf) for volume, tf in given]
+    pictures = [render(scene_of(stage, one)).rgba for one in (given, plain)]
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_light_of_stains_has_no_reference(stage):
+    for check in (lambda scene: render_within(scene, 1.0), lambda scene: measurable_scene(scene, Quality())):
+        with pytest.raises(RleSplatError, match="whose pictures add up; choose a quality"):
+            check(scene_of(stage, stains(2)))
+
+
 def test_a_tolerance_is_kept(stage):
     scene = scene_of(stage, parts(2), size=(48, 40))
     picture = render_within(scene, 1.0)

@@ -8,7 +8,8 @@ import pytest
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Quality, RleSplatError
-from tests.truths.test_shadows import lit_blob, point, scene_of, sun
+from tests.lamps import point, sun
+from tests.truths.test_shadows import lit_blob, scene_of
 from tests.ways import NUMPY, both
 
 INDIRECT_IS_OFF = {

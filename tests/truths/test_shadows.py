@@ -18,6 +18,7 @@ from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, light_samples
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
+from tests.lamps import point, pose, sun
 from tests.ways import NUMPY, both, by
 
 CODE = 1.0 / 65535  # of what is stored
@@ -28,24 +29,6 @@ VALUES = np.linspace(0.0, 3.0, 3001)
 EXTINCTION_IS_VALUE = TransferFunction(
     opacity=tuple(zip(VALUES, -np.expm1(-VALUES))), color=((0.0, 1.0, 1.0, 1.0),), opacity_unit_distance=1.0, shade=MATT
 )  # fmt: skip
-
-
-def pose(position=(0, 0, 0), shines_along=(0, 0, -1)):
-    back = -np.asarray(shines_along, float) / np.linalg.norm(shines_along)
-    side = np.cross((0.3, 1.0, 0.2), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    matrix[:3, 3] = position
-    return matrix
-
-
-def sun(along, **fields):
-    return Light("SUN", matrix_world=pose(shines_along=along), **fields)
-
-
-def point(position, **fields):
-    return Light("POINT", matrix_world=pose(position), **fields)
 
 
 def scene_of(field, affine=None, lights=(), **more) -> Scene:

@@ -21,6 +21,7 @@ from rle_splat.volume.volume import Volume
 from rle_splat.warp.warp import warp_reach
 
 WIDTH, HEIGHT = 90, 74
+KINDS = ("ortho", "perspective", "inside")
 CROPS = [
     (31, 22, 47, 50),  # in the middle
     (0, 0, 13, 9),  # a corner
@@ -75,8 +76,12 @@ def some_of(things, way):
     return things[: 1 if way == "numpy" else None]
 
 
-@pytest.mark.parametrize("warp_filter", WARP_FILTERS)
-@pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
+@pytest.mark.parametrize(
+    ("kind", "warp_filter", "way"),
+    (*((kind, name, "numba") for kind in KINDS for name in WARP_FILTERS),
+     *((kind, name, "numpy") for kind, name in zip(KINDS, WARP_FILTERS))),
+    indirect=["way"],
+)  # fmt: skip
 @pytest.mark.parametrize("classification", ["pre", "post"])
 def test_a_crop_is_the_whole_frame_to_the_bit(classification, kind, warp_filter, way):
     quality = Quality(classification=classification, warp_filter=warp_filter)
@@ -94,7 +99,7 @@ def test_under_every_model_and_footprint(kernel, model, way):
         assert_crops_agree(scene_of("perspective"), quality, CROPS[:1])
 
 
-@pytest.mark.parametrize("kind", ["ortho", "perspective", "inside"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_with_meshes_and_silhouettes(kind, way):
     scene = scene_of(kind, triangles=TRIANGLES)
     alone = render(replace(scene, triangles=None), Quality())

@@ -141,6 +141,13 @@ def test_an_outdated_page_is_noticed(monkeypatch):
     assert page.name == "licenses.md" and "Nothing is bundled." in text and "| --- |" not in text
 
 
+def test_another_version_is_written_where_it_is_read_without_python(monkeypatch):
+    monkeypatch.setattr(docs_reference, "RELEASE", "10.2.0")
+    stale = docs_reference.outdated()
+    assert list(stale) == list(docs_reference.WITH_VERSION)
+    assert all(text.count("10.2.0") == 1 for text in stale.values())
+
+
 def test_docstrings_become_markdown():
     text = docs_reference._docstring(
         "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``."
@@ -190,7 +197,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
     for label in ("*Maximum Error*", "*Occlusion*", "*Keep Up to Date*", "*Level*", "*Add Box*, *Add Plane*",
                   "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Remove Table*",
-                  "*Remove Channel (icon)*", "*Picture Is*", "*Meshes: Hide Volume*",
+                  "*Remove Channel (icon)*", "*Depth*", "*Meshes: Hide Volume*",
                   "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip
         assert f"| {label} | " in text, label
     for label in ("Add Slice", "Add Clip Object", "Frame Volume", "Chosen Segment"):

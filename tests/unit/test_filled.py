@@ -39,10 +39,11 @@ DOTS = Volume((np.random.default_rng(3).random(VOLUME.voxels.shape) < 0.012).ast
 
 
 @pytest.mark.parametrize(
-    ("kind", "way"),
-    (("ortho", "numba"), ("perspective", "numba"), ("inside", "numba"), ("perspective", "numpy")), indirect=["way"],
+    ("name", "kind", "way"),
+    (*((name, kind, "numba") for name in CASES for kind in ("ortho", "perspective", "inside")),
+     *((name, "perspective", "numpy") for name in ("post", "pre", "largest values", "X-ray"))),
+    indirect=["way"],
 )  # fmt: skip
-@pytest.mark.parametrize("name", CASES)
 def test_the_warp_looks_wherever_there_is_anything(monkeypatch, name, kind, way):
     quality, more = CASES[name]
     shares = []

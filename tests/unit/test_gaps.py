@@ -122,5 +122,5 @@ def test_what_is_no_number_is_never_kept():
     volume = noisy(np.float32, holes=True)
     cache = StageCache()
     render(scene(volume, True), KNOBS["coarse"], cache=cache)
-    (voxels,) = [held.voxels for (stage, _), (held, _) in cache._results.items() if stage == "relevant"]
+    (voxels,) = [held.voxels for (stage, _), (held, *_) in cache._results.items() if stage == "relevant"]
     assert len(voxels) > 0 and not np.isnan(voxels.stored).any()

@@ -24,6 +24,7 @@ from rle_splat.runtime.numba_internals import Kernel
 from tests.ways import compile_here
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)

@@ -22,11 +22,12 @@ from rle_splat.effects.shadows import (
 from rle_splat.encode.encode import table_steps
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Clip, Light
+from rle_splat.scene import Clip
 from rle_splat.shade.light_nodes import read_nodes_steps
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_points import STEPS
+from tests.lamps import point, pose, sun
 
 SKEWED = np.array(((0.9, 0.1, 0.0, 3.0), (-0.2, 1.1, 0.1, 1.0), (0.0, 0.2, 0.8, -2.0), (0.0, 0.0, 0.0, 1.0)))
 CODE = 1.0 / float(ONE)
@@ -50,24 +51,6 @@ def occluders_of(field, matrix=None, threads=1, triangles=None, clips=()):
         voxels, extinction_steps, lambda axis: table_steps(voxels, axis, threads=threads), matrix, triangles, clips, (),
         boxed=True, threads=threads,
     )  # fmt: skip
-
-
-def pose(position, shines_along=(0, 0, -1)):
-    back = -np.asarray(shines_along, float) / np.linalg.norm(shines_along)
-    side = np.cross((0.3, 1.0, 0.2), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    matrix[:3, 3] = position
-    return matrix
-
-
-def sun(along):
-    return Light("SUN", matrix_world=pose((0, 0, 0), along))
-
-
-def point(position):
-    return Light("POINT", matrix_world=pose(position))
 
 
 def read(passes, occluders, voxels, offsets, side=1, strength=1.0):

@@ -21,6 +21,7 @@ from rle_splat.shade.light_rays import brick_steps
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_points import STEPS
 from rle_splat.volume.volume import Volume
+from tests.lamps import point, sun
 from tests.unit.test_light_nodes import (
     PLACES,
     SKEWED,
@@ -28,12 +29,10 @@ from tests.unit.test_light_nodes import (
     far_along,
     integrated,
     occluders_of,
-    point,
     points_of,
     random_offsets,
     smooth,
     some,
-    sun,
 )
 
 WIDE_SUN = replace(sun((0.5, 0.3, -1)), angle=0.4)
@@ -73,25 +72,16 @@ def test_kernels_and_numpy_agree(light, field):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 / float(ONE))
 
 
-@pytest.mark.parametrize("along", SUNS)
-def test_a_suns_rays_are_those_summed_in_small_steps(along):
+@pytest.mark.parametrize(("kind", "at"), [*((sun, along) for along in SUNS), *((point, place) for place in PLACES)])
+def test_rays_are_those_summed_in_small_steps_and_end_at_a_lamp(kind, at):
     field = smooth((12, 17, 26))
     occluders = occluders_of(field, SKEWED)
     offsets, few = random_offsets(occluders), some(occluders)
     begins = points_of(occluders, offsets)[few]
-    expected = integrated(field, SKEWED, begins, far_along(SKEWED, begins, along))
-    np.testing.assert_allclose(traced(sun(along), occluders, offsets)[0, few], expected, atol=2e-3)
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_a_lamps_rays_end_at_the_lamp(place):
-    field = smooth((12, 17, 26))
-    occluders = occluders_of(field, SKEWED)
-    offsets, few = random_offsets(occluders), some(occluders)
-    begins = points_of(occluders, offsets)[few]
-    end = np.linalg.solve(SKEWED[:3, :3], np.array(place) - SKEWED[:3, 3])
-    expected = integrated(field, SKEWED, begins, np.broadcast_to(end, begins.shape))
-    np.testing.assert_allclose(traced(point(place), occluders, offsets)[0, few], expected, atol=2e-3)
+    lamp = np.linalg.solve(SKEWED[:3, :3], np.array(at) - SKEWED[:3, 3])
+    ends = far_along(SKEWED, begins, at) if kind is sun else np.broadcast_to(lamp, begins.shape)
+    expected = integrated(field, SKEWED, begins, ends)
+    np.testing.assert_allclose(traced(kind(at), occluders, offsets)[0, few], expected, atol=2e-3)
 
 
 def test_a_uniform_medium_and_its_octaves():

@@ -102,7 +102,7 @@ def held_by_stages(scene, quality):
     cache = StageCache()
     report = render(scene, quality, cache=cache).report
     sizes = Counter()
-    for (stage, _), (_, size) in cache._results.items():
+    for (stage, _), (_, size, _) in cache._results.items():
         sizes[stage] += size
     held = {part: sum(sizes[stage] for stage in stages) for part, stages in STAGES_OF.items()}
     if scene.volume.voxels.dtype.kind == "f":
@@ -216,8 +216,8 @@ print(rendering.report["memory_estimate_bytes"]["needed"], status("VmHWM") - bef
 
 
 @pytest.mark.skipif(sys.platform != "linux" or not Path("/proc/self/clear_refs").exists(), reason="only Linux has it")
-@pytest.mark.parametrize("meshes", ("", "meshes"))
-@pytest.mark.parametrize("classification", ("pre", "post"))
+@pytest.mark.slow
+@pytest.mark.parametrize("classification, meshes", (("pre", ""), ("post", "meshes")))
 def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification, meshes):
     """All of it: scratch that is kept, samples of meshes, and what no tracer of Python's own is told."""
     done = subprocess.run(

@@ -18,6 +18,7 @@ if not compiled() or PLAIN_NUMBA:
     pytest.skip("there is no numba of a known version here", allow_module_level=True)
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow
 ENCODE = """
 import json, os, sys
 import numba

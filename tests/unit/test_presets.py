@@ -203,6 +203,7 @@ def test_a_volume_that_a_preset_would_leave_blank_gets_the_histogram():
     assert shows(volume_of(voxels, value_unit="HU"), (4, 4, 4)) > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "choice"),
     [

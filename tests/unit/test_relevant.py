@@ -52,15 +52,30 @@ def field(shape, dtype, seed=0):
     return values
 
 
+EIGHT = tuple(tuple(slice(one, one - 1 or None) for one in corner) for corner in np.ndindex(2, 2, 2))
+
+
+def ends_of_cells(values):
+    """The least and the largest value at the corners of each cell; NaN where one is."""
+    eight = [values[corner] for corner in EIGHT]
+    return np.min(eight, axis=0), np.max(eight, axis=0)
+
+
+def corners_of(cells):
+    """(nz, ny, nx) bool: the corners of these cells."""
+    kept = np.zeros(np.add(cells.shape, 1), bool)
+    for corner in EIGHT:
+        kept[corner] |= cells
+    return kept
+
+
 def searched(volume, tf):
     """(nz, ny, nx) bool: corners of cells between whose least and largest value opacity is above zero somewhere; no
     corner may be NaN, and what is infinite takes the end values."""
     knots = np.unique([value for value, *_ in (*tf.opacity, *tf.color)])
     values = volume.physical(volume.voxels)
     values = np.where(np.isinf(values), np.clip(values, knots[0] - 1.0, knots[-1] + 1.0), values)
-    nz, ny, nx = values.shape
-    eight = [values[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
-    low, high = np.min(eight, axis=0), np.max(eight, axis=0)
+    low, high = ends_of_cells(values)
     shown = np.zeros(low.shape, bool)
     # Between two knots opacity is above zero everywhere or nowhere: ends, knots and next to knots are all there is.
     tried = np.concatenate((knots, np.nextafter(knots, np.inf), np.nextafter(knots, -np.inf)))
@@ -68,12 +83,7 @@ def searched(volume, tf):
         with np.errstate(invalid="ignore"):
             between = (low <= value) & (value <= high)
         shown |= between & (np.nan_to_num(piecewise_linear(tf.opacity, value)) > 0.0)
-    kept = np.zeros(values.shape, bool)
-    for z in (0, 1):
-        for y in (0, 1):
-            for x in (0, 1):
-                kept[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] |= shown
-    return kept
+    return corners_of(shown)
 
 
 def found(volume, tf, threads=0):

@@ -14,6 +14,7 @@ from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import STORED_TYPES, Volume
+from tests.unit.test_relevant import corners_of, ends_of_cells
 
 SHAPE = (9, 10, 12)
 # Where decoded tables lie in (nz, ny, nx): principal x has slices of x, scanlines along y; y and z have them along x.
@@ -67,16 +68,9 @@ def decoded(table, records):
 
 def shown_corners(values, low, high):
     """(nz, ny, nx) bool: corners of cells that reach into (low, high); none of a cell with a NaN."""
-    nz, ny, nx = values.shape
-    eight = [values[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    least, largest = ends_of_cells(values)
     with np.errstate(invalid="ignore"):
-        shown = (np.min(eight, axis=0) < high) & (np.max(eight, axis=0) > low)
-    kept = np.zeros(values.shape, bool)
-    for z in (0, 1):
-        for y in (0, 1):
-            for x in (0, 1):
-                kept[z : nz - 1 + z, y : ny - 1 + y, x : nx - 1 + x] |= shown
-    return kept
+        return corners_of((least < high) & (largest > low))
 
 
 @pytest.mark.parametrize(

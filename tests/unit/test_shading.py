@@ -13,22 +13,12 @@ from rle_splat.shade.lighting import is_shaded, lighting
 from rle_splat.shade.shading import shaded_colors
 from rle_splat.volume.gradient import unit_normals
 from rle_splat.volume.volume import Volume
+from tests.lamps import pose
 from tests.ways import both
 
 WHITE = TransferFunction(opacity=((0, 0.5),), color=((0, 1, 1, 1),))
 TINTED = TransferFunction(opacity=((40, 0.0), (60, 0.5)), color=((0, 0.2, 0.4, 0.8), (100, 1.5, 0.5, 0.1)))
 PLACE = np.array([[0.5, 0.1, 0.0, -3.0], [0.0, 0.7, -0.2, 2.0], [0.1, 0.0, -0.6, 1.0], [0, 0, 0, 1.0]])
-
-
-def pose(position=(0, 0, 0), shines_along=(0, 0, -1), scale=1.0):
-    """A light's matrix: -Z turned to ``shines_along``."""
-    back = -np.asarray(shines_along, float) / np.linalg.norm(shines_along)
-    side = np.cross((0.3, 1.0, 0.2), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1) * scale
-    matrix[:3, 3] = position
-    return matrix
 
 
 MATT = Shade(ambient=0, diffuse=1, specular=0, shininess=1)

@@ -28,9 +28,9 @@ from rle_splat.runtime.shipped_kernels import (
 )
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.skipif(
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(
     not is_level_reached(), reason=f"this processor does not reach {LEVEL}, which kernels are shipped for"
-)
+)]  # fmt: skip
 
 # Calls a kernel, by the name of the package; prints the runs that it writes, whether it was compiled, and any problem.
 CALL = """

@@ -44,6 +44,21 @@ def test_of_what_replaces_one_another_a_few_are_kept():
     assert cache.contents == (("other", 0), *(("records", n) for n in range(10 - most, 10)))
 
 
+@pytest.mark.parametrize("frames, stays", [(9, True), (1, False)])
+def test_a_loop_makes_the_frames_of_a_volume_in_time_once(frames, stays):
+    """Other volumes replace one another, as those of a simulation that is edited."""
+    values = np.random.default_rng(0).integers(0, 255, (9, 8, 9, 10)).astype(np.uint8)
+    shown = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 1, 1, 1),))
+    cache, made = StageCache(), []
+    for voxels in (*values, *values):
+        volume = Volume(voxels, np.eye(4), frames=frames)
+        camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+        render(Scene(volume, shown, camera, 12, 12, matrix), Quality.preset("draft"), cache=cache)
+        made.append(dict(cache.made))
+    assert made[8]["scalars"] == 9 > MOST_RESULTS["scalars"]
+    assert (made[-1] == made[8]) is stays
+
+
 def test_a_store_without_room_keeps_nothing():
     cache = StageCache(0)
     keep(cache, "s", "a", "a")

@@ -3,8 +3,9 @@
 import os
 import sys
 import time
+from concurrent.futures import Future
 from pathlib import Path
-from threading import Barrier, Event
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -63,21 +64,29 @@ def test_each_script_that_drives_a_window_is_a_stage():
 @pytest.fixture
 def stages(monkeypatch, tmp_path):
     """``stages(quick)`` -> (what each run of pytest was given: name -> (python, words), the table's stages); nothing is
-    run.  Blender's environments are made ready only when another stage has begun meanwhile."""
+    run.  Kernels are made only when reading has begun, and Blender's environments when another stage has."""
 
     def everything(quick, everywhere=False):
-        runs, begun, made = {}, Event(), Event()
+        runs, reads, compiled, begun, made = {}, Event(), Event(), Event(), Event()
 
         def run(name, python, words, environ, aside=False):
             assert name not in runs and aside
             runs[name] = (python, [str(word) for word in words])
             if not name.startswith("core, ") or name.removeprefix("core, ") in testing.WANT_BLENDER:
                 assert made.is_set(), f"{name} does not wait for what it needs"
+            elif name == "core, read":
+                reads.set()
             else:
+                assert compiled.is_set(), f"{name} does not wait for kernels"
                 begun.set()
             return Stage(name, passed=1)
 
-        def make_ready(quick):
+        def make_kernels(pythons):
+            assert reads.wait(600), "nothing else runs meanwhile"
+            assert sorted(set(pythons)) == ["3.13"] if quick else ["3.11", "3.13"]
+            compiled.set()
+
+        def make_ready(quick, kernels):
             assert begun.wait(600), "nothing else runs meanwhile"
             made.set()
             pythons = {name: Path(name) for name in testing.OTHERS}
@@ -86,7 +95,7 @@ def stages(monkeypatch, tmp_path):
 
         monkeypatch.setattr(testing, "_pytest", run)
         monkeypatch.setattr(testing, "_make_ready", make_ready)
-        monkeypatch.setattr(testing, "_compile_first", lambda quick: None)
+        monkeypatch.setattr(testing, "make_kernels", make_kernels)
         monkeypatch.setattr(testing, "real_blender_stages", lambda zips: [Stage("real blender", passed=1)])
         monkeypatch.setattr(testing, "ensure", lambda environment: environment.name)
         monkeypatch.setattr(testing, "ensure_bpy", lambda version: version)
@@ -115,8 +124,8 @@ def test_each_test_runs_in_one_stage(stages):
     assert "not deep" in runs["hard cases"][1] and str(TESTS / "stability") in runs["hard cases"][1]
     versions = [f"bpy {version}" for version in testing.BPY]
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
-    marked = {name: "every_blender" in runs[name][1] for name in versions}
-    assert marked == {"bpy 4.5": True, "bpy 5.0": True, "bpy 5.2": True, "bpy 5.3": False}
+    marked = [words[words.index("-m") + 1] if "-m" in words else "" for words in (runs[name][1] for name in versions)]
+    assert marked == ["every_blender or long_term", "every_blender", "every_blender or long_term", ""]
     assert len(runs) == len(core) + len(versions) + 3
     assert {stage.name for stage in table} == {*runs, "extension zips", "real blender"}
 
@@ -126,28 +135,22 @@ def test_everything_runs_everywhere_on_demand(stages):
     assert not any("every_blender" in words or "deep" in " ".join(words) for _, words in runs.values())
 
 
-def test_kernels_of_all_pythons_are_made_first(monkeypatch):
-    """Meanwhile the real Blender is set up, and then takes them for its own Python; where that has none of its own, its
-    stages do so."""
-    both, made = Barrier(2), []
+def test_zips_wait_for_kernels_and_the_real_blender_does_not(monkeypatch):
+    """A Blender that cannot be had ends nothing."""
+    kernels, done = Future(), []
 
-    def make_kernels(pythons):
-        both.wait(600)  # forever, if one waited for the other
-        made.append(sorted(set(pythons)))
+    def ensure_blender():
+        done.append("blender")
+        kernels.set_result(None)
+        raise Failure("none")
 
-    def ensure_blender(root=Path("root")):
-        both.wait(600)
-        return SimpleNamespace(root=root)
-
-    monkeypatch.setattr(testing, "make_kernels", make_kernels)
-    monkeypatch.setattr(testing, "make_kernels_inside", made.append)
     monkeypatch.setattr(testing, "ensure_blender", ensure_blender)
-    testing._compile_first(False)
-    assert made == [["3.11", "3.13"], SimpleNamespace(root=Path("root"))]
-    made.clear()
-    monkeypatch.setattr(testing, "ensure_blender", lambda: ensure_blender(None))
-    testing._compile_first(False)
-    assert made == [["3.11", "3.13"]]
+    monkeypatch.setattr(testing, "ensure_bpy", lambda version: done.append(version))
+    monkeypatch.setattr(testing, "find_python", lambda version: version)
+    monkeypatch.setattr(testing, "_other", Path)
+    monkeypatch.setattr(testing, "_zips", lambda pythons: done.append(kernels.done()) or testing.Ready())
+    ready = testing._make_ready(False, kernels)
+    assert done == ["blender", *reversed(testing.BPY), True] and set(ready.pythons) == set(testing.OTHERS)
 
 
 def test_parts_begin_in_their_order():

@@ -17,7 +17,9 @@ from rle_splat.shade.light_sweep import BAND as SWEPT
 from rle_splat.volume.blocks import BLOCK_Z
 from rle_splat.warp.resample import ROWS
 
-pytestmark = pytest.mark.skipif(jit.internals is None, reason="counts the calls of compiled code")
+pytestmark = [
+    pytest.mark.slow, pytest.mark.skipif(jit.internals is None, reason="counts the calls of compiled code"),
+]  # fmt: skip
 MOST_MS = 30.0
 
 

@@ -107,7 +107,7 @@ def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_othe
     """Whatever a visible ray through the volume's medium reads lies in its row's ``seen`` columns, in windows too."""
     rng = np.random.default_rng(6)
     rays, kept, held = 0, 0, 0
-    for _ in range(60):
+    for _ in range(30):
         camera, matrix, shape = random_scene(rng, str(rng.choice(("ORTHO", "PERSP"))))
         view = index_view(camera, matrix, 640, 480)
         planes = {}
@@ -132,7 +132,7 @@ def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_othe
                 assert (one.seen[0, rows] <= max(u + 1 - reach, 0)).all()
                 assert (one.seen[1, rows] > min(u + reach, one.width - 1)).all()
             rays += 1
-    assert rays > 2000
+    assert rays > 1000
     assert kept < 0.9 * held
 
 

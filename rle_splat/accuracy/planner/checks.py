@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ...effects.analyze import analyze_effects
 from ...effects.exposure import list_exposures
-from ...effects.mixing import is_mixed
+from ...effects.mixing import is_mixed, split_light
 from ...effects.ray_mode import mode_quality
 from ...pipeline.shadows import shadow_count
 from ...scene import MODES, Quality, RleSplatError, Scene, truth_of
@@ -24,6 +24,15 @@ def lacks_channels(scene: Scene, quality: Quality) -> bool:
     return scene.labels is not None or (is_mixed(scene) and truth_of(quality) == "T1")
 
 
+def _refuse_light(scene: Scene) -> None:
+    """Raise RleSplatError where channels have a picture each, which add up."""
+    if len(split_light(scene)) > 1:
+        raise RleSplatError(
+            "There is no reference for channels of microscopy that are not lit, whose pictures add up; choose a "
+            "quality, or light one of the channels."
+        )
+
+
 def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     """Raise RleSplatError where a picture of the scene, with the effects that are on, can keep no tolerance."""
     check_plannable(quality)
@@ -35,6 +44,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     scene = analyze_effects(scene, quality)[1]
     if scene.mode != MODES[0]:
         raise RleSplatError(f"A tolerance cannot be met in the mode {scene.mode}; choose a quality, or composite.")
+    _refuse_light(scene)
     if lacks_channels(scene, quality):
         raise RleSplatError(
             "A tolerance is measured against a reference without labels, and with channels only for the classification "
@@ -78,6 +88,7 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     check_shown(scene, truth_of(mode_quality(scene, quality)[0]))
     if scene.hides_volume or scene.panes is not None:
         raise RleSplatError("Accuracy is measured without meshes; take the meshes out of the scene.")
+    _refuse_light(scene)
     if lacks_channels(scene, quality):
         raise RleSplatError(
             "Accuracy is measured without labels, and with channels only for the classification post; take the labels "

@@ -24,7 +24,7 @@ from .machine import MachineProfile, profile_steps
 from .ray_cost import RayCost
 from .single_rays import ray_cost_steps, single_ray_steps
 
-TRACING = "Tracing single rays"
+TRACING = "Computing exact pixels"
 PILOT_ROUNDS = 2
 
 

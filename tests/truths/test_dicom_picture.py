@@ -10,9 +10,8 @@ pytest.importorskip("pydicom")
 pytest.importorskip("SimpleITK")
 
 from rle_splat import Quality, Scene, Volume, fit_preset, read_volume, render, turntable
-
-from . import dicom_phantoms as phantoms
-from .head import head, reordered
+from tests.read import dicom_phantoms as phantoms
+from tests.read.head import head, reordered
 
 SIZE = 144
 AIR = -1000

@@ -14,9 +14,8 @@ from rle_splat.read.dicom.reader import groups_in
 from rle_splat.read.dicom.titles import group_title, series_info
 from rle_splat.read.formats import read_volume
 from rle_splat.runtime.steps import drain
-
-from . import dicom_phantoms as phantoms
-from .test_dicom_segmentation import truth, write_seg
+from tests.read import dicom_phantoms as phantoms
+from tests.read.test_dicom_segmentation import truth, write_seg
 
 WORDS = (
     "DOE",

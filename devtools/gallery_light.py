@@ -1,0 +1,109 @@
+"""The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe
+(runs in an environment with bpy).
+
+Every step is an operator or a setting that a user has, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+from gallery_data import DATA
+from gallery_studio import COLD, WARM, Stage, softbox_world, view_transform
+from mathutils import Matrix
+
+SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
+AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A scan of the data folder, how it is imported, what its volume is set to, and where the camera stands."""
+
+    name: str
+    file: str
+    light: object  # a function that takes the stage
+    options: dict = field(default_factory=dict)
+    volume: dict = field(default_factory=dict)
+    toward: tuple = (0.55, -1.9, 0.35)
+    aim: tuple = (0.0, 0.0, 0.0)
+    lens: float = 70.0
+
+
+def _bone(stage: Stage) -> None:
+    stage.lamp("Sun", "SUN", 3.0, (-1.4, -1.3, 1.3), WARM, angle=0.05)
+    stage.area("Rim", 40.0, (1.6, 1.4, 0.8), COLD)
+    stage.settings.ambient_occlusion = 0.7
+
+
+def _soft(stage: Stage) -> None:
+    stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
+    stage.area("Fill", 15.0, (1.8, -1.2, 0.3), COLD, use_shadow=True)
+    stage.settings.ambient_occlusion = 0.8
+
+
+def _studio(stage: Stage) -> None:
+    boxes = ((1.2, -1.0, 0.9), 26.0, (9.0, 8.4, 7.6)), ((-1.5, 0.9, 0.5), 18.0, (3.0, 3.6, 4.4))
+    softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.2, 0.21, 0.23)), boxes)
+    stage.settings.ambient_occlusion = 0.8
+
+
+def _skin(stage: Stage) -> None:
+    stage.lamp("Behind", "SPOT", 160.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.1)
+    stage.lamp("Front", "SPOT", 140.0, (-1.0, -1.6, 0.7), COLD, spot_size=0.9, shadow_soft_size=0.1)
+    stage.settings.indirect_light = 0.5
+
+
+def _smoke(stage: Stage) -> None:
+    stage.lamp("Within", "POINT", 3.0, (0.0, 0.0, -0.15), (1.0, 0.45, 0.15), shadow_soft_size=0.05)
+    stage.lamp("Sun", "SUN", 1.5, (-1.4, -0.8, 1.3), COLD)
+    stage.volume.rle_splat.use_shading, stage.volume.rle_splat.diffuse = True, 1.0
+
+
+def _values(stage: Stage) -> None:
+    ours = stage.volume.rle_splat
+    ours.display = "mip"
+    ours.window_center, ours.window_width = 450.0, 1300.0
+
+
+OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0}
+VESSELS = {"preset": "ct-angiography"}
+RECIPES = (
+    Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.03), lens=85.0),
+    Recipe("soft", AORTA, _soft, VESSELS),
+    Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.03), 85.0),
+    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, aim=(0.0, 0.0, -0.14), lens=62.0),
+    Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
+    Recipe("values", AORTA, _values, VESSELS),
+)
+
+
+def light(stage: Stage):
+    """Each scan twice; yields NAME-before and NAME-after."""
+    view_transform("Standard")
+    stage.without_background()
+    bpy.context.scene.cycles.use_denoising = False
+    stage.settings.quality = "fine"
+    for recipe in RECIPES:
+        for one in list(bpy.data.objects):  # the scan before
+            bpy.data.objects.remove(one)
+        path = DATA / recipe.file
+        first = min(path.iterdir()) if path.is_dir() else path
+        bpy.ops.rle_splat.import_volume(filepath=str(first), at_cursor=True, **recipe.options)
+        volume = bpy.context.view_layer.objects.active
+        if path.suffix == ".vdb":
+            volume.matrix_world = Matrix.Rotation(1.5708, 4, "X") @ volume.matrix_world
+        made = Stage.of(volume, stage.folder)
+        if recipe.file == SKULL:
+            bpy.ops.rle_splat.remove_table()
+        for key, value in recipe.volume.items():
+            setattr(volume.rle_splat, key, value)
+        made.camera(recipe.toward, recipe.lens, recipe.aim)
+        stage.volume = volume
+        yield f"{recipe.name}-before"
+        volume.rle_splat.lighting = "SCENE"
+        recipe.light(made)
+        yield f"{recipe.name}-after"
+        stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
+        bpy.context.scene.world = None
