@@ -42,12 +42,9 @@ def compositor_tree(scene):
 
 
 def switch_on_compositor(scene):
-    """Activate a compositor tree for a scene without an active one.
+    """Activate a compositor tree for a scene without an active one, and return it.
 
-    Returns
-    -------
-    bpy.types.NodeTree
-        The user's tree if it was switched off, else a new empty one.
+    It is the user's tree if that was switched off, else a new empty one.
     """
     if GROUP_COMPOSITOR:
         tree = bpy.data.node_groups.new(f"{scene.name} Compositing", "CompositorNodeTree")
@@ -161,10 +158,7 @@ def use_movie(render) -> None:
 def use_pictures(render, file_format: str) -> None:
     """Have an animation written as pictures with transparency.
 
-    Parameters
-    ----------
-    file_format : {"PNG", "OPEN_EXR"}
-        8 bits with the view transform, or 32 bits, scene-linear.
+    "PNG" has 8 bits with the view transform, "OPEN_EXR" 32 bits, scene-linear.
     """
     _choose_medium(render, "IMAGE")
     settings = render.image_settings

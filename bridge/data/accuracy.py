@@ -60,17 +60,9 @@ def note_sweep(settings, report: dict, what: str) -> None:
 
 
 def truth_sentence(name: str) -> str:
-    """The reference that errors are measured against, as the start of a sentence.
+    """The reference that errors are measured against, "T1" or "T2", as the start of a sentence without a period.
 
-    Parameters
-    ----------
-    name : str
-        "T1" or "T2"; any other name is used as it is.
-
-    Returns
-    -------
-    str
-        The clause, without a period.
+    Any other name is used as it is.
     """
     return f"Against {TRUTH_TEXTS.get(name, name)}"
 

@@ -24,12 +24,9 @@ def typed_fields(source, names) -> dict:
 
 
 def rounded_to_span(values, span: float) -> list[float]:
-    """Round values to at most a millionth of a span, the precision of a position stored in single precision.
+    """Round values to at most a millionth of their range, the precision of a position stored in single precision.
 
-    Parameters
-    ----------
-    span : float
-        The length of their range; one that is not above zero leaves the values unchanged.
+    A span that is not above zero leaves the values unchanged.
     """
     if not span > 0.0:
         return list(values)

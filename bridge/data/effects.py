@@ -28,18 +28,7 @@ STATE_ITEMS = [
 
 
 def property_of(name: str) -> str:
-    """The name of the property of EffectOverrideProperties that overrides an effect.
-
-    Parameters
-    ----------
-    name : str
-        Name of the effect, such as "depth of field".
-
-    Returns
-    -------
-    str
-        Such as "depth_of_field".
-    """
+    """The property of EffectOverrideProperties for an effect: "depth_of_field" for "depth of field"."""
     return name.replace(" ", "_").replace("-", "_")
 
 

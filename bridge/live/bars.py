@@ -30,10 +30,7 @@ STEPS = 32  # of the color bar
 def length_of_bar(pixels_a_unit: float, longest: float) -> float:
     """The longest of 1, 2 and 5 times a power of ten whose bar has at most ``longest`` pixels.
 
-    Parameters
-    ----------
-    pixels_a_unit : float
-        Pixels of one unit of length, above 0.
+    ``pixels_a_unit`` is above 0: pixels of one unit of length.
     """
     most = longest / pixels_a_unit
     power = 10.0 ** math.floor(math.log10(most))

@@ -100,10 +100,7 @@ def drawn_with(blend: str, depth_test: str):
 def texture_of(picture: RegionPicture):
     """A new texture that holds a picture; a texture cannot be written to again.
 
-    Returns
-    -------
-    gpu.types.GPUTexture
-        Of four 32-bit floats, since Vulkan converts shorter ones slowly.
+    It has four 32-bit floats, since Vulkan converts shorter ones slowly.
     """
     height, width = picture.rgba.shape[:2]
     buffer = gpu.types.Buffer("FLOAT", picture.rgba.shape, picture.rgba)

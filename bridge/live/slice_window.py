@@ -33,10 +33,7 @@ def own(properties) -> tuple[float, float]:
 def begin(properties, volume) -> None:
     """Give a volume's first slices a window of their own: soft tissue for CT, else by the values.
 
-    Parameters
-    ----------
-    properties : VolumeProperties
-        Of the volume; a window that was set before stays.
+    A window that was set before stays.
     """
     if properties.is_property_set("slices_follow_window") or properties.is_property_set("slice_width"):
         return

@@ -74,17 +74,9 @@ def gradient_mapping(tree):
 
 
 def steps_apart(positions) -> list[float]:
-    """Separate equal positions by STEP.
+    """Separate equal positions by STEP: the second of two is moved right, or at 1 the first is moved left.
 
-    Parameters
-    ----------
-    positions : iterable of float
-        Ascending positions in [0, 1], at most two of them equal.
-
-    Returns
-    -------
-    list of float
-        The second of two equal positions is moved right; at 1 the first is moved left.
+    The positions are in [0, 1] and ascend, and at most two of them are equal.
     """
     apart = [float(p) for p in positions]
     for i in range(1, len(apart)):
@@ -107,12 +99,9 @@ def steps_together(positions) -> list[float]:
 
 
 def write_curve(mapping, points) -> None:
-    """Replace the points of a curve.
+    """Replace the points of a curve, (position, height), which straight lines connect.
 
-    Parameters
-    ----------
-    points : sequence of (position, height)
-        Control points with ascending positions in [0, 1], connected by straight lines.
+    Positions are in [0, 1] and ascend.
     """
     if len(points) == 1:
         points = ((0.0, points[0][1]), (1.0, points[0][1]))
@@ -133,12 +122,9 @@ def write_curve(mapping, points) -> None:
 
 
 def read_curve(mapping) -> list[tuple[float, float]]:
-    """Read a curve as a polyline.
+    """Read a curve as a polyline of (position, height).
 
-    Returns
-    -------
-    list of (position, height)
-        The control points, with samples of Blender's table between points that do not have vector handles.
+    It has the control points, and samples of Blender's table between points that do not have vector handles.
     """
     mapping.initialize()
     curve = mapping.curves[0]
@@ -156,12 +142,9 @@ def read_curve(mapping) -> list[tuple[float, float]]:
 
 
 def write_ramp(ramp, points) -> None:
-    """Replace the stops of a color ramp.
+    """Replace the stops of a color ramp, (position, r, g, b), between which it is linear.
 
-    Parameters
-    ----------
-    points : sequence of (position, r, g, b)
-        At most MOST_STOPS stops with ascending positions in [0, 1], interpolated linearly.
+    There are at most MOST_STOPS; positions are in [0, 1] and ascend.
     """
     ramp.color_mode = "RGB"
     ramp.interpolation = "LINEAR"

@@ -17,12 +17,9 @@ RESTORED = (
 
 
 def show(camera, image, place: str):
-    """Show an image in the camera's frame; the background image of an earlier call is reused.
+    """Show an image in the camera's frame, in front of the objects or behind them; ``place`` is "FRONT" or "BACK".
 
-    Parameters
-    ----------
-    place : {"BACK", "FRONT"}
-        Behind or in front of the objects.
+    The background image of an earlier call is reused.
     """
     # Scenes that share a camera use one entry in turn.
     known = (find(scene, camera) for scene in bpy.data.scenes)

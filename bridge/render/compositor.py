@@ -165,13 +165,7 @@ def images_of(scene) -> list:
 
 
 def exchange_images(scene, exchange) -> None:
-    """Replace the pictures in the scene's compositor, including those of other scenes.
-
-    Parameters
-    ----------
-    exchange : callable
-        ``exchange(image)`` returns the new image.
-    """
+    """Replace the pictures in the scene's compositor, including those of other scenes, by ``exchange(image)``."""
     tree = versions.compositor_tree(scene)
     nodes = [] if tree is None else [one for one in _marked(tree, _PICTURE) if one.image and images.MARK in one.image]
     new = {image: exchange(image) for image in {node.image for node in nodes}}

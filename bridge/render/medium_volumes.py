@@ -91,10 +91,7 @@ def new_object(name: str, material):
 def emitting_material(name: str, engines: str = "ALL"):
     """A material that absorbs by the file's density and emits its lit colors, as our own pictures do.
 
-    Parameters
-    ----------
-    engines : {"ALL", "CYCLES"}
-        The engines that draw it.
+    ``engines`` draw it: "ALL" or "CYCLES".
     """
     material, tree, output = _new_material(name)
     output.target = engines

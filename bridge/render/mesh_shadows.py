@@ -195,10 +195,7 @@ def row(on: bool, reason: str, ms: float | None = 0.0) -> dict:
 def show(scene, files: dict | None = None) -> None:
     """Have the grids of volumes show files, and all others of the scene show nothing.
 
-    Parameters
-    ----------
-    files : dict of bpy.types.Object to (Path, float), optional
-        Volume object to its file and the density of its surface.
+    ``files``: volume object to its file and the density of its surface.
     """
     for one in grids(scene):
         path, half = (files or {}).get(one.parent, (None, 1.0))

@@ -17,12 +17,9 @@ THINNEST = 1e-3  # of a box's longest side: it must not become flat
 
 
 def active_box(context):
-    """The clip box that handles are shown for.
+    """The clip box that handles are shown for, or None.
 
-    Returns
-    -------
-    bpy.types.Object or None
-        The active object if it is an Empty that cuts as a box, else the first visible one that cuts the active volume.
+    The active object if it is an Empty that cuts as a box, else the first visible one that cuts the active volume.
     """
     if context.scene.rle_splat.clip_objects is None:
         return None
@@ -97,10 +94,7 @@ def face(box, axis: int, side: int) -> tuple[Vector, Vector, float]:
 def move_face(box, axis: int, side: int, extent: float) -> None:
     """Move one face of a box, by the box's location and scale; the opposite face stays.
 
-    Parameters
-    ----------
-    extent : float
-        New distance between the two faces, in world units.
+    ``extent``: new distance between the two faces, in world units.
     """
     longest = max(face(box, other, 1)[2] for other in range(3))
     _, direction, before = face(box, axis, side)
@@ -157,13 +151,7 @@ def tilt_axis(plane, axis: int) -> tuple[Vector, Vector]:
 
 
 def tilt(plane, axis: int, angle: float) -> None:
-    """Turn a plane about one of its own axes, counterclockwise as seen in the world against that axis.
-
-    Parameters
-    ----------
-    angle : float
-        Radians.
-    """
+    """Turn a plane about one of its own axes by radians, counterclockwise as seen in the world against that axis."""
     if now(plane).determinant() < 0.0:
         angle = -angle  # its own space is a mirror image of the world
     turn = Quaternion(Matrix.Identity(3).col[axis], angle)

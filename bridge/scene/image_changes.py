@@ -40,10 +40,7 @@ def events_of(one) -> int:
 def state_of(image, frame: int = 0) -> tuple:
     """What is the same as long as an image is, in later sessions too.
 
-    Parameters
-    ----------
-    frame : int
-        The frame of the scene, which counts for movies and sequences.
+    The frame of the scene counts for movies and sequences.
     """
     image = image.original
     return (

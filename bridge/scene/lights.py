@@ -18,12 +18,8 @@ def is_any_lit(scene) -> bool:
 def read_lights(depsgraph) -> tuple[Light, ...]:
     """The lights that a render would use, including instances, in the depsgraph's order.
 
-    Exposure and color temperature are included in energy and color.  Shader nodes of a light are ignored.
-
-    Returns
-    -------
-    tuple of Light
-        Color scene-linear; energy in W, or W/m^2 for suns; the matrix to the world.
+    Exposure and color temperature are included in energy and color.  Shader nodes of a light are ignored.  Colors are
+    scene-linear, energies in W, or W/m^2 for suns; the matrices lead to the world.
     """
     lights = []
     for instance in depsgraph.object_instances:

@@ -26,12 +26,9 @@ def _output_of(tree):
 
 
 def plain_color(world) -> tuple | None:
-    """The radiance of a world of one color; None for any other.
+    """The scene-linear radiance of a world of one color; None for any other.
 
-    Returns
-    -------
-    tuple of float or None
-        Scene-linear red, green and blue; black where nothing is linked to its output.
+    Black where nothing is linked to its output.
     """
     if not versions.world_is_nodes(world):
         return tuple(np.array(world.color, np.float64).tolist())

@@ -37,10 +37,7 @@ def corners_of(shape_xyz, affine) -> np.ndarray:
 def give_box(volume_object, shape_xyz, affine, scene_scale: float) -> None:
     """Show the box of a volume on its Empty; an earlier box is replaced.
 
-    Parameters
-    ----------
-    scene_scale : float
-        World units per length unit of the volume.
+    ``scene_scale``: world units per length unit of the volume.
     """
     old = volume_object.instance_collection
     corners = corners_of(shape_xyz, affine)

@@ -54,13 +54,7 @@ def write_facts(volume_object, volume, counted) -> None:
 
 
 def fact_lines(volume, file_name: str) -> list[str]:
-    """Lines "Name: value" on a volume's file, grid, size and values.
-
-    Parameters
-    ----------
-    file_name : str
-        Name of its file or folder, without where it is.
-    """
+    """Lines "Name: value" on a volume's file, or folder, without where it is, and on its grid, size and values."""
     unit = volume.unit
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
     before, behind = _of_values(volume) if volume.holds_values else _of_tables(volume)

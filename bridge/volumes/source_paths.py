@@ -26,17 +26,9 @@ _while_saving: dict = {}  # session id -> absolute paths by property, during a s
 
 
 def kept_path(path: str, blend_file: str) -> str:
-    """The form of a path that is stored in a .blend.
+    """The form of a path that is stored in a .blend: relative to it.
 
-    Parameters
-    ----------
-    blend_file : str
-        Path of the .blend, or "" before its first save.
-
-    Returns
-    -------
-    str
-        A path relative to the .blend; the absolute path before the first save or for another drive.
+    The absolute path before the first save, when ``blend_file`` is "", or for another drive.
     """
     if not blend_file:
         return path

@@ -41,13 +41,9 @@ def volume_objects(scene) -> list:
 
 
 def volume_object(context):
-    """The volume that an operator or a panel works on.
+    """The volume that an operator or a panel works on, or None.
 
-    Returns
-    -------
-    bpy.types.Object or None
-        The active object or its parent if that is a volume, else the only selected volume, else the only volume of the
-        scene.
+    The active object or its parent if that is a volume, else the only selected volume, else the scene's only volume.
     """
     every = volume_objects(context.scene)
     if not every:
@@ -218,17 +214,9 @@ def list_changes(scene) -> list[str]:
 
 
 def at_hand(owner, depsgraph=None, ahead: int = 0):
-    """The voxels of a volume object if they are in memory, so that ``load_volume`` returns at once.
+    """The voxels of a volume object if they are in memory, so that ``load_volume`` returns at once, else None.
 
-    Parameters
-    ----------
-    ahead : int
-        Frames of the timeline after that time.
-
-    Returns
-    -------
-    Volume or None
-        None if they are not, or the file is missing.
+    ``ahead``: frames of the timeline after the depsgraph's time.
     """
     try:
         return store.find(source_of(owner, shown_frame(owner, depsgraph, ahead)).key)
