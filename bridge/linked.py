@@ -41,20 +41,7 @@ def why_not_editable(owner) -> str:
 
 
 def library_of(owner, name: str):
-    """The library that a property's value comes from.
-
-    Parameters
-    ----------
-    owner : bpy.types.Object
-        The volume object, which may be linked or an override.
-    name : str
-        A property of ``owner.rle_splat``.
-
-    Returns
-    -------
-    bpy.types.Library or None
-        None if the value comes from the open file.
-    """
+    """The library that a property of a volume object, linked or an override, comes from; None for the open file."""
     while owner.override_library is not None and not _is_overridden(owner, name):
         owner = owner.override_library.reference
     return owner.library

@@ -90,13 +90,7 @@ def matrix_of(key) -> np.ndarray | None:
 
 
 def visible_volumes(scene, view_layer, space) -> tuple:
-    """Keys of the volumes that a viewport shows.
-
-    Parameters
-    ----------
-    space : bpy.types.SpaceView3D
-        The viewport, whose local view, collections and object type filters count.
-    """
+    """Keys of the volumes that a viewport shows; its local view, collections and object type filters count."""
     if not is_on(space):
         return ()
     found = []

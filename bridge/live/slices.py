@@ -32,17 +32,9 @@ def slice_objects(scene) -> list:
 
 
 def add_slice(context, owner, volume, name: str):
-    """Add a slice through the middle of a volume.
+    """Add a slice through the middle of a volume, and return it; its picture is not made yet.
 
-    Parameters
-    ----------
-    name : {"axial", "coronal", "sagittal"}
-        How the slice lies.
-
-    Returns
-    -------
-    bpy.types.Object
-        The slice, whose picture is not made yet.
+    ``name`` is how it lies: "axial", "coronal" or "sagittal".
     """
     title = f"{owner.name[:LONGEST_NAME]} {name.title()}"
     mesh = bpy.data.meshes.new(title)

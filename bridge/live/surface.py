@@ -30,15 +30,7 @@ _ANY_VIEW = Camera(), 1, 1
 
 
 def request_of(context, volumes: tuple) -> Request:
-    """What the viewport that is being drawn shows.
-
-    Parameters
-    ----------
-    context : bpy.types.Context
-        While a draw handler runs.
-    volumes : tuple
-        Of ``shown.visible_volumes``.
-    """
+    """What the viewport shows whose draw handler runs; ``volumes`` are those of ``shown.visible_volumes``."""
     space, region, view = context.space_data, context.region, context.region_data
     shading = space.shading
     drawn = (
@@ -64,10 +56,7 @@ def matrices_of(context, space, region, view) -> Matrices:
 def clip_of(context, space, view) -> tuple:
     """Clip distances of a viewport, which are those of the camera that it looks through.
 
-    Returns
-    -------
-    begin, end : float
-        World units ahead of the view's origin; of no meaning for an orthographic view through no camera.
+    In world units ahead of the view's origin; of no meaning for an orthographic view through no camera.
     """
     owner = space
     if view.view_perspective == "CAMERA":

@@ -150,10 +150,7 @@ class Viewport:
     def redraw(self, request: Request, stamp, surface: DrawnSurface) -> None:
         """Look at what a redraw shows; where it changed, work on a draft for at most a bite.
 
-        Parameters
-        ----------
-        stamp : object
-            Differs from that of the last redraw after any event that may have changed the contents.
+        ``stamp`` differs from that of the last redraw after any event that may have changed the contents.
         """
         if self._failed in (FOR_GOOD, (request, stamp)):
             return

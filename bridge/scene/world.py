@@ -86,13 +86,9 @@ def state(scene, lighting: str = "SCENE") -> str:
 
 
 def read_mist(depsgraph) -> Mist | None:
-    """The mist of the scene's world, which the scene's own property switches on; the Mist pass of a view layer changes
-    no picture.  A world with more than one color counts as black.
+    """The mist of the scene's world; None if it is off in ``scene.rle_splat``.  The Mist pass changes no picture.
 
-    Returns
-    -------
-    Mist or None
-        Start and depth in world units, falloff and scene-linear color; None if Mist is off in ``scene.rle_splat``.
+    Start and depth are in world units, the color is scene-linear; a world with more than one color counts as black.
     """
     world = depsgraph.scene_eval.world
     if world is None or not depsgraph.scene_eval.rle_splat.use_mist:
