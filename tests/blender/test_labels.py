@@ -17,8 +17,7 @@ COLOR = (0.9, 0.5, 0.2)
 @pytest.fixture
 def owner(tmp_path):
     """A homogeneous cube whose left third is labeled 3, the rest 0; seen from above."""
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    owner = scenes.even_cube(tmp_path, N, ALPHA, COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
