@@ -41,7 +41,7 @@ def test_labels_are_listed_hidden_and_colored(owner):
     rows = owner.rle_splat.labels
     before = scenes.picture()
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Label 3")]
+    assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Segment 3")]
     np.testing.assert_array_equal(scenes.picture(), before)
     assert reported()["plan"]["classification"] == "post", "nothing asks for more than one transfer function"
 
@@ -140,7 +140,7 @@ def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_pa
     owner.rle_splat.label_file = str(tmp_path / "other.raw")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert [(row.label, row.label_name, row.show) for row in rows] == [
-        (0, "Background", True), (3, "Label 3", True), (4, "Label 4", True)]  # fmt: skip
+        (0, "Background", True), (3, "Segment 3", True), (4, "Segment 4", True)]  # fmt: skip
     colors = np.array([row.color for row in rows])
     apart = np.abs(colors[:, np.newaxis] - colors).max(axis=-1)
     assert apart[~np.eye(3, dtype=bool)].min() > 0.2 and tuple(rows[1].color) == first
