@@ -46,12 +46,11 @@ IDLE_THREADS = {
 }  # fmt: skip
 
 SLOW, DEEP, EXTRAS = "slow", "deep", "extras"  # marks of tests
-EVERY_BLENDER, LONG_TERM = "every_blender", "every_blender or long_term"
+EVERY_BLENDER, OLDEST_BLENDER = "every_blender", "every_blender or oldest_blender"
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
-NEWEST = list(BPY)[-1]  # the Blender that runs all of tests/blender
-WITH_LONG_TERM = ("4.5", "5.2")
+OLDEST, *_, NEWEST = BPY  # the newest Blender runs all of tests/blender
 QUICK = ("unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
 
 # The longest parts, which begin first; the others take a minute or less.
@@ -252,7 +251,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
     for version in _versions(quick):
-        marks = LONG_TERM if version in WITH_LONG_TERM else EVERY_BLENDER
+        marks = OLDEST_BLENDER if version == OLDEST else EVERY_BLENDER
         whole_of_it = everywhere or (version == NEWEST and not quick)
         words = [BLENDER_TESTS, *(() if whole_of_it else ("-m", marks)), *options]
         found[f"bpy-{version}"] = Part(

@@ -28,7 +28,7 @@ else:
     collect_ignore_glob = ["test_*.py"]
 
 # The files whose tests also run in Blender's older versions: those marked every_blender in each, and those marked
-# long_term in 4.5 and 5.2, which have long-term support.  They test what differs between versions.
+# oldest_blender in the oldest, too.  They test what differs between versions.
 EVERY_BLENDER = {
     # The zip: installation, registration, the kernels' Python, files of earlier versions of the extension.
     "test_register.py", "test_package.py", "test_kernels.py", "test_migration.py", "test_documented_script.py",
@@ -37,7 +37,7 @@ EVERY_BLENDER = {
     # Compositors and view layers; panels; each operator, with what users do to a file meanwhile.
     "test_composite.py", "test_view_layers.py", "test_panels.py", "test_situations_edits.py",
 }  # fmt: skip
-LONG_TERM = {
+OLDEST_BLENDER = {
     # Blender's data: keyframes, dialogs, OpenVDB.
     "test_animation.py", "test_motion.py", "test_transfer.py", "test_import.py", "test_vdb.py",
     # Renders: Cycles, EEVEE, the world's nodes.
@@ -56,7 +56,7 @@ _status = [0]
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
     for item in items:
-        for mark, files in (("every_blender", EVERY_BLENDER), ("long_term", LONG_TERM)):
+        for mark, files in (("every_blender", EVERY_BLENDER), ("oldest_blender", OLDEST_BLENDER)):
             if item.path.parent == Path(__file__).parent and item.path.name in files:
                 item.add_marker(mark)
 

@@ -277,6 +277,13 @@ def picture(scene=None, **options):
     return picture_of(scene, **options)[1]
 
 
+def read_scene(volume_object, with_meshes=False):
+    """The renderer's scene and quality, as a picture of the volume object has them."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    reader = import_module(f"{MODULE}.bridge.scene.render_scene")
+    return reader.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
+
+
 def backdrops(camera):
     """The images that a camera object shows behind or in front of the scene."""
     return [entry.image for entry in camera.data.background_images]

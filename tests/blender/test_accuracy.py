@@ -36,9 +36,7 @@ def measured(volume):
 def listed(volume, bridge, core):
     """A list of a few plans, measured without the operator: quicker."""
     plans, sweeps, scene = core("accuracy.planner.plans"), core("accuracy.planner.measure_plans"), bpy.context.scene
-    plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-    )
+    plain, quality = scenes.read_scene(volume)
     few = [plan for plan in plans.sensible_plans(quality) if plan.name in ("paper", "pre draft", "draft", "strict")]
     sweep = core("runtime.steps").drain(sweeps.sweep_steps(plain, few, quality, probes=60, repeats=1))
     bridge("data.accuracy").note_sweep(scene.rle_splat, sweep.report, "the ball")
@@ -107,9 +105,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     settings = bpy.context.scene.rle_splat
     settings.quality = "draft"
     assert bpy.ops.rle_splat.error_map(step=step) == {"FINISHED"}
-    plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-    )
+    plain, quality = scenes.read_scene(volume)
     rendering = core("pipeline.render").render(plain, quality)
     name = rendering.report["error"]["truth"]
     shading = core("accuracy.lighting").shading_of(plain, name)

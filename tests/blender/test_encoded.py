@@ -44,9 +44,7 @@ def encode(scan, bridge, core, tmp_path):
     """``encode(kind)``: the scan as a `.rle` file or folder; its path."""
 
     def made(kind):
-        plain, quality = bridge("scene.render_scene").read_scene(
-            scan, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-        )
+        plain, quality = scenes.read_scene(scan)
         quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
@@ -169,7 +167,7 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
     monkeypatch.setattr(core("pipeline.encode_folder"), "COARSE_VOXELS", SIDE**3 // 4)
     owner = imported(encode("post"))
     frames = bridge("live.frames")
-    plain, _ = bridge("scene.render_scene").read_scene(owner, bpy.context.evaluated_depsgraph_get(), with_meshes=False)
+    plain, _ = scenes.read_scene(owner)
     draft, times = frames.in_larger_voxels(plain)
     assert times == 1 and draft.volume.shape_xyz == (SIDE // 2,) * 3
     odd = replace(draft.volume, shape_xyz=(SIDE // 2 + 1,) * 3)  # of SIDE + 1 voxels

@@ -186,9 +186,7 @@ def test_moving_the_volume_moves_the_picture(volume):
 def test_the_picture_is_the_renderers_own(volume, bridge, core):
     """Nothing happens to the picture between the renderer and the image."""
     bpy.ops.rle_splat.render_image()
-    plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-    )
+    plain, quality = scenes.read_scene(volume)
     rendering = core("pipeline.render").render(plain, quality)
     settings = bpy.context.scene.rle_splat
     np.testing.assert_array_equal(scenes.image_pixels(settings.image), rendering.rgba)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import bpy
 import pytest
 
-from tests.blender import layout_recorder
+from tests.blender import layout_recorder, scenes
 from tests.blender.scenes import update
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
@@ -98,9 +98,7 @@ def test_the_last_volume_leaves_no_stages_and_no_voxels(volume_object, bridge):
     bpy.context.scene.collection.objects.link(bpy.context.scene.camera)
     bpy.context.scene.camera.location.z = 30.0
     update()
-    plain, quality = bridge("scene.render_scene").read_scene(
-        volume_object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-    )
+    plain, quality = scenes.read_scene(volume_object)
     list(bridge("scene.render_scene").steps(plain, quality, refuse_empty_view=False))
     update()
     assert bridge("scene.render_scene").KEPT.contents and bridge("loop.store")._entries

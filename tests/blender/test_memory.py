@@ -53,9 +53,7 @@ def test_the_panel_tells_what_the_picture_then_takes(volume, bridge, core, monke
     bridge("volumes.volumes").forget_all()  # no voxels in memory: the panel must not read them
     needed, share = translate(monkeypatch)
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    plain, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=False
-    )
+    plain, quality = scenes.read_scene(volume)
     rendering = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality))
     assert quality.classification == classification and (quality.rays > 0.0) == (name == "strict")
     if quality.rays == 0.0 < rendering.report["plan"]["rays"]:
@@ -77,9 +75,7 @@ def test_the_panel_tells_what_meshes_take(volume, bridge, core, monkeypatch):
     bpy.context.scene.rle_splat.quality = "draft"  # whose plan for this volume has no exact pixels
     drafted = translate(monkeypatch)[0], told_beside(monkeypatch, "among meshes")
     for with_meshes, needed in zip((False, True), drafted):
-        plain, quality = bridge("scene.render_scene").read_scene(
-            volume, bpy.context.evaluated_depsgraph_get(), with_meshes=with_meshes
-        )
+        plain, quality = scenes.read_scene(volume, with_meshes=with_meshes)
         report = core("runtime.steps").drain(bridge("scene.render_scene").steps(plain, quality)).report
         assert needed == pytest.approx(report["memory_estimate_bytes"]["needed"], rel=0.3)
     assert among > 1.3 * alone

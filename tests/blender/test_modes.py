@@ -33,9 +33,7 @@ def picture():
 
 
 def rendered(bridge, core, volume, **more):
-    scene, quality = bridge("scene.render_scene").read_scene(
-        volume, bpy.context.evaluated_depsgraph_get(), with_meshes=True
-    )
+    scene, quality = scenes.read_scene(volume, with_meshes=True)
     return scene, core("pipeline.render").render(scene, quality).rgba
 
 

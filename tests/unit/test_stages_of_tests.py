@@ -125,7 +125,7 @@ def test_each_test_runs_in_one_stage(stages):
     versions = [f"bpy {version}" for version in testing.BPY]
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
     marked = [words[words.index("-m") + 1] if "-m" in words else "" for words in (runs[name][1] for name in versions)]
-    assert marked == ["every_blender or long_term", "every_blender", "every_blender or long_term", ""]
+    assert marked == ["every_blender or oldest_blender", "every_blender", "every_blender", ""]
     assert len(runs) == len(core) + len(versions) + 3
     assert {stage.name for stage in table} == {*runs, "extension zips", "real blender"}
 
