@@ -148,10 +148,11 @@ def test_a_headlight_and_lights_add_up(volume):
 
 @pytest.fixture
 def body(addon, tmp_path):
-    """A CT of a cylinder of water with a rod of bone in air, from the side."""
+    """A CT of a cylinder of water with a rod of dense bone and a tooth in air, from the side."""
     _, y, x = np.mgrid[:40, :40, :40]
     values = np.where((x - 19.5) ** 2 + (y - 19.5) ** 2 < 230.0, 30, -1000)
-    values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 900
+    values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 1250
+    values[30:34, 17:22, 24:29] = 2000
     found = import_raw(tmp_path, values.astype(np.int16), name="body")
     found.rle_splat.value_unit = "HU"
     add_camera(location=(19.5, -60.0, 19.5), rotation=(np.pi / 2, 0.0, 0.0), type="ORTHO", ortho_scale=36.0)
