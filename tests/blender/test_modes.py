@@ -177,6 +177,12 @@ def test_each_mode_begins_with_a_window_that_shows_the_body(body, mode):
     assert row[0, 3] < 0.1, "air is not clear"
 
 
+def test_a_preset_for_mip_shows_mip(body):
+    """In Shaded mode it is a white shape."""
+    assert bpy.ops.rle_splat.apply_preset(preset="mr-mip") == {"FINISHED"}
+    assert (body.rle_splat.display, body.rle_splat.transfer_name) == ("mip", "MR MIP")
+
+
 def test_shaded_has_its_own_window_again(body):
     properties = body.rle_splat
     properties.window_center, properties.window_width = 123.0, 456.0
