@@ -5,7 +5,10 @@ from bpy.app.translations import pgettext_iface, pgettext_tip
 from bpy.props import EnumProperty
 
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer
+from ..bridge.volumes import volumes
 from .applying import AppliesTransfer
+
+OF_MIP = "mr-mip"  # preset for the mode MIP
 
 
 class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
@@ -23,3 +26,9 @@ class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
 
     def chosen(self, volume):
         return chosen_transfer(self.preset, volume)
+
+    def execute(self, context):
+        done = super().execute(context)
+        if self.preset == OF_MIP and done == {"FINISHED"}:  # composited it would be a white shape
+            volumes.volume_object(context).rle_splat.display = "mip"
+        return done

@@ -12,8 +12,9 @@ XRAY_ALPHA = 0.04  # opacity of the brightest value for each smallest spacing, a
 # Optical depth of the volume's mean value along its longest side, above air: half of the light.  Lines through the
 # middle of a body have about twice that.
 XRAY_DEPTH = 0.7
-# Physical values shown black and white, in HU.
+# Physical values shown black and white, in HU; of a MIP up to MOST_OF_MIP where there is dense bone.
 OF_CT = {"mip": (-200.0, 1000.0), "minip": (-1000.0, 0.0), "average": (-1000.0, 200.0)}
+MOST_OF_MIP = 1400.0
 # Percentiles of the values, for other scans.  The largest value of a line is seldom below the median.
 PERCENTS = {"mip": (50.0, 99.9), "minip": (1.0, 75.0), "average": (1.0, 95.0)}
 AIR = 1.0  # percentile that stands for air
@@ -29,6 +30,8 @@ def suit(volume_object) -> None:
         low, high = _of_xray(volume_object, histogram)
     elif modality_of(properties) == "CT":
         low, high = OF_CT[properties.mode]
+        if properties.mode == "mip":
+            high = min(max(high, _percentiles(histogram, PERCENTS["mip"])[1]), MOST_OF_MIP)
     else:
         low, high = _percentiles(histogram, PERCENTS[properties.mode])
     properties.window_center, properties.window_width = 0.5 * (low + high), max(high - low, 1e-6)

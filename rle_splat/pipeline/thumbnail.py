@@ -63,7 +63,7 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
     """
     camera, matrix = _front(small)
     behind = BEHIND if function.shade is not None or any(function.color[-1][1:]) else BEHIND_BLACK
-    flat = function.shade is None and len({tuple(rgb) for _, *rgb in function.color}) == 1
+    flat = behind == BEHIND and function.shade is None and len({tuple(rgb) for _, *rgb in function.color}) == 1
     shade = function.shade or Shade(1.0, 0.0, FAINT, 1.0)
     function = replace(
         function,

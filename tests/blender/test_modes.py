@@ -145,10 +145,11 @@ def test_a_headlight_and_lights_add_up(volume):
 
 @pytest.fixture
 def body(addon, tmp_path):
-    """A CT of a cylinder of water with a rod of bone in air, from the side."""
+    """A CT of a cylinder of water with a rod of dense bone and a tooth in air, from the side."""
     _, y, x = np.mgrid[:40, :40, :40]
     values = np.where((x - 19.5) ** 2 + (y - 19.5) ** 2 < 230.0, 30, -1000)
-    values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 900
+    values[(x - 26.0) ** 2 + (y - 19.5) ** 2 < 20.0] = 1250
+    values[30:34, 17:22, 24:29] = 2000
     found = import_raw(tmp_path, values.astype(np.int16), name="body")
     found.rle_splat.value_unit = "HU"
     add_camera(location=(19.5, -60.0, 19.5), rotation=(np.pi / 2, 0.0, 0.0), type="ORTHO", ortho_scale=36.0)
@@ -181,6 +182,12 @@ def test_the_gray_on_the_screen_is_proportional_to_the_value(body, core, mode, s
         properties.window_center = seen + (0.5 - share) * 800.0
         water = core("scene.color").to_display(picture()[0][20, 14:16, 0])
         np.testing.assert_allclose(water, share, atol=0.002)
+
+
+def test_a_preset_for_mip_shows_mip(body):
+    """In Shaded mode it is a white shape."""
+    assert bpy.ops.rle_splat.apply_preset(preset="mr-mip") == {"FINISHED"}
+    assert (body.rle_splat.display, body.rle_splat.transfer_name) == ("mip", "MR MIP")
 
 
 def test_shaded_has_its_own_window_again(body):
