@@ -11,7 +11,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.scene import Quality
 
 # Levels at 99 of 100 pixels, under each of the lamps.
-BOUNDS = {"draft": 60.0, "standard": 20.0, "fine": 13.0, "strict": 4.0}
+BOUNDS = {"draft": 60.0, "standard": 20.0, "fine": 13.0, "strict": 6.0}
 
 
 @pytest.mark.parametrize("quality, most", (("draft", 1.0), ("standard", 0.5), ("fine", 0.5)))
