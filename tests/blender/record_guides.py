@@ -121,40 +121,6 @@ def window_and_curve():
     passed("window, curve, smoothness")
 
 
-def lamps(volume) -> None:
-    middle_of = volume.matrix_world.translation
-    for name, place, color, watts in (
-        ("Key", (-0.3, -0.6, 0.45), (1.0, 0.9, 0.78), 14.0), ("Rim", (0.6, 0.35, 0.25), (0.55, 0.72, 1.0), 22.0),
-    ):  # fmt: skip
-        data = bpy.data.lights.new(name, "AREA")
-        data.energy, data.color, data.size = watts, color, 0.15
-        made = bpy.data.objects.new(name, data)
-        made.location = middle_of + type(middle_of)(place)
-        made.rotation_euler = (middle_of - made.location).to_track_quat("-Z", "Y").to_euler()
-        bpy.context.scene.collection.objects.link(made)
-
-
-def light():
-    volume = yield from skull()
-    volume.rle_splat.opacity_unit_distance, volume.rle_splat.smoothness = 0.05, 2.0  # no weave under the lamps
-    bpy.context.scene.rle_splat.quality = "fine"
-    volume.rle_splat.lighting = "HEADLIGHT"
-    yield from settled()
-    yield from keep("headlight", HEAD)
-    lamps(volume)
-    activate(volume)
-    volume.rle_splat.lighting = "SCENE"
-    bpy.context.scene.rle_splat.use_shadows = False
-    yield from settled()
-    yield from keep("lamps", HEAD)
-    bpy.context.scene.rle_splat.use_shadows = True
-    bpy.context.scene.rle_splat.ambient_occlusion = 0.8
-    yield from settled()
-    yield from keep("shadows", HEAD)
-    beside("how-to-light", "headlight", "lamps", "shadows")
-    passed("light")
-
-
 def surface():
     volume = yield from skull()
     with in_the_view():
@@ -294,5 +260,5 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, light, surface, raw_file, pinned, organs, isolated, in_time)
+PARTS = (set_up_slices, window_and_curve, surface, raw_file, pinned, organs, isolated, in_time)
 drive(scenario)

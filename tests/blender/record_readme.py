@@ -1,12 +1,14 @@
 """A recording for the README in a real window, by simulated mouse and keys: import, preset, Remove Table, a cut, F12.
 
-    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1280x800
+    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1120x760
 
-writes recording.gif, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
-tests/blender/data/scan, if there is such a folder, else the practice CT.
+writes recording.webp, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
+tests/blender/data/scan, files named *.dcm, if there is such a folder, else the practice CT.  An arrow is drawn where
+the simulated mouse is.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,7 +22,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import middle, press, settled, simulate
+from tests.blender.user_steps import find_button, middle, press, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -38,51 +40,74 @@ from tests.blender.window_driver import (
 
 SCAN = Path(__file__).parent / "data" / "scan"
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
-CENTISECONDS, WIDTH, COLORS = 12, 840, 96  # of a frame
+CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
+WIDTH, QUALITY = 920, 80
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
-HOLD = 8  # frames for which a step stands still
-TOWARD = (1.45, -1.6, 0.62)  # where the camera is, from the middle of the scan, in sizes of it
-NEARER = 0.6  # than Frame, which shows the whole box
-HEAD, OPEN, LIVE, RESULT = "790x510+150+230", "690x540+300+200", "560x420+220+255", "840x525+220+163"  # of a frame
+ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
+STEPS, COLUMN = 11, 82  # of a drag; pixels between buttons of presets
+TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
+NEARER = 0.5  # than Frame, which shows the whole box
+OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
+HEAD, OPEN, LIVE = "560x510+100+130", "560x510+100+130", "500x460+130+175"  # of a frame
 STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
-    "how-to-table": (((3, HEAD), (4, HEAD)), 376), "how-to-presets": (((2, "1280x800+0+0"),), 688),
-    "how-to-cut": (((18, OPEN), (23, OPEN)), 467), "how-to-live": (((12, LIVE), (13, LIVE)), 420),
+    "how-to-table": (("imported", HEAD), ("no-table", HEAD)), "how-to-presets": (("preset", "1120x760+0+0"),),
+    "how-to-cut": (("whole", OPEN), ("cut", OPEN)), "how-to-live": (("draft", LIVE), ("refined", LIVE)),
 }  # fmt: skip
-shown = []  # of each photograph: how long it is shown, in frames, and its caption
+shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
+mouse = []
 
 
-def frame(times: int = 1, caption: str = ""):
+def point(kind: str, value: str, at) -> None:
+    """Simulate an event of the mouse, and remember where."""
+    simulate(kind, value, at)
+    mouse[:] = at
+
+
+def frame(times: int = 1, caption: str = "", name: str = ""):
     """Keep what the window shows at once: a draft, as a user sees it while something moves.
 
-    Without a ``caption`` the one before stays.
+    Without a ``caption`` the one before stays.  ``name``: in STILLS.
     """
     yield from photograph(f"frame-{len(shown):03}")
-    shown.append((times, caption or shown[-1][1]))
+    if name:
+        folder = Path(os.environ[SHOTS])
+        shutil.copyfile(folder / f"frame-{len(shown):03}.png", folder / f"{name}.png")
+    shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, steps: int, caption: str = ""):
-    """Drag from one pixel of the window to another, a frame for each step."""
+def drag(button: str, begin, end, caption: str = "", name: str = ""):
+    """Drag from one pixel of the window to another, a frame for each step; the last has the name."""
     begin, end = np.array(begin, float), np.array(end, float)
-    for value, at in (("NOTHING", begin - 1), ("NOTHING", begin)):
-        simulate("MOUSEMOVE", value, at)
+    for at in (begin - 1, begin):
+        point("MOUSEMOVE", "NOTHING", at)
         yield
-    simulate(button, "PRESS", begin)
+    yield from frame(4, caption)
+    point(button, "PRESS", begin)
     yield
-    for step in range(1, steps + 1):
-        simulate("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / steps)
+    for step in range(1, STEPS + 1):
+        point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
         yield
-        yield from frame(1, caption)
-    simulate(button, "RELEASE", end)
+        yield from frame(name=name if step == STEPS else "")
+    point(button, "RELEASE", end)
     yield
     yield from settled()
 
 
-def pixel_of(point) -> np.ndarray:
+def click(command: str, argument: str, caption: str, left: int = 0):
+    """Press a button of the sidebar, or what is so many pixels on its left."""
+    at = np.subtract((yield from find_button(command, argument)), (left, 0))
+    point("MOUSEMOVE", "NOTHING", at)
+    yield from frame(HOLD // 3, caption)
+    yield from press("LEFTMOUSE", at)
+    yield from settled()
+
+
+def pixel_of(place) -> np.ndarray:
     """Where the view shows a point of the world, in pixels of the window."""
     area = area_of("VIEW_3D")
     region = region_of(area, "WINDOW")
-    place = location_3d_to_region_2d(region, area.spaces.active.region_3d, Vector(point))
-    return np.array((region.x + place.x, region.y + place.y))
+    found = location_3d_to_region_2d(region, area.spaces.active.region_3d, Vector(place))
+    return np.array((region.x + found.x, region.y + found.y))
 
 
 def corners_of(one) -> tuple[Vector, Vector]:
@@ -96,14 +121,14 @@ def studio(volume) -> None:
     from gallery_studio import COLD, Stage, softbox_world
 
     stage, settings = Stage.of(volume, FOLDER), bpy.context.scene.rle_splat
-    stage.camera(TOWARD, lens=74.0, aim=(-0.06, -0.09, -0.03))
+    stage.camera(TOWARD, lens=80.0, aim=(0.06, -0.06, -0.03))
     stage.sweep(TOWARD, stage.foot, (0.05, 0.055, 0.065))
-    stage.key(2.9, (1.0, -1.6, 1.5))
-    stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
+    stage.key(2.9, (-1.73, -0.9, 1.5))
+    stage.area("Rim", 60.0, (1.6, 1.4, 1.2), COLD)
     softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)), (), 0.6)
     bpy.context.view_layer.objects.active = volume
-    volume.rle_splat.lighting, volume.rle_splat.opacity_unit_distance = "SCENE", 0.05
-    settings.use_shadows, settings.ambient_occlusion, settings.quality = True, 0.7, "fine"
+    volume.rle_splat.lighting = "SCENE"
+    settings.use_shadows, settings.ambient_occlusion, settings.quality = True, 0.5, "fine"
     view = area_of("VIEW_3D").spaces.active
     view.shading.type, view.overlay.show_extras, view.show_gizmo = "MATERIAL", False, False
     view.shading.use_scene_lights = view.shading.use_scene_world = True
@@ -113,16 +138,16 @@ def studio(volume) -> None:
 
 
 def cut(volume):
-    """A box whose left face is dragged by its handle to the middle of the head."""
+    """A box whose right face is dragged by its handle to the middle of the head."""
     with in_the_view():
         assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     yield from settled()
-    yield from frame(3, "Add a box and drag a face")
     before = box.matrix_world.copy()
-    face = box.matrix_world @ Vector((1.0, 0.0, 0.0))
+    face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
     middle_of = sum(corners_of(volume), Vector()) / 2
-    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x, face.y, face.z)), 8)
+    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)),
+                    "Add a box and drag its face")  # fmt: skip
     assert box.matrix_world != before, "the handle was missed"
 
 
@@ -147,35 +172,46 @@ def scenario():
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
-    scene = bpy.context.scene
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 8, "CPU"
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 12, "CPU"
     scene.view_settings.view_transform = "Standard"
-    scene.render.resolution_x, scene.render.resolution_y = 840, 640
-    yield from frame(HOLD // 2, "Drop a DICOM folder into Blender")
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(scan)) == {"FINISHED"}
-    volume, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((radians(76.0), 0.0, radians(-30.0))).to_quaternion()
-    view.view_distance *= NEARER
+    scene.render.resolution_x, scene.render.resolution_y = 1000, 620
+    view.overlay.show_relationship_lines = False
+    point("MOUSEMOVE", "NOTHING", middle(60.0))
+    yield from frame(HOLD, "Blender, an empty scene")
+    with in_the_view():  # as Blender calls it for a file that is dropped
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(min(scan.iterdir())), hide_table=False)
+    yield
+    yield from frame(HOLD, "Drop a file of a DICOM series")
+    yield from press("RET", middle(60.0))
+    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
+    volume = bpy.context.view_layer.objects.active
+    view.region_3d.view_rotation = Euler((radians(76.0), 0.0, radians(30.0))).to_quaternion()
+    view.region_3d.view_distance *= NEARER
     yield from settled()
-    yield from frame(HOLD)
     yield from wait_for_rest()  # with the pictures of presets
-    for preset, caption in (("x-ray", "Click a preset"), ("ct-bone", "")):
-        with in_the_view():
-            assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
-        yield from settled()
-        yield from frame(HOLD, caption)
+    yield from frame(HOLD, "It stands at the patient's place, in true size", "imported")
+    yield from click("bpy.ops.rle_splat.apply_preset", "ct-muscle", "Click a preset")
+    yield from frame(HOLD)
+    yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
+    yield from frame(HOLD, name="preset")
+    assert volume.rle_splat.transfer_name == "CT bone"
     with in_the_view():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
+    ours = volume.rle_splat
+    ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
-    yield from frame(HOLD, "Remove the table")
-    yield from drag("MIDDLEMOUSE", middle(100.0), middle(-70.0), 8, "Turn the view: it is live")
-    yield from frame(3)
+    yield from frame(HOLD, "Remove the table", "no-table")
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view: it is live", "draft")
+    yield from frame(HOLD // 2, name="refined")
+    yield from frame(1, name="whole")
     yield from cut(volume)
-    yield from frame(HOLD)
+    yield from frame(HOLD, name="cut")
     studio(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    mouse.clear()
     yield from settled()
     yield from frame(HOLD, "Add lamps, a floor and a camera")
     yield from rendered()
@@ -185,24 +221,23 @@ def scenario():
 
 
 def save() -> None:
-    """Put the photographs together as a GIF that begins with the last one, and some as pictures of the guides."""
+    """Put the photographs together as an animation, and some as pictures of the guides."""
     folder = Path(os.environ[SHOTS])
     pictures = []
-    for number, (times, caption) in enumerate(shown):
+    for number, (times, caption, at) in enumerate(shown):
         path = folder / f"captioned-{number:03}.png"
-        words = ["-resize", f"{WIDTH}x", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "22", "-fill", "white",
-                 "-undercolor", "#000c", "-annotate", "+44+26", f" {caption} "]  # fmt: skip
-        crop = ["-crop", RESULT, "+repage"] if number == len(shown) - 1 else []
-        subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *crop, *words, str(path)], check=True)
-        pictures.append((times, str(path)))
-    frames = [word for times, path in (pictures[-1], *pictures)
-              for word in ("-delay", str(CENTISECONDS * times), path)]  # fmt: skip
-    words = ["+dither", "-colors", str(COLORS), "-layers", "Optimize"]
-    subprocess.run(["convert", "-loop", "0", *frames, *words, str(folder / "recording.gif")], check=True)
-    for name, (parts, height) in STILLS.items():
-        words = [word for number, part in parts
-                 for word in ("(", str(folder / f"frame-{number:03}.png"), "-crop", part, "+repage",
-                              "-resize", f"x{height}", ")")]  # fmt: skip
+        arrow = " ".join(f"{at[0] + x},{window().height - at[1] + y}" for x, y in ARROW) if at else ""
+        words = ["-fill", "white", "-stroke", "black", "-draw", f"polygon {arrow}"] if at else []
+        words += ["-stroke", "none", "-resize", f"{WIDTH}x", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
+                  "-fill", "white", "-undercolor", "#000c", "-annotate", "+44+30", f" {caption} "]  # fmt: skip
+        subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *words, str(path)], check=True)
+        pictures += ["-delay", str(CENTISECONDS * times), str(path)]
+    subprocess.run(["convert", "-loop", "0", *pictures, "-quality", str(QUALITY), "-define", "webp:method=6",
+                    str(folder / "recording.webp")], check=True)  # fmt: skip
+    for name, parts in STILLS.items():
+        words = [
+            word for still, part in parts for word in ("(", str(folder / f"{still}.png"), "-crop", part, "+repage", ")")
+        ]
         subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 

@@ -169,7 +169,7 @@ def test_each_mode_begins_with_a_window_that_shows_the_body(body, mode):
     if mode == "minip":
         assert (pixels[4:36, 4:36, 3] > 0.99).all() and row[:, 0].max() < 0.05
         return
-    assert 0.02 < water < 0.95 and water + 0.04 < bone < 0.99
+    assert 0.01 < water < 0.95 and water + 0.04 < bone < 0.99
     assert row[0, 3] < 0.1, "air is not clear"
 
 
