@@ -44,7 +44,8 @@ Numbers at the edge are treated alike under every classification:
 SITUATIONS_HEAD = """
 ## Blender situations
 
-Tests in `tests/blender` carry the id of each line. `python3 dev.py test` runs all of them in Blender 4.5 to 5.3.
+Tests in `tests/blender` carry the id of each line. `python3 dev.py test` runs all of them in Blender 4.5, 5.2
+and 5.3, and in 5.0 those of undo, redo and every operator.
 
 | id | situation | what holds |
 |---|---|---|

@@ -258,7 +258,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
     )
     shininess: LiveFloat(
-        name="Specular Power", default=20.0, min=1.0, soft_max=100.0,
+        name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
         name="Reflection", description="Model of the highlights", default="BLINN_PHONG",

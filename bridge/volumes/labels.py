@@ -250,7 +250,7 @@ def list_labels(owner, listed: LabelMap) -> tuple[int, int, tuple]:
 def _describe(row, number: int, named) -> None:
     """Give a row the appearance that a label file says, or else the first one."""
     row.name, row.label = str(number), number
-    row.label_name = named.name if named else f"Label {number}" if number else "Background"
+    row.label_name = named.name if named else f"Segment {number}" if number else "Background"
     row.show, row.look, row.opacity = True, OWN, 1.0
     row.use_color = named is not None and named.color is not None
     row.color = named.color if row.use_color else distinct_color(number)

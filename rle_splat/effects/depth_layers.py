@@ -42,11 +42,6 @@ class DepthLayers:
     coverage: np.ndarray | None
     first_pixel: tuple[int, int] = (0, 0)
 
-    @property
-    def has_silhouettes(self) -> bool:
-        """Whether any pixel has two depths."""
-        return bool((self.near != self.far).any())
-
     def coverage_of(self, region) -> np.ndarray:
         """The coverage of a part of the picture.
 

@@ -46,9 +46,10 @@ class _InflatedStream:
 
     def go_to_bookmark(self, position: int) -> int:
         """Go on at the last bookmark up to a position of the unpacked bytes; return where it is, 0 without one."""
-        self._position = max((at for file, at in list(_bookmarks) if file == self._file and at <= position), default=0)
-        if self._position:
-            packed, decoder = _bookmarks[self._file, self._position]
+        marks = {at: mark for (file, at), mark in _bookmarks.copy().items() if file == self._file and at <= position}
+        self._position = max(marks, default=0)
+        if marks:
+            packed, decoder = marks[self._position]
             self._stream.seek(packed)
             self._decoder = decoder.copy()
         return self._position
@@ -57,7 +58,7 @@ class _InflatedStream:
         """Let later streams of the file go on here."""
         _bookmarks[self._file, self._position] = self._stream.tell() - len(self._input), self._decoder.copy()
         if len(_bookmarks) > BOOKMARKS:
-            del _bookmarks[next(iter(_bookmarks))]
+            _bookmarks.pop(next(iter(_bookmarks)), None)
 
     def readinto(self, view) -> int:
         """Fill a view with up to its length of bytes; return how many, 0 at the end."""

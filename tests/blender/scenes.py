@@ -52,6 +52,13 @@ def give_transfer(volume_object, opacity, color):
     import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume_object, function)
 
 
+def even_cube(folder, side, alpha, color, name="cube"):
+    """Import a cube of ``side`` voxels a side, of one color and opacity, unshaded; returns its object."""
+    owner = import_raw(folder, np.full((side, side, side), 100, np.uint8), name=name)
+    give_transfer(owner, ((0.0, 0.0), (50.0, alpha), (255.0, alpha)), color)
+    return owner
+
+
 def add_camera(location=(0.0, 0.0, 10.0), rotation=(0.0, 0.0, 0.0), **settings):
     """An active camera, looking down -Z unless rotated."""
     data = bpy.data.cameras.new("Camera")

@@ -16,8 +16,7 @@ ALPHA = 0.1
 
 @pytest.fixture
 def volume(tmp_path):
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+    owner = scenes.even_cube(tmp_path, N, ALPHA, (1.0, 0.5, 0.25))
     scene = scenes.use_cycles((32, 32))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=32.0)

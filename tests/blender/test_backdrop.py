@@ -15,8 +15,7 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 
 @pytest.fixture
 def volume(tmp_path):
-    owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+    owner = scenes.even_cube(tmp_path, 9, 0.3, (0.9, 0.5, 0.2))
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=20.0, shift_x=0.1)
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y, render.pixel_aspect_x = 40, 32, 1.5

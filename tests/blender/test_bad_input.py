@@ -13,8 +13,7 @@ PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
 
 @pytest.fixture
 def volume(tmp_path):
-    owner = scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, 0.3), (255.0, 0.3)), (0.9, 0.5, 0.2))
+    owner = scenes.even_cube(tmp_path, 9, 0.3, (0.9, 0.5, 0.2))
     scenes.use_cycles((32, 32))
     return owner
 

@@ -17,8 +17,7 @@ N, ALPHA, VIEW = 9, 0.08, 12.0
 @pytest.fixture
 def settings(tmp_path):
     """Of a scene with a homogeneous cube of N voxels, seen from above: a ray along z is N - 1 long."""
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (0.9, 0.5, 0.2))
+    scenes.even_cube(tmp_path, N, ALPHA, (0.9, 0.5, 0.2))
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=VIEW)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48

@@ -27,8 +27,7 @@ TOLERANCE = 1.0 / 255.0
 
 @pytest.fixture
 def volume(tmp_path):
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    owner = scenes.even_cube(tmp_path, N, ALPHA, COLOR)
     scenes.use_cycles()
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=VIEW)

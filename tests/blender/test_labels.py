@@ -17,8 +17,7 @@ COLOR = (0.9, 0.5, 0.2)
 @pytest.fixture
 def owner(tmp_path):
     """A homogeneous cube whose left third is labeled 3, the rest 0; seen from above."""
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    owner = scenes.even_cube(tmp_path, N, ALPHA, COLOR)
     scenes.add_camera(((N - 1) / 2, (N - 1) / 2, 30.0), type="ORTHO", ortho_scale=12.0)
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 48
@@ -42,7 +41,7 @@ def test_labels_are_listed_hidden_and_colored(owner):
     rows = owner.rle_splat.labels
     before = scenes.picture()
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Label 3")]
+    assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Segment 3")]
     np.testing.assert_array_equal(scenes.picture(), before)
     assert reported()["plan"]["classification"] == "post", "nothing asks for more than one transfer function"
 
@@ -141,7 +140,7 @@ def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_pa
     owner.rle_splat.label_file = str(tmp_path / "other.raw")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     assert [(row.label, row.label_name, row.show) for row in rows] == [
-        (0, "Background", True), (3, "Label 3", True), (4, "Label 4", True)]  # fmt: skip
+        (0, "Background", True), (3, "Segment 3", True), (4, "Segment 4", True)]  # fmt: skip
     colors = np.array([row.color for row in rows])
     apart = np.abs(colors[:, np.newaxis] - colors).max(axis=-1)
     assert apart[~np.eye(3, dtype=bool)].min() > 0.2 and tuple(rows[1].color) == first

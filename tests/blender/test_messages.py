@@ -22,8 +22,7 @@ STRIPES = ((1.0, 0.0, 0.6, 1.0), (0.02, 0.02, 0.02, 1.0))
 
 @pytest.fixture
 def volume(tmp_path):
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+    owner = scenes.even_cube(tmp_path, N, ALPHA, (1.0, 0.5, 0.25))
     scene = scenes.use_cycles((16, 16))
     scene.frame_start, scene.frame_end = 1, 3
     scenes.add_camera((4.0, 4.0, 30.0), type="ORTHO", ortho_scale=4.0)
@@ -384,8 +383,7 @@ def test_B22_a_volume_deleted_by_the_user_or_from_python(volume, tmp_path, remov
 
 
 def test_B23_a_deleted_channel_is_not_drawn(volume, tmp_path):
-    other = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8), name="other")
-    scenes.give_transfer(other, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), (1.0, 0.5, 0.25))
+    other = scenes.even_cube(tmp_path, N, ALPHA, (1.0, 0.5, 0.25), name="other")
     volume.rle_splat.channels.add().source = other
     bpy.context.view_layer.objects.active = volume
     settings = composite()

@@ -154,7 +154,7 @@ def test_labels_that_a_file_had_stay_and_the_body_takes_none_of_them(owner, tmp_
     owner.rle_splat.labels[1].label_name = "Bones"
     owner.rle_splat.labels[1].use_color, owner.rle_splat.labels[1].color = True, (0.1, 0.2, 0.3)
     run(bpy.ops.rle_splat.remove_table)
-    assert [name for _, name, _ in rows_of(owner)] == ["Background", "Bones", "Label 255", "Body"]
+    assert [name for _, name, _ in rows_of(owner)] == ["Background", "Bones", "Segment 255", "Body"]
     assert (map_of(owner)[organs == 7] == 7).all() and map_of(owner).max() == 256
     assert (tmp_path / "organs.raw").read_bytes() == organs.tobytes()
 

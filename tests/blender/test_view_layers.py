@@ -45,8 +45,7 @@ def mixed(first, second):
 @pytest.fixture
 def volume(tmp_path):
     """The volume and a plane inside it, each in a collection of its own."""
-    owner = scenes.import_raw(tmp_path, np.full((N, N, N), 100, np.uint8))
-    scenes.give_transfer(owner, ((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)), COLOR)
+    owner = scenes.even_cube(tmp_path, N, ALPHA, COLOR)
     scene = scenes.use_cycles((16, 16))
     middle = (N - 1) / 2
     scenes.add_camera((middle, middle, 30.0), type="ORTHO", ortho_scale=4.0)

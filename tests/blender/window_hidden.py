@@ -209,7 +209,7 @@ def check_another_label_file():
             assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
         yield from settled()
         yield from photograph(f"labels of file {number}")
-    assert [row.label_name for row in owner.rle_splat.labels] == ["Label 3", "Label 4", "Label 5", "Label 6"]
+    assert [row.label_name for row in owner.rle_splat.labels] == ["Segment 3", "Segment 4", "Segment 5", "Segment 6"]
     passed("another label file")
 
 

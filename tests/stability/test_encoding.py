@@ -311,6 +311,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
                "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
+@pytest.mark.deep
 @needs_kernels
 @pytest.mark.parametrize("record_bytes", (16, 8))
 @every_axis

@@ -50,6 +50,7 @@ print(json.dumps({k.py_func.__name__: len(k.signatures) for k in outer if k.sign
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize("classification, kernels", (("pre", 7), ("post", 8)))
 def test_the_common_road_compiles_each_kernel_once(classification, kernels):
@@ -99,6 +100,7 @@ print(json.dumps([len(before), sorted({name for name, _ in versions() - before})
 ALONG_AN_AXIS = {"count_across", "fill_across_runs", "place_across", "fill_row_runs"}  # take 3 to 12 ms to load, each
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize(
     "stored, views, more",

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+pytestmark = pytest.mark.slow  # dev.py lint runs it
 
 # A package or module -> its floor.  It imports itself and lower floors, nothing else.
 FLOORS = {

@@ -5,6 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.slow  # dev.py lint runs it
 ROOT = Path(__file__).resolve().parents[2]
 
 # Most are fields that are None until something is made, which the code knows and the checker does not.
