@@ -2,6 +2,8 @@
 
 import bpy
 
+from .refusal import needs
+
 TOOL = "rle_splat.window_tool"  # as registered by panels/window_tool.py
 
 
@@ -14,13 +16,9 @@ class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if context.area is None or context.area.type != "VIEW_3D":
-            cls.poll_message_set("The tool works in a 3D viewport only")
-            return False
-        if context.mode != "OBJECT":
-            cls.poll_message_set("The tool works in Object Mode only")
-            return False
-        return True
+        is_viewport = context.area is not None and context.area.type == "VIEW_3D"
+        return needs(cls, is_viewport, "The tool works in a 3D viewport only") and needs(
+            cls, context.mode == "OBJECT", "The tool works in Object Mode only")  # fmt: skip
 
     def execute(self, _context):
         return bpy.ops.wm.tool_set_by_id(name=TOOL)
