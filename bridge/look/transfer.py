@@ -7,7 +7,7 @@ group, as copies share a material, but has its own window.
 
 from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
-from ...rle_splat.scene.color import linear
+from ...rle_splat.scene.color import decode_srgb
 from .. import linked
 from ..data.decimals import rounded_to_span, typed, typed_tuple
 from ..data.playback import curves_of
@@ -174,7 +174,7 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
         return own
     low, high = window_of(properties)
     first, last = gray_ends(properties)
-    light = [(low + gray * (high - low), *linear((first + gray * (last - first),))) for gray in GRAYS]
+    light = [(low + gray * (high - low), float(decode_srgb(first + gray * (last - first)))) for gray in GRAYS]
     opacity, color = [(value, abs(gray - first)) for value, gray in light], [(low, last, last, last)]
     if mode == "minip":
         opacity, color = [(low, 1.0)], [(value, gray, gray, gray) for value, gray in light]
