@@ -46,7 +46,7 @@ def add_slices(context, owner, volume, names) -> list:
 
 class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
     """Add a plane through the middle of the volume that shows its values as gray levels. Move, rotate, scale and
-    animate it like any object. Renders lock the interface, since they update its image"""
+    animate it like any object. While it renders, Blender's interface is locked"""
 
     bl_idname = "rle_splat.add_slice"
     bl_label = "Add Slice"
