@@ -30,7 +30,7 @@ MODALITY_ITEMS = [
     FILE_SAYS, ("CT", "CT", "Computed tomography, values in HU if the file is calibrated"),
     ("MR", "MR", "Magnetic resonance, values without a unit"), ("XA", "X-Ray Angiography", "Rotational angiography"),
     ("SMOKE", "Smoke", "Simulated density"), ("PT", "PET", "Positron emission, values in SUV if the file allows"),
-    ("RTDOSE", "Dose", "Dose of a radiation plan, values in gray"),
+    ("RTDOSE", "Dose", "Dose of a radiation plan, values in gray (Gy)"),
 ]  # fmt: skip
 
 UNIT_ITEMS = [
