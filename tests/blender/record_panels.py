@@ -20,12 +20,15 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender import scenes
+from tests.blender.formats import write_dose
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import (
+    choose,
     choose_import,
     confirm_browser,
     drag,
     find_button,
+    hover,
     middle,
     press,
     press_button,
@@ -129,24 +132,6 @@ def pixel_of(point, name: str) -> np.ndarray:
     region = region_of(area_of("VIEW_3D"), "WINDOW")
     place = location_3d_to_region_2d(region, space().region_3d, Vector(point))
     return picture[len(picture) - 1 - int(region.y + place.y), int(region.x + place.x), :3]
-
-
-def hover(at):
-    """Move the mouse to a place; a button that was hovered over before takes a move to let go."""
-    for _ in range(3):
-        simulate("MOUSEMOVE", "NOTHING", at)
-        yield
-
-
-def choose(at, index: int):
-    """Open the menu of a button with the mouse, and choose an entry by its number with keys."""
-    yield from hover(at)
-    yield from press("LEFTMOUSE", at)
-    yield
-    for _ in range(index + 1):
-        yield from press("DOWN_ARROW", at)
-    yield from press("RET", at)
-    yield
 
 
 def choose_item(owner, name: str, item: str, columns=RIGHT):
@@ -472,35 +457,6 @@ def check_channels():
     yield from settled()
     yield from photograph("72-cleared")
     assert not owner.rle_splat.labels and not owner.rle_splat.label_file
-
-
-def write_dose(path: Path) -> Path:
-    """An RTDOSE of 60 Gy about a place in the practice CT's brain, on a grid of its own."""
-    from pydicom import Dataset
-    from pydicom.dataset import FileMetaDataset
-    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
-
-    step, count = 4.0, 32
-    z, y, x = (np.mgrid[:count, :count, :count] - (count - 1) / 2) * step
-    gray = 60.0 * np.exp(-((x / 22.0) ** 2 + (y / 30.0) ** 2 + (z / 22.0) ** 2))
-    one = Dataset()
-    one.file_meta = FileMetaDataset()
-    one.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    one.SOPClassUID, one.SOPInstanceUID = "1.2.840.10008.5.1.4.1.1.481.2", generate_uid()
-    one.file_meta.MediaStorageSOPClassUID = one.SOPClassUID
-    one.file_meta.MediaStorageSOPInstanceUID = one.SOPInstanceUID
-    one.Modality, one.DoseUnits, one.DoseType, one.DoseSummationType = "RTDOSE", "GY", "PHYSICAL", "PLAN"
-    one.StudyInstanceUID, one.SeriesInstanceUID = generate_uid(), generate_uid()
-    one.FrameOfReferenceUID = f"{import_module('devtools.practice_ct').ROOT_UID}.4"
-    one.ImagePositionPatient = [step * (0.5 - count / 2) + shift for shift in (15.0, 0.0, 25.0)]
-    one.ImageOrientationPatient, one.PixelSpacing = [1, 0, 0, 0, 1, 0], [step, step]
-    one.GridFrameOffsetVector, one.DoseGridScaling = (step * np.arange(count)).tolist(), 0.001
-    one.Rows = one.Columns = one.NumberOfFrames = count
-    one.SamplesPerPixel, one.PhotometricInterpretation, one.PixelRepresentation = 1, "MONOCHROME2", 0
-    one.BitsAllocated, one.BitsStored, one.HighBit = 16, 16, 15
-    one.PixelData = np.rint(gray / 0.001).astype("<u2").tobytes()
-    one.save_as(path, enforce_file_format=True)
-    return path
 
 
 def check_dose():
