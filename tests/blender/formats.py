@@ -119,3 +119,32 @@ def write_every_format(folder: Path, module: str) -> dict[str, tuple[str, ...]]:
         mask = (np.indices(SHAPE)[0] // 5 == number).astype(np.uint8)
         nibabel.save(nibabel.Nifti1Image(mask, np.eye(4)), folder / "masks" / f"{organ}.nii.gz")
     return found
+
+
+def write_dose(path: Path) -> Path:
+    """An RTDOSE of 60 Gy about a place in the practice CT's brain, on a grid of its own."""
+    from pydicom import Dataset
+    from pydicom.dataset import FileMetaDataset
+    from pydicom.uid import ExplicitVRLittleEndian, generate_uid
+
+    step, count = 4.0, 32
+    z, y, x = (np.mgrid[:count, :count, :count] - (count - 1) / 2) * step
+    gray = 60.0 * np.exp(-((x / 22.0) ** 2 + (y / 30.0) ** 2 + (z / 22.0) ** 2))
+    one = Dataset()
+    one.file_meta = FileMetaDataset()
+    one.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    one.SOPClassUID, one.SOPInstanceUID = "1.2.840.10008.5.1.4.1.1.481.2", generate_uid()
+    one.file_meta.MediaStorageSOPClassUID = one.SOPClassUID
+    one.file_meta.MediaStorageSOPInstanceUID = one.SOPInstanceUID
+    one.Modality, one.DoseUnits, one.DoseType, one.DoseSummationType = "RTDOSE", "GY", "PHYSICAL", "PLAN"
+    one.StudyInstanceUID, one.SeriesInstanceUID = generate_uid(), generate_uid()
+    one.FrameOfReferenceUID = f"{import_module('devtools.practice_ct').ROOT_UID}.4"
+    one.ImagePositionPatient = [step * (0.5 - count / 2) + shift for shift in (15.0, 0.0, 25.0)]
+    one.ImageOrientationPatient, one.PixelSpacing = [1, 0, 0, 0, 1, 0], [step, step]
+    one.GridFrameOffsetVector, one.DoseGridScaling = (step * np.arange(count)).tolist(), 0.001
+    one.Rows = one.Columns = one.NumberOfFrames = count
+    one.SamplesPerPixel, one.PhotometricInterpretation, one.PixelRepresentation = 1, "MONOCHROME2", 0
+    one.BitsAllocated, one.BitsStored, one.HighBit = 16, 16, 15
+    one.PixelData = np.rint(gray / 0.001).astype("<u2").tobytes()
+    one.save_as(path, enforce_file_format=True)
+    return path

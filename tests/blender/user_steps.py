@@ -128,3 +128,21 @@ def press_button(command: str, argument: str = "", columns=FROM_EDGE):
     """Find a button of the sidebar, as ``find_button``, and press it with the mouse."""
     at = yield from find_button(command, argument, columns)
     yield from press("LEFTMOUSE", at)
+
+
+def hover(at):
+    """Move the mouse to a place; a button that was hovered over before takes a move to let go."""
+    for _ in range(3):
+        simulate("MOUSEMOVE", "NOTHING", at)
+        yield
+
+
+def choose(at, index: int):
+    """Open the menu of a button with the mouse, and choose an entry by its number with keys."""
+    yield from hover(at)
+    yield from press("LEFTMOUSE", at)
+    yield
+    for _ in range(index + 1):
+        yield from press("DOWN_ARROW", at)
+    yield from press("RET", at)
+    yield
