@@ -101,14 +101,15 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
     assert any("Out of date" in str(value) for kind, value in log if kind == "label")
 
 
-def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge):
+def test_a_mode_chosen_in_the_panel_is_gray_by_level_and_window(owner, bridge, core):
     settings, properties = owner.rle_splat, owner.rle_splat
     settings.display = "mip"
     properties.window_center, properties.window_width = 100.0, 200.0
     assert (settings.mode, settings.use_grays) == ("mip", True)
     row = scenes.picture()[16]
     np.testing.assert_allclose(row[:, 0], row[:, 3], atol=1e-5)  # white, as opaque as the value is high
-    np.testing.assert_allclose(row[4:28, 0], (np.arange(4, 28) + 0.5) / 32, atol=0.03)
+    grays = core("scene.color").to_display(row[4:28, 0])
+    np.testing.assert_allclose(grays, (np.arange(4, 28) + 0.5) / 32, atol=0.03)
     assert not bridge("pictures.outdated").out_of_date(bpy.context.scene)
     properties.window_center = 50.0
     assert bridge("pictures.outdated").out_of_date(bpy.context.scene)

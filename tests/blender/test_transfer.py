@@ -225,7 +225,7 @@ def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
     refused(bpy.ops.rle_splat.own_transfer, words)
     refused(bpy.ops.rle_splat.save_transfer, words, filepath=str(tmp_path / "function.json"))
     refused(bpy.ops.rle_splat.render_image, words)
-    assert not bridge("look.previews").histogram_icon(volume_object)
+    assert not bridge("look.previews").histogram_icon(volume_object, 0.5)
     assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
     assert bpy.ops.rle_splat.window_level(preset="DATA", keep_values=True) == {"FINISHED"}
     assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}
