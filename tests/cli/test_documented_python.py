@@ -13,6 +13,9 @@ PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/use-from-python.md"
 SIDE = 48  # voxels and pixels
 
 
+pytest.importorskip("SimpleITK")
+
+
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
 def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     text = "".join(re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
@@ -31,10 +34,13 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     rle_splat.write_volume(
         replace(volume, voxels=np.where(ball > 128.0, 5, 0).astype(np.uint8)), tmp_path / "organs.nrrd"
     )
+    rle_splat.write_volume(replace(volume, space="patient", affine=np.diag((1.0, -2.0, 3.0, 1.0))), tmp_path / "ct.nrrd")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(text, str(PAGE), "exec"), names)
     made = names["rendering"]
     assert made.rgba.shape == (SIDE, SIDE, 4) and made.rgba.dtype == np.float32 and made.depth.shape == (SIDE, SIDE)
     assert made.rgba[..., 3].max() > 0.5 and made.report["error"]["tolerance"] is None
+    np.testing.assert_allclose(names["of_image"].affine, np.diag((1.0, -2.0, 3.0, 1.0)))
+    np.testing.assert_array_equal(names["of_image"].voxels, volume.voxels)
     assert "100% Done" in capsys.readouterr().out
