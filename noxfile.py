@@ -229,7 +229,7 @@ def lint(parser, words) -> int:
     if parser.parse_args(words).fix:
         run(python, "-m", "ruff", "check", "--fix", ".")
         run(python, "-m", "ruff", "format", ".")
-    return run(python, "-m", "pytest", "-q", *(f"tests/unit/test_{name}.py" for name in ("lint", "house", "types")))
+    return run(python, "-m", "pytest", "-q", *(f"tests/project/test_{name}.py" for name in ("lint", "house", "types")))
 
 
 @job

@@ -36,7 +36,8 @@ FIGURES = REPORTS / "catalogue.json"
 AT_ONCE = 3  # stages: with two, a sixth of two cores was idle, while stages waited for processes and windows
 WANT_BLENDER = ("unit",)  # folders with tests that use its tool for packages where it is at hand
 NOTHING, MADE_KERNELS, EVERYTHING = "nothing", "kernels", "everything"  # what a part waits for
-AFTER = {"read": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)  # others of the core wait for kernels
+# What the core's folders wait for; others wait for kernels.
+AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
 # the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
@@ -51,7 +52,7 @@ EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"
 OLDEST, *_, NEWEST = BPY  # the newest Blender runs all of tests/blender
-QUICK = ("unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
+QUICK = ("project", "unit", "effects", "figure", "read", "cli")  # the core's folders that --quick runs
 
 # The longest parts, which begin first; the others take a minute or less.
 LONGEST = (
@@ -270,8 +271,8 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
 def _everything(options, quick: bool, everywhere: bool = False) -> list[Stage]:
     """All stages, a few at a time: most of each is work for one core, or waiting.
 
-    Each part begins as soon as it can: reading while kernels are compiled, and the windows, which take longest, as soon
-    as their Blender is there.
+    Each part begins as soon as it can: what draws nothing while kernels are compiled, and the windows, which take
+    longest, as soon as their Blender is there.
     """
     ensure(CORE)
     found = list(parts(options, quick, everywhere).values())

@@ -1,6 +1,6 @@
 """Family B of the catalogue of hard cases: situations in Blender, each an id that a test of this folder names.
 
-A test of B12 is called ``test_B12_...``; ``tests/unit/test_situations.py`` sees that every id has one.
+A test of B12 is called ``test_B12_...``; ``tests/project/test_situations.py`` sees that every id has one.
 ``dev.py test --catalogue`` writes the table into docs/explanation/stability.md.
 """
 

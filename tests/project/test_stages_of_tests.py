@@ -74,7 +74,7 @@ def stages(monkeypatch, tmp_path):
             runs[name] = (python, [str(word) for word in words])
             if not name.startswith("core, ") or name.removeprefix("core, ") in testing.WANT_BLENDER:
                 assert made.is_set(), f"{name} does not wait for what it needs"
-            elif name == "core, read":
+            elif name in ("core, read", "core, project"):
                 reads.set()
             else:
                 assert compiled.is_set(), f"{name} does not wait for kernels"
