@@ -17,6 +17,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+from numba import none
 from numba.core.serialize import dumps
 
 from rle_splat.pipeline.prepare import prepare_steps
@@ -41,6 +42,8 @@ def _compiled():
     for kernel in used_kernels():
         cache, codegen = KernelCache(kernel), kernel.targetctx.codegen()
         for types, compiled in kernel.overloads.items():
+            if compiled.signature.return_type != none:  # what a picture calls fills arrays; this is a part of others
+                continue
             key = cache._index_key(types, codegen)
             if cache._cache_file.load(key) is None:  # another process wrote the index at the same moment
                 cache.save_overload(types, compiled)

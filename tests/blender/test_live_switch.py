@@ -160,7 +160,7 @@ def test_nothing_runs_in_background_mode(volume_object, live, bridge):
 
 
 def test_the_timer_ends_when_live_view_is_switched_off(live, bridge, monkeypatch):
-    monkeypatch.setattr(bridge("data.preferences"), "shows_live", lambda: False)
+    monkeypatch.setattr(bridge("data.preferences"), "value", lambda name: name != "show_live")
     held = live._lives[1] = live.Live()
     held.viewport._due = 0.0
     live._missed.add(1)
