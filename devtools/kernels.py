@@ -49,8 +49,7 @@ def is_made(path: Path) -> bool:
 
 def _make(version: str, path: Path, made: str | Path = "") -> None:
     """Make the file for a Python: compile the kernels, or take those of the file ``made`` for another Python."""
-    environ = clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
-    make_file(path, path, [core_of(version).python], environ, made)
+    make_file(path, path, [core_of(version).python], _compiling(), made)
 
 
 def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], made: str | Path = "") -> None:
@@ -63,13 +62,32 @@ def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, 
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
 
-    said = run_quietly(
-        [*python, "-m", "devtools.pack_kernels", seen_as, source_digest().decode(), *[made] * bool(made)],
-        f"The kernels of {path.name} could not be made; the words above say why.", cwd=ROOT,
-        env={**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""},
-    )  # fmt: skip
+    words = seen_as, source_digest().decode(), *[made] * bool(made)
+    said = _run(
+        python, environ, level, words, f"The kernels of {path.name} could not be made; the words above say why."
+    )
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
+
+
+def _run(python: list, environ: dict[str, str], level: str, words, sentence: str) -> str:
+    """Run devtools.pack_kernels for a level of processors; returns what it printed."""
+    environ = {**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
+    return run_quietly([*python, "-m", "devtools.pack_kernels", *words], sentence, cwd=ROOT, env=environ)
+
+
+def help_compile() -> None:
+    """Compile some of what ``make_kernels``, in another thread, has not come to yet.
+
+    Two processes that begin at once would both compile what all pictures need.
+    """
+    environ, level = _compiling(), LEVELS[this_platform()]
+    _run([core_of(CORE.version).python], environ, level, (), "No kernels could be compiled; the words above say why.")
+
+
+def _compiling() -> dict[str, str]:
+    """The environment of processes that compile kernels into one cache."""
+    return clean_environ(RLE_SPLAT_CACHE=str(COMPILED), PYTHONPATH=str(ROOT))
 
 
 def _is_ready(version: str) -> bool:

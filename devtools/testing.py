@@ -19,7 +19,7 @@ from typing import Callable
 from .build import build_here
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .kernels import make_kernels
+from .kernels import help_compile, make_kernels
 from .places import BPY_KERNELS, BPY_PYTHON, BUILD, KERNELS, PYTHONS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
 from .real_blender_tests import WHOLE, real_blender_stages, window_stage
@@ -165,6 +165,9 @@ def _make_ready(quick: bool, kernels: Future) -> Ready:
             with suppress(Failure):
                 ensure_bpy(version)
     pythons = {} if quick else {name: _other(name) for name in OTHERS}
+    if not kernels.done():
+        with suppress(Failure):
+            help_compile()
     kernels.result()
     ready = _zips(_pythons(_versions(quick)))
     ready.pythons = pythons
