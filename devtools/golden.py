@@ -37,7 +37,7 @@ PHOTOGRAPHS = {
     "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_look": "histogram_default",
     "window_organs": "pet_in_ct", "window_panels": "labels", "window_presets": "thumbnails",
     "window_segments": "without_table", "window_several": "label_files", "window_shadows": "picture",
-    "window_slices": "four_up", "window_times": "turned_first", "window_trust": "12-file-found-again",
+    "window_slices": "four_up", "window_trust": "12-file-found-again",
     "window_turntable": "ended", "window_world": "slot 1 after the edit",
 }  # fmt: skip
 SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for

@@ -57,7 +57,6 @@ WINDOW_SCRIPTS = {
     "window_shadows.py": SMALL_SCREEN,
     "window_world.py": SMALL_SCREEN,
     "window_after_render.py": SMALL_SCREEN,
-    "window_times.py": USUAL_SCREEN,
     "window_tutorial.py": SMALL_SCREEN,
 }
 

@@ -153,7 +153,8 @@ def picture_steps(shot: Shot, drawn: Ends | None, cache, coarseness: int | None)
     ends = None if drawn is None else (yield from drawn.steps())
     if block > 1:
         view = resized(view, -(-width // block), -(-height // block))
-        ends = None if ends is None else furthest_of_blocks(ends, block)
+    if coarseness is not None and ends is not None:
+        ends = furthest_of_blocks(ends, block)
     made = []
     for group in shot.groups:
         sides = np.array([shot.pixels[n] for n in group])

@@ -232,7 +232,8 @@ def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
 def furthest_of_blocks(depths: np.ndarray, side: int) -> np.ndarray:
     """Of each block of ``side`` x ``side`` pixels the furthest depth, also of the pixels around it.
 
-    So lines of up to three pixels, such as those of boxes, end no ray of a draft.
+    So lines of up to ``side`` + 1 pixels, such as those of boxes, end no ray of a draft, whose sheets would show
+    dashes.
 
     Parameters
     ----------

@@ -191,6 +191,8 @@ def _between_pixels(begin, end, own, spread, step, layers, level, row_level):
                     if own[row, column] - here > slack + _TWO * spread[row, column]:
                         layers[1, v, u] = own[row, column]
                         level[v, u] = row_level[v] = 0
+            if layers[2, v, u] == _ZERO and layers[1, v, u] != here:
+                layers[0, v, u], layers[2, v, u] = here, _ONE
 
 
 @inner_loop

@@ -83,7 +83,8 @@ def _find_surfaces(samples, step: float, layers, spread) -> None:
 def _find_silhouettes(near, far, coverage, spread, step: float) -> np.ndarray:
     """Give both depths to two pixels between which a silhouette runs exactly; returns which pixels got them.
 
-    A steep surface is no silhouette: its neighbors are no further apart than it falls within a pixel.
+    A steep surface is no silhouette: its neighbors are no further apart than it falls within a pixel.  A pixel between
+    a nearer and a further one, as of a line that is steep, keeps its own depth and takes the further one.
     """
     own, found = near.copy(), np.zeros(near.shape, dtype=bool)
     step, two = np.float32(step), np.float32(2.0)
@@ -94,6 +95,8 @@ def _find_silhouettes(near, far, coverage, spread, step: float) -> np.ndarray:
         coverage[to][behind] = 0.0
         found[to] |= behind
         found[of] |= behind
+    between = (coverage == 0.0) & (far != own)
+    near[between], coverage[between] = own[between], 1.0
     return found
 
 

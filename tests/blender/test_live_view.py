@@ -190,6 +190,8 @@ def test_a_thin_line_ends_no_ray_of_a_draft(view):
     depths[1:5] = 1.0
     assert (view.furthest_of_blocks(depths, 2) == 1.0).any(), "a mesh ends rays"
     assert view.furthest_of_blocks(depths, 2).shape == (4, 5)
+    slanted = np.where(np.arange(7)[:, None] == np.arange(9) // 2, np.float32(1.0), np.float32(5.0))
+    assert (view.furthest_of_blocks(slanted, 1) == 5.0).all()
     depths = np.random.default_rng(0).random((7, 9), np.float32)
     around = [
         [depths[max(y - 1, 0) : y + 3, max(x - 1, 0) : x + 3].max() for x in range(0, 9, 2)] for y in range(0, 7, 2)

@@ -116,6 +116,17 @@ def test_a_slanted_surface_is_one_surface():
     np.testing.assert_allclose(layers.near, slope.mean(), rtol=1e-6)
 
 
+@pytest.mark.parametrize("slope", [0.3, 0.6])
+def test_each_pixel_of_a_slanted_line_keeps_its_own_depth(slope, way):
+    """One ray a pixel, as of a viewport's depth; neighbors along the line are less or more than a step apart."""
+    samples = np.full((9, 40, 1), np.inf, np.float32)
+    columns = np.arange(40)
+    samples[columns // 5, columns, 0] = 10.0 + slope * columns
+    layers = layers_of(samples, 0.5)
+    shown = np.where(layers.coverage > 0.5, layers.near, layers.far)
+    np.testing.assert_array_equal(shown, samples[..., 0])
+
+
 def test_no_mesh_at_all():
     layers = layers_of(np.full((4, 4, 16), np.inf), 0.5)
     assert not has_silhouettes(layers) and np.isinf(layers.near).all() and (layers.coverage == 1).all()

@@ -1,6 +1,6 @@
 """Where the time of a redraw of the live viewport goes: a table for a draft, an unchanged redraw and an edit.
 
-    python3 dev.py blender --photograph tests/blender/window_times.py --size 1280x800
+    python3 dev.py blender --photograph tests/blender/record_times.py --size 1280x800
 
 prints medians in milliseconds, for a scan of 256 voxels along each side with a mesh inside, in Solid shading with
 overlays; then among meshes of 100,352 triangles with scene lights and shadows; then the walk of an edit, from Blender's
