@@ -9,6 +9,7 @@ import subprocess
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import takewhile
 from pathlib import Path
 
 from .places import OUT, ROOT, say
@@ -21,6 +22,10 @@ REPORTS = OUT / "test"  # what each stage printed, and pytest's reports
 SILENT_SECONDS = 2700
 LOOK_SECONDS = 0.2  # between looks at what a stage has printed
 
+CLUES = 12  # lines of a failed stage's log that the end of the run repeats: of a long log often only the end is at hand
+LINE = 300  # characters of each
+CHECK = re.compile(r".+ passed, [\d.]+ s")  # what a script of a window prints of each check
+
 # Reasons of skips that better environments would end.
 _NO_PACKAGE = re.compile(r"could not import|No module named|not installed|not in this environment|UNTESTED")
 
@@ -30,7 +35,8 @@ class Stage:
     """The outcome of one stage.
 
     ``remarks`` say why something was skipped or what broke.  ``missing``: what the machine lacks to run the stage.
-    ``tests``: the reason why each was skipped, "" for one that ran; by pytest's name.
+    ``tests``: the reason why each was skipped, "" for one that ran; by pytest's name.  ``clues``: the lines of its log
+    that show what failed.
     """
 
     name: str
@@ -41,6 +47,7 @@ class Stage:
     remarks: list[str] = field(default_factory=list)
     missing: str = ""
     tests: dict[str, str] = field(default_factory=dict)
+    clues: list[str] = field(default_factory=list)
 
     @property
     def verdict(self) -> str:
@@ -130,6 +137,18 @@ def _run_watched(command, environ, log: Path, report: Path | None = None, aside:
     return process.returncode
 
 
+def _clues(log: Path) -> list[str]:
+    """The lines of a log that show what failed: the traceback that follows the last check, else the last lines."""
+    lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip(" ^~")]
+    first = max((n for n, line in enumerate(lines) if CHECK.fullmatch(line)), default=0)
+    found = max((n for n, line in enumerate(lines) if n >= first and line.startswith("Traceback (")), default=None)
+    if found is None:
+        return lines[-CLUES:]
+    frames = list(takewhile(lambda line: line.startswith(" "), lines[found + 1 :]))
+    half = CLUES // 2
+    return [*frames[-half:], *lines[found + 1 + len(frames) :][:half]]
+
+
 def measured(name: str, command, environ, report: Path, aside: bool = False) -> Stage:
     """Run a command that ends with pytest's exit code and writes ``report`` (pytest-reportlog).
 
@@ -149,6 +168,7 @@ def measured(name: str, command, environ, report: Path, aside: bool = False) -> 
     elif code not in (0, 1) or (not stage.failed and (code == 1 or not report.is_file())):
         stage.failed += 1
         stage.remarks.append(f"it ended with code {code} {last}")
+    stage.clues = _clues(report.with_suffix(".txt")) if stage.failed else []
     return stage
 
 
@@ -169,6 +189,7 @@ def counted(name: str, command, environ, log: Path) -> Stage:
     elif (code != 0 or not counts) and not stage.failed:
         stage.failed += 1
         stage.remarks.append(f"it ended with code {code}" + ("" if counts else " and without its counts"))
+    stage.clues = _clues(log) if stage.failed else []
     return stage
 
 
@@ -181,7 +202,7 @@ def _never_run(stages: list[Stage]) -> Counter:
 
 
 def summary(stages: list[Stage]) -> int:
-    """Print the table of stages, the plain line of totals and, last, what this machine could not test.
+    """Print the table of stages, what failed, the plain line of totals and, last, what this machine could not test.
 
     The exit code is 0 when nothing failed and, in CI, nothing was left out.
     """
@@ -192,6 +213,8 @@ def summary(stages: list[Stage]) -> int:
         say(f"{stage.name:<26}{stage.verdict:<8}  {counts}")
         for remark in stage.remarks:
             say(f"    {remark}")
+    for stage in (stage for stage in stages if stage.failed):
+        say("\n" + "\n    ".join((f"FAILED: {stage.name}", *(line[:LINE] for line in stage.clues or stage.remarks))))
     lacking = [f"{stage.name} ({stage.missing})" for stage in stages if stage.missing]
     lacking += [f"{count} tests ({reason})" for reason, count in _never_run(stages).items()]
     say()

@@ -225,6 +225,20 @@ def test_never_reached(): pass
 """
 
 
+# A window whose first check prints a traceback as it should, and whose second fails.
+WINDOW = """
+import traceback
+def a_check(): raise AssertionError("two\\nlines")
+try: raise ValueError("foreseen")
+except ValueError: traceback.print_exc()
+print("first passed, 0.1 s")
+try: a_check()
+except AssertionError: traceback.print_exc()
+print("1 passed, 1 failed, 0 skipped")
+raise SystemExit(1)
+"""
+
+
 @pytest.fixture
 def run_tests(tmp_path, monkeypatch):
     """``run_tests(last)``: the stage of a real run of THREE_TESTS whose last test does this."""
@@ -254,6 +268,23 @@ def test_a_run_that_never_begins_is_a_failure(tmp_path):
     words = [sys.executable, "-c", ""]
     stage = stages_module.measured("some", words, dict(os.environ), tmp_path / "report.jsonl", True)
     assert stage.verdict == "FAILED" and stage.remarks == ["it ended with code 0 before it reported"]
+
+
+def test_the_end_of_a_run_shows_what_failed(run_tests, tmp_path, capsys):
+    """Of a long log often only the end is at hand."""
+    of_pytest = run_tests("pass")
+    script = tmp_path / "window.py"
+    script.write_text(WINDOW)
+    of_window = stages_module.counted("panels", [sys.executable, script], dict(os.environ), tmp_path / "window.txt")
+    broken = stages_module.broken("zips", "no compiler")
+    capsys.readouterr()
+    stages_module.summary([of_pytest, Stage("good", passed=1, clues=["unseen"]), of_window, broken])
+    _, end = capsys.readouterr().out.split("FAILED: some\n")
+    assert "    E   assert 0\n" in end and "test_file.py::test_bad" in end
+    window = end.partition("FAILED: panels\n")[2]
+    assert "in a_check" in window and "    AssertionError: two\n" in window and "foreseen" not in window
+    assert "FAILED: zips\n    no compiler\n" in window and "unseen" not in end
+    assert "\n5 passed, 3 failed, 2 skipped\n" in window
 
 
 def test_each_test_has_a_limit_that_comes_first(pytestconfig):
