@@ -141,12 +141,12 @@ def _clues(log: Path) -> list[str]:
     """The lines of a log that show what failed: the traceback that follows the last check, else the last lines."""
     lines = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip(" ^~")]
     first = max((n for n, line in enumerate(lines) if CHECK.fullmatch(line)), default=0)
-    found = max((n for n, line in enumerate(lines) if n >= first and line.startswith("Traceback (")), default=None)
-    if found is None:
+    begun = [n for n, line in enumerate(lines) if n >= first and line.startswith(("Traceback (", "Fatal Python error"))]
+    if not begun:
         return lines[-CLUES:]
-    frames = list(takewhile(lambda line: line.startswith(" "), lines[found + 1 :]))
-    half = CLUES // 2
-    return [*frames[-half:], *lines[found + 1 + len(frames) :][:half]]
+    head, *after = lines[begun[-1] :]
+    frames, half = list(takewhile(lambda line: line.startswith(" "), after)), CLUES // 2
+    return [head, *frames[-half:], *after[len(frames) :][:half]]
 
 
 def measured(name: str, command, environ, report: Path, aside: bool = False) -> Stage:

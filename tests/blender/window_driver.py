@@ -20,6 +20,7 @@ tests/blender is there.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_S
 """
 
 import ctypes
+import faulthandler
 import os
 import re
 import shutil
@@ -63,6 +64,7 @@ class Console:
     def __init__(self):
         self._flush()
         self._terminal = os.dup(1)
+        faulthandler.enable(self._terminal)  # what a crash leaves in the file is never passed on
         self._file = tempfile.TemporaryFile()
         os.dup2(self._file.fileno(), 1)
         os.dup2(self._file.fileno(), 2)

@@ -287,6 +287,29 @@ def test_the_end_of_a_run_shows_what_failed(run_tests, tmp_path, capsys):
     assert "\n5 passed, 3 failed, 2 skipped\n" in window
 
 
+CRASH = """
+import faulthandler
+print(20 * "words\\n", flush=True)
+faulthandler.enable()
+def crash(): faulthandler._sigsegv()
+crash()
+"""
+
+
+def test_a_crash_is_shown_with_what_python_did(tmp_path):
+    words = [sys.executable, "-c", CRASH]
+    stage = stages_module.counted("some", words, dict(os.environ), tmp_path / "log.txt")
+    assert stage.remarks == ["it ended with code -11 and without its counts"]
+    assert stage.clues[0] == "Fatal Python error: Segmentation fault" and "in crash" in stage.clues[2]
+
+
+def test_a_traceback_before_a_check_that_passed_is_no_clue(tmp_path):
+    lines = ["Traceback (most recent call last):", "first passed, 0.1 s", *["words"] * 9, "compiled"]
+    words = [sys.executable, "-c", f"print(*{lines}, sep='\\n'); exit(1)"]
+    stage = stages_module.counted("some", words, dict(os.environ), tmp_path / "log.txt")
+    assert stage.clues[-1] == "compiled"
+
+
 def test_each_test_has_a_limit_that_comes_first(pytestconfig):
     """Then the test fails by its name, and the stage goes on."""
     assert pytestconfig.pluginmanager.hasplugin("timeout")
