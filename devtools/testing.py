@@ -16,6 +16,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Callable
 
+from . import stage_times
 from .build import build_here
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
@@ -355,7 +356,11 @@ def test(arguments, quick: bool = False, everywhere: bool = False) -> int:
     core, blender, options = _split(arguments)
     if core or blender:
         return summary(_some(core, blender, options, quick))
-    return summary(_everything(options, quick, everywhere))
+    started = time.monotonic()
+    stages = _everything(options, quick, everywhere)
+    if not (quick or options):
+        stage_times.save(stages, time.monotonic() - started)
+    return summary(stages)
 
 
 def test_windows(arguments) -> int:

@@ -1,5 +1,6 @@
 """The stages of dev.py test: what runs where, what waits for what, and what is said of what cannot run."""
 
+import json
 import os
 import sys
 import time
@@ -10,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from devtools import real_blender_tests, testing
+from devtools import real_blender_tests, stage_times, testing
 from devtools import stages as stages_module
 from devtools.places import Failure
 from devtools.stages import Stage
@@ -225,6 +226,20 @@ def test_never_reached(): pass
 """
 
 
+def test_times_of_a_whole_run_fill_the_pages_table(monkeypatch, tmp_path):
+    """Each stage counts in one row, and what no stage used is that of making things."""
+    monkeypatch.setattr(stage_times, "TIMES", tmp_path / "test" / "stages.json")
+    names = ("core, unit", "bpy 4.5", "bpy 5.3", "real blender 5.2, panels", "photographs", "core, cli", "Dask")
+    stage_times.save([Stage(name, passed=2, seconds=3.0, processor=-1e6) for name in names], 60.0)
+    stages = [Stage(**stage) for stage in json.loads(stage_times.TIMES.read_text())]
+    page = stage_times.filled(stage_times.PAGE.read_text(encoding="utf-8"), stages)
+    found = {row[1].strip(): row[3:5] for line in page.splitlines() if len(row := line.split("|")) == 6}
+    assert found["windows of a real Blender"] == [" 6 (4) ", " -2000000 "]
+    assert found["older ones"] == found["the newest Blender's module"] == [" 3 (2) ", " -1000000 "]
+    assert found["all others"] == [" 6 (4) ", " -2000000 "] and found["`truths`"] == ["  ", " 0 "]
+    assert found["the whole command"][0] == " 60 (14) " and float(found[stage_times.MAKING][1]) >= 7e6
+
+
 @pytest.fixture
 def run_tests(tmp_path, monkeypatch):
     """``run_tests(last)``: the stage of a real run of THREE_TESTS whose last test does this."""
@@ -240,7 +255,7 @@ def run_tests(tmp_path, monkeypatch):
 
 def test_a_run_is_counted(run_tests):
     stage = run_tests("pass")
-    assert (stage.passed, stage.failed, stage.skipped) == (3, 1, 2)
+    assert (stage.passed, stage.failed, stage.skipped) == (3, 1, 2) and 0.1 < stage.processor
     assert any("no_such_package" in remark for remark in stage.remarks)
 
 
