@@ -19,6 +19,7 @@ REPORTS = OUT / "test"  # what each stage printed, and pytest's reports
 # (pytest-timeout, in pyproject.toml), which is shorter: this one is for scripts without pytest, and for a test that
 # hangs where no signal reaches it.
 SILENT_SECONDS = 2700
+NICENESS = 5  # of stages: the kernels that others wait for are compiled by one process, which needs a whole core
 LOOK_SECONDS = 0.2  # between looks at what a stage has printed
 
 # Reasons of skips that better environments would end.
@@ -128,6 +129,8 @@ def _run_watched(
         process = subprocess.Popen(
             [str(part) for part in command], cwd=ROOT, env=environ, stdout=output, stderr=subprocess.STDOUT
         )
+        if hasattr(os, "setpriority"):
+            os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
         try:
             seen, since = -1, time.monotonic()
             while (used := _processor_seconds(process)) is None:
