@@ -214,18 +214,17 @@ def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
     for first in range(0, len(buffer), BAND):
         band = slice(first, first + BAND)
         is_drawn = buffer[band] < 1.0
-        if not is_drawn.any():
-            continue
+        depth = buffer[band][is_drawn].astype(np.float64)
         # In perspective the reciprocal of the depth is affine in the buffer's number, in other views the depth itself.
         if view.window[3, 3]:
-            depth = np.multiply(buffer[band], -2.0 / slope, dtype=np.float64)
+            depth *= -2.0 / slope
             depth += (offset + 1.0) / slope + view.set_back
         else:
-            depth = np.multiply(buffer[band], 2.0 / offset, dtype=np.float64)
+            depth *= 2.0 / offset
             depth += (slope - 1.0) / offset
             with np.errstate(divide="ignore"):
                 np.reciprocal(depth, out=depth)
-        np.copyto(upward[band], depth, where=is_drawn, casting="same_kind")
+        upward[band][is_drawn] = depth
     return found
 
 
