@@ -20,8 +20,8 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-# Pixels and voxels along the rows of all sheets, for each thread between two chances to cancel: 10 to 25 ms.
-WORK_AT_ONCE = 12_000_000
+# Pixels and voxels along the rows of all sheets, for each thread between two chances to cancel: 5 to 26 ms.
+WORK_AT_ONCE = 4_000_000
 BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
 

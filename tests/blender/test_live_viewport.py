@@ -98,6 +98,31 @@ def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
     assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 1)
 
 
+@pytest.mark.parametrize("looks, steps", [(0.0, 2), (0.009, 1), (0.025, 0)])  # seconds of looking up
+def test_a_redraw_ends_before_a_step_would_take_it_beyond_its_bite(live, made, monkeypatch, looks, steps):
+    viewport, clock, surface = made
+    done, drawn = [], surface.ends
+
+    def look(*arguments):
+        clock.now += looks
+        return drawn(*arguments)
+
+    def work(*_):
+        for number in range(5):
+            clock.now += 0.008
+            done.append(number)
+            yield
+        return []
+
+    monkeypatch.setattr(surface, "ends", look)
+    monkeypatch.setattr(live.viewport, "picture_steps", work)
+    surface.depth = 5.0
+    viewport.redraw(request_of(live), 1, surface)
+    assert len(done) == steps and viewport.is_busy
+    viewport.work()
+    assert len(done) == steps + 1, "one step at each call of the timer"
+
+
 def test_the_refined_picture_is_that_of_render(live, made, contents, core):
     viewport, clock, surface = made
     request = request_of(live)
