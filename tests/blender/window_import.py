@@ -9,7 +9,6 @@ import time
 from importlib import import_module
 from pathlib import Path
 
-import addon_utils
 import bpy
 import numpy as np
 
@@ -18,7 +17,6 @@ from tests.blender.formats import write_series
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import confirm_browser, settled
 from tests.blender.window_driver import (
-    TAB,
     area_of,
     drive,
     in_the_view,
@@ -280,25 +278,7 @@ def check_reload():
     assert len(slices) > 3
 
 
-def check_tab_opens_once():
-    """The sidebar opens at the tab after the extension was installed and enabled, and not at the next start."""
-    area = area_of("VIEW_3D")
-    yield from until(lambda: area.spaces.active.show_region_ui)
-    yield from until(lambda: region_of(area, "UI").active_panel_category == TAB)
-    yield from photograph("installed")
-    area.spaces.active.show_region_ui = False
-    addon_utils.disable(MODULE)  # as at the end and the start of Blender: the preferences stay
-    addon_utils.enable(MODULE)
-    show_once = import_module(f"{MODULE}.operators.show_tab").show_once
-    timer = import_module(f"{MODULE}.bridge.loop.timer")
-    assert show_once in timer._due, "it is asked at each start"
-    yield from until(lambda: show_once not in timer._due)
-    assert not area.spaces.active.show_region_ui, "it was opened a second time"
-
-
 def scenario():
-    yield from check_tab_opens_once()
-    passed(check_tab_opens_once.__name__)
     watch_slices()
     open_panels("RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_playback")
     reading = check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload
