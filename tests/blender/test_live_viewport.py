@@ -334,6 +334,17 @@ def test_depths_are_compared_where_they_were_read(live, bridge):
     assert not differ(ends, one), "a pixel in 2000 is what an engine's samples move"
 
 
+@pytest.mark.parametrize("coarseness, count", [(0, 3), (1, 3), (None, 1)])
+def test_depths_are_prepared_in_steps_of_their_own(live, core, contents, coarseness, count):
+    """Without lines of the floor: one step looks for them, and for a draft another one widens what is behind."""
+    shot = live.frames.shot_of(request_of(live).matrices, [contents])
+    drawn = np.full(SIZE[::-1], 30.0, np.float32)
+    ends = live.frames.Ends(drawn, shot.view, shot.part, has_floor=True)
+    cache = core("pipeline.stage_cache").StageCache()
+    messages = [step.message for step in live.frames.picture_steps(shot, ends, cache, coarseness)]
+    assert [message == live.frames.READING for message in messages] == [n < count for n in range(len(messages))]
+
+
 def test_depth_ends_rays_and_without_one_triangles_do(live, made):
     viewport, _clock, surface = made
     surface.depth = 30.0
