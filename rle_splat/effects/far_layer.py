@@ -90,7 +90,8 @@ def take_like(image: IntermediateImage, near: IntermediateImage | None, like) ->
             start = one.base_plane.origin[n]
             part.append(slice(first - start, max(last, first) - start))
     of_image, of_near = tuple(of_image), tuple(of_near)
-    np.copyto(image.pixels[of_image], near.pixels[of_near], where=like[of_image][..., None])
+    to, of = (one.pixels.view(np.complex128) for one in (image, near))  # 16 bytes at once, 4 times as fast
+    np.copyto(to[of_image], of[of_near], where=like[of_image][..., None])
     np.copyto(image.half_depth[of_image], near.half_depth[of_near], where=like[of_image])
     image.note_filled()
 

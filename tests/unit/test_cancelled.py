@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rle_splat.pipeline.encode_scene import encode_scene, encode_scene_steps
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Quality, Scene
+from rle_splat.splat import splat
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
@@ -35,6 +37,26 @@ def two_pictures():
     wide = Camera(inside, lens=8.0, clip_start=0.01)
     brighter = replace(FUNCTION, opacity=((60, 0.0), (250, 0.2)), shade=None)
     return first, Scene(volume, brighter, wide, 40, 40, headlight=False)
+
+
+@pytest.mark.parametrize("workers", (1, 2))
+@pytest.mark.parametrize("of_row", (1e-6, 1e-4, 1e-2))  # seconds
+def test_as_many_rows_are_splatted_at_once_as_fit_into_a_step(of_row, workers, monkeypatch):
+    clock, calls = [0.0], []
+
+    def splat_rows(_tables, first, last, *_):
+        calls.append((first, last))
+        clock[0] += of_row * (last - first)
+
+    monkeypatch.setattr(splat, "is_loaded", lambda *_: True)
+    monkeypatch.setattr(splat, "perf_counter", lambda: clock[0])
+    steps = list(splat.row_steps(splat_rows, (None,), SimpleNamespace(height=1000), None, workers, ()))
+    assert len(steps) == len(calls) and calls[-1][1] == 1000
+    assert [first for first, _ in calls] == [0, *(last for _, last in calls[:-1])]
+    least = splat.BAND // 2 if workers == 1 else 2 * splat.BAND * splat.BANDS_EACH
+    rows = [last - first for first, last in calls]
+    assert rows[0] == least and all(few == least or of_row * few <= splat.STEP for few in rows[:-1])
+    assert of_row > 1e-6 or len(calls) < 8, "quick rows are done in few steps"
 
 
 @pytest.mark.parametrize("record", (16, 8))
