@@ -203,7 +203,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if self.use_segments:
             made, problem = yield from rescale(segments.beside_steps(path, found.volume), BODY, 1.0)
             self.guesses += (problem,)
-        if made is None and self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
+        if made is None and self.hide_table and found.frames == 1:
             steps = segments.body_steps(found.volume, transfer_function, new_volume.name_of(path, found.volume))
             made = yield from rescale(steps, BODY, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own

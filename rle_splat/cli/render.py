@@ -12,6 +12,7 @@ import numpy as np
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
+from ..segment.body import hide_table_steps
 from ..volume.checks import check_values
 from . import options
 from .appearance import choose_transfer_function, read_transfer_function
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
+TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-table shows it."
 
 
 def add_arguments(parser) -> None:
@@ -64,6 +66,12 @@ def add_arguments(parser) -> None:
     options.add_clip_option(parser)
     add_light_effect_options(parser)
     add_mixing_options(parser)
+    parser.add_argument(
+        "--keep-table",
+        action="store_true",
+        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
+        "at least 1.5 %% of the voxels shown lie beside the body",
+    )
     options.add_tolerance_options(parser)
     options.add_quality_options(parser)
 
@@ -223,6 +231,9 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     further = read_further(args, prepared.scene.volume, line)
     scene = mix(args, moving(prepared.scene, checked.poses), checked.mixing, further)
     remarks = (*prepared.remarks, *further.remarks)
+    if not (checked.is_encoded or args.keep_table or args.labels or args.transfer_function):
+        scene = replace(scene, labels=line.follow(hide_table_steps(scene.volume, scene.transfer_function)))
+        remarks += (TABLE_HIDDEN,) if scene.labels is not None else ()
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
 
 
