@@ -115,7 +115,7 @@ def turn_plot(turn, near, path: Path) -> str:
         axes.set_xlim(min(angle), max(angle))
     for key, label in (
         ("largest", "largest, rgba"), ("rmse", "RMSE, rgba"), ("alpha_largest", "largest, alpha"),
-        ("true_largest", "from the reference, chosen axis"), ("other_largest", "from the truth, other axis"),
+        ("true_largest", "from the reference, chosen axis"), ("other_largest", "from the reference, other axis"),
         ("step_faded", "a quarter of a degree on"), ("step_switched", "the same with a switch"),
     ):  # fmt: skip
         values = [row[key] for row in near]
@@ -125,5 +125,5 @@ def turn_plot(turn, near, path: Path) -> str:
     for axes in (steps, alpha, both):
         axes.grid(True, alpha=0.3)
     steps.legend()
-    both.legend()
+    both.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return _save(figure, path)

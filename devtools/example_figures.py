@@ -25,8 +25,9 @@ FOLDER = OUT / "figures"
 SKULL, PET = "dicom_ct_skull_phantom_512x512x140", "pet_seg/dicom_pet_128x128x266"
 MOST_SUV = 6.0  # which is black
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
-OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.75")
-SMALL, POSTER, EYE = 360, 3600, (500, 2700)  # pixels: a picture's side, a poster's, and where a part of it begins
+ROUND = (0, 45, 90, 180)  # azimuths of the PET
+OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
+SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES = 80_000
 TURN = tuple((20 + 60 * n, 15) for n in range(6))
@@ -86,7 +87,8 @@ def pet_lines(folder: Path) -> list[list[str]]:
     path.write_text(json.dumps({"name": "PET", "unit": "SUVbw", "opacity": curve.tolist(), "color": [[0, 0, 0, 0]],
                                 "shade": False}), encoding="utf-8")  # fmt: skip
     return [["figure", str(data_folder() / PET), "--transfer-function", str(path), "--mode", "mip", "--caption",
-             "FDG PET, maximum intensity projection", "--width-cm", "5.2", "--aspect", "0.53", "--fit", "1.03",
+             "FDG PET, maximum intensity projection", "--width-cm", "14", "--aspect", "0.53", "--fit", "1.03",
+             "--columns", "4", *(word for turn in ROUND for word in ("--view", str(turn), "0")),
              "-o", str(folder / "figure-pet.png")]]  # fmt: skip
 
 
