@@ -41,7 +41,7 @@ DISPLAY_ITEMS = [
     ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
     ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
     ("average", "Average", "Show the mean value along each line of sight"),
-    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
+    ("xray", "X-Ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
 MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
@@ -183,7 +183,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
         min=1e-6, precision=2)  # fmt: skip
     slices_clear_black: LiveBool(
-        name="Clear Black",
+        name="Transparent Black",
         default=False,
         description="Make transparent what slices would show black, such as the air around the body. The volume "
         "behind it shows there",
@@ -235,7 +235,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_inverted_grays: LiveBool(
         name="Inverted",
         default=False,
-        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray",
+        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-Ray",
     )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Modes other than Shaded begin with "
@@ -261,13 +261,13 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Reflection", description="Model of the highlights", default="BLINN_PHONG",
+        name="Highlight Model", description="How the shape of the highlights is computed", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used with Soft Edges")  # fmt: skip
+        "of thick slices. 0 is off. Not used if pre-classified")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip
