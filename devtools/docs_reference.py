@@ -39,10 +39,6 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
 LONG_LIST = 12  # choices; of more, only the names are listed
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
-    "location": (
-        "Position",
-        "Where the slice is along its normal, from the middle of the scan, in scene units.",
-    ),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this slice, or this clip object and its cut, in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),

@@ -34,6 +34,7 @@ from .overridable import (
     evaluate_anew,
 )  # fmt: skip
 from .playback import Playback
+from .settings import scene_scale_of
 from .source_options import SourceOptions
 
 DISPLAY_ITEMS = [
@@ -67,6 +68,19 @@ def _shift(group, by: float) -> None:
     if not group.is_property_set("preset_center"):
         group.preset_center = group.window_center
     group.window_center = group.preset_center + by
+
+
+def _slice_step(group) -> float:
+    """The length by which a slice moves for 1 of its own location z, in its volume's unit of length."""
+    one = group.id_data
+    if one.parent is None:
+        return 1.0
+    world = one.matrix_parent_inverse.to_3x3().col[2].length
+    return world / scene_scale_of(bpy.context.scene, one.parent.rle_splat.length_unit) or 1.0
+
+
+def _move_slice(group, to: float) -> None:
+    group.id_data.location.z = to / _slice_step(group)
 
 
 def _flip(group, on: bool) -> None:
@@ -173,6 +187,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     slice_kind: StringProperty(
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
+    slice_position: FloatProperty(
+        name="Position", description="Where the slice is along its normal, from the middle of the scan, in the file's "
+        "unit of length, mm for patients", precision=1, step=100, options=set(), set=_move_slice,
+        get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
         description="Let slices use the level and window of the volume's colors instead of their own")  # fmt: skip
