@@ -21,6 +21,7 @@ class PicturePanel:
         row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
         row.operator("rle_splat.remove_composite", text="", icon="X")
         _draw_composite(context, layout)
+        layout.operator("rle_splat.add_letters", icon="FONT_DATA")
         layout.label(text="In the Camera View")
         row = _tall(layout)
         row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
