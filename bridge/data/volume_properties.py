@@ -285,7 +285,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used if pre-classified")  # fmt: skip
+        "of thick slices. 0 is off, -1 is automatic. Not used if pre-classified")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip
