@@ -74,7 +74,6 @@ def test_a_new_slice_shows_the_voxels_of_the_middle_layer(owner, voxels, kind):
     assert bpy.context.scene.render.use_lock_interface
 
 
-
 def test_the_position_of_a_slice_is_in_the_unit_of_the_file(owner):
     one, scene = add(owner), bpy.context.scene
     owner.scale, owner.rotation_euler = (2.0, 2.0, 2.0), (0.3, 0.0, 0.5)  # moves a scan, not where it is cut
