@@ -228,7 +228,8 @@ def test_the_reference_lists_every_name_of_the_package():
 
 
 def test_the_glossary_has_the_words_of_the_project():
-    glossary = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
+    pages = (ROOT / "docs/glossary.md", ROOT / "docs/explanation/glossary.md")
+    glossary = "\n".join(page.read_text(encoding="utf-8") for page in pages)
     terms = re.findall(r"^(\S.*)\n: [A-Z0-9]", glossary, re.MULTILINE)
     assert len(terms) == len(set(terms)) == len(re.findall(r"^: ", glossary, re.MULTILINE))
     wanted = """
