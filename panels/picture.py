@@ -21,7 +21,6 @@ class PicturePanel:
         row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
         row.operator("rle_splat.remove_composite", text="", icon="X")
         _draw_composite(context, layout)
-        layout.operator("rle_splat.add_letters", icon="FONT_DATA")
         layout.label(text="In the Camera View")
         row = _tall(layout)
         row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
@@ -101,6 +100,7 @@ def _draw_composite(context, layout) -> None:
     if not context.scene.render.use_lock_interface:
         paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")
         layout.prop(context.scene.render, "use_lock_interface")
+    layout.operator("rle_splat.add_letters", icon="FONT_DATA")
     layout.prop(settings, "on_failed_frame")
 
 
