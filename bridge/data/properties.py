@@ -53,7 +53,7 @@ CLASSIFICATION_ITEMS = [
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
     ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
-    ("custom", "Own Settings", "Set every option in the Advanced panel"),
+    ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 
 
