@@ -13,7 +13,8 @@ MODULES = [import_module(f".{name}", __name__) for name in (
     "frame_volume live_view choose_object delete_clip clear_kernels reload clip_to_view add_slice drag_window "
     "use_window_tool probe own_presets choose_transfer solo_label color_anatomy turntable extract_surface "
     "save_figure bake_volume remove_table keep_connected threshold_segment change_segment export_segments "
-    "scroll_slice four_up plain_background fit_clip clear_labels show_tab update_world_light hide_mesh"
+    "scroll_slice four_up plain_background fit_clip clear_labels show_tab update_world_light hide_mesh "
+    "add_letters"
 ).split()]  # fmt: skip
 CLASSES = classes_of(MODULES)
 

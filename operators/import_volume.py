@@ -109,7 +109,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "give it less than half of its brightness on any side. The panel Lighting changes it",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
-        name="Segments Beside It", description="Show the segmentation of the scan, if there is one beside it, in the "
+        name="Load Segmentation", description="Show the segmentation of the scan, if there is one beside it, in the "
         "colors of Anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
         "name has the word label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(

@@ -100,6 +100,7 @@ def _draw_composite(context, layout) -> None:
     if not context.scene.render.use_lock_interface:
         paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")
         layout.prop(context.scene.render, "use_lock_interface")
+    layout.operator("rle_splat.add_letters", icon="FONT_DATA")
     layout.prop(settings, "on_failed_frame")
 
 

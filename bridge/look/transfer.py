@@ -159,7 +159,7 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     -------
     TransferFunction
         With grays, the sRGB gray over black is proportional to the value, from 0 at the low end of the window to 1 at
-        the high end; inverted, it is 1 less that, over white. In the mode X-ray the opacity is, up to XRAY_ALPHA per
+        the high end; inverted, it is 1 less that, over white. In the mode X-Ray the opacity is, up to XRAY_ALPHA per
         smallest spacing. All modes but MinIP show the low end as transparent: most lines have the value of air.
 
     Raises
