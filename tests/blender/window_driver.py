@@ -266,10 +266,16 @@ def is_at_rest() -> bool:
 
 
 def wait_for_rest():
-    """Step until the window has been drawn and the add-on has nothing to do."""
+    """Step until the add-on has nothing to do, and the window was drawn without giving it anything to do."""
+    rests = 0
+
+    def has_rested() -> bool:
+        nonlocal rests
+        rests = rests + 1 if is_at_rest() else 0
+        return rests == 2
+
     yield
-    yield from until(is_at_rest)
-    yield
+    yield from until(has_rested)
 
 
 def photograph(name: str):
