@@ -137,7 +137,9 @@ def cell_steps(numbers_of, outside: np.ndarray, shape_xyz, smooth: bool):
         With more functions than have numbers.
     """
     if len(outside) >= NO_KIND:
-        raise RleSplatError(f"There are {len(outside)} labels with different looks; at most {NO_KIND - 1} are possible.")
+        raise RleSplatError(
+            f"There are {len(outside)} labels with different looks; at most {NO_KIND - 1} are possible."
+        )
     nx, ny, nz = shape_xyz
     numbers = np.empty((nz, ny, nx), np.uint16)
     found = []
@@ -221,11 +223,12 @@ class _Boundary:
     def records(self, smooth: bool) -> tuple[np.ndarray, ...]:
         """Voxels of each row, and the columns of LabelCells."""
         m = len(self.own)
-        kinds = np.full((m, KINDS), NO_KIND, np.uint16)
-        weights, slopes = np.zeros((m, KINDS), np.float32), np.zeros((m, KINDS, 3), np.float32)
-        kinds[:, 0] = self.own
+        # Kinds first, since numpy is slow along short axes.
+        kinds = np.full((KINDS, m), NO_KIND, np.uint16)
+        weights, slopes = np.zeros((KINDS, m), np.float32), np.zeros((KINDS, m, 3), np.float32)
+        kinds[0] = self.own
         if smooth:
-            weights[:, 1:] = NOTHING
+            weights[1:] = NOTHING
             rest, rest_slopes = np.ones(m, np.float32), np.zeros((m, 3), np.float32)
             for number, (low, high) in self.boxes.items():
                 if number == 0:
@@ -236,17 +239,16 @@ class _Boundary:
                 self._note(kinds, weights, slopes, rows, number, weight, slope)
             self._note(kinds, weights, slopes, np.arange(m), 0, rest, rest_slopes)
             _weigh(kinds, weights, self.outside)
-            order = np.argsort(-weights[:, 1:], axis=1, kind="stable") + 1
-            kinds[:, 1:], weights[:, 1:] = (np.take_along_axis(each, order, axis=1) for each in (kinds, weights))
-            slopes[:, 1:] = np.take_along_axis(slopes, order[..., None], axis=1)
-            weights[kinds == NO_KIND] = 0.0
-            slopes[kinds == NO_KIND] = 0.0
+            order = np.argsort(-weights[1:], axis=0, kind="stable") + 1
+            kinds[1:], weights[1:] = (np.take_along_axis(each, order, axis=0) for each in (kinds, weights))
+            slopes[1:] = slopes[order, np.arange(m)]
+            absent = kinds == NO_KIND
+            weights[absent], slopes[absent] = 0.0, 0.0
         else:
-            weights[:, 0] = 1.0
+            weights[0] = 1.0
         codes = np.clip(np.rint(weights * WEIGHT_OF_ONE), -32768, 32767).astype(np.int16)
-        return (
-            self.rows, self.at[2].astype(np.int32), kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
-        )  # fmt: skip
+        columns = kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
+        return self.rows, self.at[2].astype(np.int32), *(np.ascontiguousarray(each.swapaxes(0, 1)) for each in columns)
 
     def _indicator(self, number: int, low, high):
         """The smoothed indicator of a function and its slopes along x, y, z where it matters: rows of ``at``, (n,) and
@@ -274,26 +276,27 @@ class _Boundary:
     def _note(self, kinds, weights, slopes, rows, number: int, weight, slope) -> None:
         """Take a function into the records of ``rows``: as their own, or in place of the weakest other."""
         mine = self.own[rows] == number
-        slot = np.where(mine, 0, 1 + np.argmin(weights[rows, 1:], axis=1))
-        some = mine | (weight > weights[rows, slot])
+        slot = np.where(mine, 0, 1 + np.argmin(weights[1:, rows], axis=0))
+        some = mine | (weight > weights[slot, rows])
         rows, slot = rows[some], slot[some]
-        kinds[rows, slot], weights[rows, slot], slopes[rows, slot] = number, weight[some], slope[some]
+        kinds[slot, rows], weights[slot, rows], slopes[slot, rows] = number, weight[some], slope[some]
 
 
 def _weigh(kinds, weights, outside) -> None:
-    """Make the weights of LabelCells of smoothed indicators (m, KINDS), in place."""
+    """Make the weights of LabelCells of smoothed indicators (KINDS, m), in place."""
     there = kinds != NO_KIND
     beyond = outside[np.where(there, kinds, 0)]
     for group in (there & beyond, there & ~beyond):
-        total = np.where(group, weights, 0.0).sum(axis=1)
-        most = np.where(group, weights, 0.0).max(axis=1)
+        found = np.where(group, weights, np.float32(0.0))
+        total, most = found.sum(axis=0), found.max(axis=0).clip(0.0)
         scale = np.divide(total, most, out=np.ones_like(total), where=total > most)
-        weights *= np.where(group, scale[:, None], 1.0)
-    leads = weights[:, :1] - weights
-    leads[:, 1:] = np.maximum(leads[:, 1:], np.maximum(np.minimum(EVEN - leads[:, 1:], LEAD), -leads[:, 1:] - LEAD))
-    strongest = np.argmax(weights[:, 1:], axis=1)[:, None] + 1
-    own = np.take_along_axis(weights, strongest, axis=1) + np.take_along_axis(leads, strongest, axis=1)
-    weights[:] = np.where(there, np.maximum(weights[:, :1], own) - leads, NOTHING)
+        np.multiply(weights, scale, out=weights, where=group)
+    leads = weights[0] - weights[1:]
+    leads = np.maximum(leads, np.maximum(np.minimum(EVEN - leads, LEAD), -leads - LEAD))
+    strongest = np.argmax(weights[1:], axis=0)[None]
+    own = np.take_along_axis(weights[1:], strongest, axis=0) + np.take_along_axis(leads, strongest, axis=0)
+    weights[0] = np.maximum(weights[0], own[0])
+    weights[1:] = np.where(there[1:], weights[0] - leads, NOTHING)
 
 
 def _boxes(numbers, at) -> dict:
