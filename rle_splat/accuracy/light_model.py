@@ -193,7 +193,7 @@ class PostLight:
         towards = index + np.einsum("ni,ji->nj", reach[:, None] * direction, self._from_world)
         squared = (m**2).sum(axis=1)
         t = 1.0 - squared * smoothstep(-FACING, FACING, _dot(m, direction))[:, 0]
-        t = (t * smoothstep(0.0, FOLLOWED, np.sqrt(squared)))[:, None]
+        t = (t * smoothstep(0.0, FOLLOWED**2, squared))[:, None]
         return (1.0 - t) * beside + t * towards
 
     def _shown_around(self, volume, function, z, y, x):

@@ -335,7 +335,7 @@ def _towards_lamp(points, index) -> np.ndarray:
     m = normals / ONE
     square = np.minimum((m * m).sum(axis=1), 1.0)
     facing = smoothstep(0.5 + 2.0 * np.einsum("ni,ni->n", m, direction))
-    t = smoothstep(np.sqrt(square) / 0.1) * (1.0 - facing * square)
+    t = smoothstep(100.0 * square) * (1.0 - facing * square)
     return np.clip(offsets + t[:, None] * (p - offsets), -32767.0, 32767.0)
 
 

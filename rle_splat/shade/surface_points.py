@@ -12,7 +12,7 @@ the surface: the distance to the nearest value that shows nothing, over the stee
 On the far side of a wall this point is behind the wall.  Where the wall is thin, the eye sees a mean of both sides, and
 light that arrives at one of them only would show the grid of voxels.  So light of a lamp, in the direction l, begins at
 
-    x' = x + (1 - t) b n + t p,  t = smoothstep(0, FOLLOWED, |m|) (1 - smoothstep(-FACING, FACING, m.l) |m|^2),
+    x' = x + (1 - t) b n + t p,  t = smoothstep(0, FOLLOWED^2, |m|^2) (1 - smoothstep(-FACING, FACING, m.l) |m|^2),
 
 in which p is FURTHER FARTHEST widths towards the lamp: a side that faces away from it has no light of a surface.
 """
@@ -235,7 +235,7 @@ def towards_lamp(lamp, x, y, z, normals, offsets, i):
     mx, my, mz = scale * normals[i, 0], scale * normals[i, 1], scale * normals[i, 2]
     square = min(mx * mx + my * my + mz * mz, 1.0)
     facing = _smoothstep(0.5 + (mx * lx + my * ly + mz * lz) / (2.0 * FACING))
-    t = _smoothstep(math.sqrt(square) / FOLLOWED) * (1.0 - facing * square)
+    t = _smoothstep(square / FOLLOWED**2) * (1.0 - facing * square)
     most = STEPS * FURTHEST
     return (
         min(max(ox + t * (px - ox), -most), most),
