@@ -19,7 +19,7 @@ import numpy as np
 
 from ..scene import Scene
 from .lamps import ReferenceLamps, unit
-from .light_normals import NormalField, automatic_sigma, smoothstep
+from .light_normals import LEAST, NormalField, automatic_sigma, smoothstep
 from .light_transport import Tracer
 from .medium import ScalarField, corner_indices, cubics, polynomial
 from .transfer import mean_extinction, opacity_unit_distance
@@ -33,7 +33,6 @@ TURNED = 0.4  # cosine between a two-sided surface's normal and the eye from whi
 FARTHEST = 3.0  # of x', in widths of a voxel along the normal, before
 FURTHER = 9.0 / 8.0
 FACING = 0.25  # m.l, up and down, over which the point beside a voxel goes over to the lamp's side
-FOLLOWED = 0.1  # |m| from which it does
 FACE = 1.0, 2.0  # widths of a voxel from a face at which its normal begins to fade and is gone
 SIDE = 0.5  # balance of the distances to both transparent sides from which m wholly points to the nearer one
 ALMOST_NONE = 1e-6  # |m| below which there is no direction
@@ -191,9 +190,8 @@ class PostLight:
         reach = FURTHER * FARTHEST * voxel_width(direction, self._matrix)
         reach = reach if is_sun else np.minimum(reach, np.linalg.norm(away, axis=1))
         towards = index + np.einsum("ni,ji->nj", reach[:, None] * direction, self._from_world)
-        squared = (m**2).sum(axis=1)
-        t = 1.0 - squared * smoothstep(-FACING, FACING, _dot(m, direction))[:, 0]
-        t = (t * smoothstep(0.0, FOLLOWED**2, squared))[:, None]
+        t = 1.0 - _dot(m, m) * smoothstep(-FACING, FACING, _dot(m, direction))
+        t *= smoothstep(0.0, LEAST**2, _dot(m, m))  # flat values keep their own shade
         return (1.0 - t) * beside + t * towards
 
     def _shown_around(self, volume, function, z, y, x):

@@ -256,7 +256,11 @@ def find_surfaces(smoothed, low, n_z, first, last, _wanted, lists, slopes, floor
     whole = np.maximum(mean + least**2, size[there])
     usable = (whole > 0.0) & (whole < np.inf)
     scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)
-    vectors[begin:end] = np.rint(gradient[there] * scale[:, None])
+    found, least = gradient[there], 0.04 * np.sqrt(mean)
+    found[size[there] == 0.0, 0] = 1.0
+    length = np.linalg.norm(found, axis=1)
+    found *= np.divide(np.maximum(np.sqrt(size[there]), least), length, out=np.ones(len(length)), where=length > 0.0)[:, None]
+    vectors[begin:end] = np.rint(found * scale[:, None])
     steep[begin:end] = np.sqrt(size[there]) / per_mm
 
 
@@ -335,7 +339,7 @@ def _towards_lamp(points, index) -> np.ndarray:
     m = normals / ONE
     square = np.minimum((m * m).sum(axis=1), 1.0)
     facing = smoothstep(0.5 + 2.0 * np.einsum("ni,ni->n", m, direction))
-    t = smoothstep(100.0 * square) * (1.0 - facing * square)
+    t = smoothstep(625.0 * square) * (1.0 - facing * square)
     return np.clip(offsets + t[:, None] * (p - offsets), -32767.0, 32767.0)
 
 

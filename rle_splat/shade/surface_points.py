@@ -12,7 +12,7 @@ the surface: the distance to the nearest value that shows nothing, over the stee
 On the far side of a wall this point is behind the wall.  Where the wall is thin, the eye sees a mean of both sides, and
 light that arrives at one of them only would show the grid of voxels.  So light of a lamp, in the direction l, begins at
 
-    x' = x + (1 - t) b n + t p,  t = smoothstep(0, FOLLOWED^2, |m|^2) (1 - smoothstep(-FACING, FACING, m.l) |m|^2),
+    x' = x + (1 - t) b n + t p,  t = smoothstep(0, LEAST^2, |m|^2) (1 - |m|^2 smoothstep(-FACING, FACING, m.l)),
 
 in which p is FURTHER FARTHEST widths towards the lamp: a side that faces away from it has no light of a surface.
 """
@@ -33,7 +33,7 @@ from ..runtime.work_sizes import PLACED_AT_ONCE
 from ..volume.stored_scalars import StoredValues, by_any_type
 from . import reference
 from .sample_light import ONE, TRUSTED
-from .surface_normals import Surfaces
+from .surface_normals import LEAST, Surfaces
 
 FARTHEST = 3.0  # widths of a voxel along the normal: with 2 a lit plane ripples by 1.4 %, with 4 more light leaks
 # So that the nodes around x', from which light is interpolated, are off the surface, too: with 1 a ball with an opacity
@@ -43,7 +43,6 @@ NEAR, FAR = 1.0, 2.0  # widths from a face at which its normal begins to fade an
 SIDE = 0.5  # of the balance of distances, over which the side changes to which extinction falls
 STEPS = 1024.0  # of a voxel, in which offsets are kept
 FACING = 0.25  # of m.l, on both sides of 0, over which the point beside a voxel goes over to the lamp's side
-FOLLOWED = 0.1  # |m| from which it does: clouds have less, and keep their own shade
 NO_LAMP, FAR_LAMP, NEAR_LAMP = range(3)
 FURTHEST = 32767.0 / STEPS
 BOX_NEAR = 1  # voxels from a face of the box whose normal is the face's: its width is one voxel
@@ -235,7 +234,7 @@ def towards_lamp(lamp, x, y, z, normals, offsets, i):
     mx, my, mz = scale * normals[i, 0], scale * normals[i, 1], scale * normals[i, 2]
     square = min(mx * mx + my * my + mz * mz, 1.0)
     facing = _smoothstep(0.5 + (mx * lx + my * ly + mz * lz) / (2.0 * FACING))
-    t = _smoothstep(square / FOLLOWED**2) * (1.0 - facing * square)
+    t = _smoothstep(square / LEAST**2) * (1.0 - facing * square)
     most = STEPS * FURTHEST
     return (
         min(max(ox + t * (px - ox), -most), most),
