@@ -231,8 +231,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Opacity Unit Distance", description="Length of material that has the opacity of the curve: smaller is "
-        "more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
+        name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
+        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
