@@ -232,7 +232,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
-        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
+        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0,
+        precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
