@@ -280,7 +280,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Highlight Model", description="How the shape of the highlights is computed", default="BLINN_PHONG",
+        name="Highlights", description="How the shape of the highlights is computed", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
