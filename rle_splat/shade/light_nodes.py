@@ -108,7 +108,15 @@ def _layers(sweep: Sweep, place) -> tuple:
 
 
 def read_nodes_steps(
-    nodes, pitch: int, strength: float, voxels: VisibleVoxels, points: Points, known, codes, channel: int, *,
+    nodes,
+    pitch: int,
+    strength: float,
+    voxels: VisibleVoxels,
+    points: Points,
+    known,
+    codes,
+    channel: int,
+    *,
     threads: int = 0,
 ):
     """Write the light at points beside voxels to a channel of their codes.
@@ -350,7 +358,11 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
         for i in range(own.size):
             xs[i] = np.int32(own[i]) * voxel
             wx, wy, wz = towards_lamp(lamp, np.float64(own[i]), y, z, normals, offsets, at + i)
-            ways[3 * i], ways[3 * i + 1], ways[3 * i + 2] = np.int16(np.rint(wx)), np.int16(np.rint(wy)), np.int16(np.rint(wz))
+            ways[3 * i], ways[3 * i + 1], ways[3 * i + 2] = (
+                np.int16(np.rint(wx)),
+                np.int16(np.rint(wy)),
+                np.int16(np.rint(wz)),
+            )
         starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
         for i in range(0, own.size, BLOCK):
             read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)

@@ -259,7 +259,9 @@ def find_surfaces(smoothed, low, n_z, first, last, _wanted, lists, slopes, floor
     found, least = gradient[there], 0.04 * np.sqrt(mean)
     found[size[there] == 0.0, 0] = 1.0
     length = np.linalg.norm(found, axis=1)
-    found *= np.divide(np.maximum(np.sqrt(size[there]), least), length, out=np.ones(len(length)), where=length > 0.0)[:, None]
+    found *= np.divide(np.maximum(np.sqrt(size[there]), least), length, out=np.ones(len(length)), where=length > 0.0)[
+        :, None
+    ]
     vectors[begin:end] = np.rint(found * scale[:, None])
     steep[begin:end] = np.sqrt(size[there]) / per_mm
 
