@@ -227,9 +227,8 @@ def test_a_picture_is_a_march_along_rays(stage):
 def assert_marched(scene, medium, *parts):
     """The picture, by sheets and by single rays, is a march through the medium, in which each of the parts counts."""
     expected = marched(scene, 8, medium)
-    with use_reference():
-        pictures = {rays: render(scene, fine(rays=rays)) for rays in (0.0, 1e-9)}
-        without = [render(replace(scene, **part), fine()) for part in parts]
+    pictures = {rays: render(scene, fine(rays=rays)) for rays in (0.0, 1e-9)}
+    without = [render(replace(scene, **part), fine()) for part in parts]
     assert all(np.abs(one.rgba - expected).max() > 20 * LEVEL for one in without), "the parts count"
     for rays, picture in pictures.items():
         assert picture.report["plan"]["classification"] == "post"
