@@ -94,8 +94,7 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
         mask = yield from rescale(make_mask(before, shown), LOADED, MADE)
         chosen = free_number(before) if number is None else number
         after = put_segment(before, chosen, mask, over_others)
-        background = NamedLabel(BACKGROUND, body.NAMES[BACKGROUND])
-        named = {one.label: one for one in (background, *before.named_labels, *names)}
+        named = {one.label: one for one in (body.NAMES[BACKGROUND], *before.named_labels, *names)}
         if number is None:
             named[chosen] = NamedLabel(chosen, name)
         return (yield from rescale(_written_steps(after, tuple(named.values()), path, chosen), MADE, 1.0))
@@ -104,14 +103,12 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
 
 
 def body_steps(volume: Volume, transfer_function, name: str):
-    """Generator of Progress: the body as the only segment, as ``body_map_steps`` finds it; ``name``: of the volume.
-
-    Returns a MadeSegment, or None.
-    """
-    after = yield from rescale(body.body_map_steps(volume, transfer_function), 0.0, MADE)
-    if after is None:
+    """Generator of Progress: the body as the only segment, where ``hide_table`` hides what lies beside it, as a
+    MadeSegment; else None. ``name``: of the volume."""
+    found = yield from rescale(body.hide_table_steps(volume, transfer_function), 0.0, MADE)
+    if found is None:
         return None
-    return (yield from rescale(_written_steps(after, after.named_labels, _free_path(name), body.BODY), MADE, 1.0))
+    return (yield from rescale(_written_steps(found.volume, body.NAMES, _free_path(name), body.BODY), MADE, 1.0))
 
 
 def beside_steps(path: str, volume: Volume):

@@ -316,13 +316,12 @@ def _blurred(values) -> np.ndarray:
     for first in range(0, len(found), step):
         part = values[first : first + step + 2 * RADIUS]
         for axis in range(3):
-            moved = np.moveaxis(part, axis, 0)
-            count = len(moved) - 2 * RADIUS
-            total = TAPS[RADIUS] * moved[RADIUS : RADIUS + count]
+            count, before = part.shape[axis] - 2 * RADIUS, (slice(None),) * axis
+            moved = [part[*before, begin : begin + count] for begin in range(2 * RADIUS + 1)]
+            part = TAPS[RADIUS] * moved[RADIUS]
             for i in range(RADIUS):  # taps are alike on both sides
-                pair = moved[i : i + count] + moved[2 * RADIUS - i :][:count]
+                pair = moved[i] + moved[2 * RADIUS - i]
                 pair *= TAPS[i]
-                total += pair
-            part = np.moveaxis(total, 0, axis)
+                part += pair
         found[first : first + step] = part
     return found

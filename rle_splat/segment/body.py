@@ -32,7 +32,7 @@ SAMPLES = 1 << 20  # voxels that are looked at
 LEAST_BESIDE = 0.015
 LEAST_SHOWN = 0.01  # opacity
 BODY = 1  # the label of the body
-NAMES = {BACKGROUND: "Background", BODY: "Body"}
+NAMES = NamedLabel(BACKGROUND, "Background"), NamedLabel(BODY, "Body")
 
 
 def hide_table(volume: Volume, transfer_function) -> Labels | None:
@@ -55,24 +55,7 @@ def hide_table(volume: Volume, transfer_function) -> Labels | None:
 
 
 def hide_table_steps(volume: Volume, transfer_function):
-    """Generator of Progress: return what ``hide_table`` does."""
-    found = yield from body_map_steps(volume, transfer_function)
-    return None if found is None else Labels(found, {BACKGROUND: None}, NAMES)
-
-
-def body_map_steps(volume: Volume, transfer_function):
-    """Generator of Progress: a label map of the body, if a transfer function shows much that lies beside it.
-
-    Parameters
-    ----------
-    volume : Volume
-    transfer_function : TransferFunction
-
-    Returns
-    -------
-    Volume or None
-        Labels 0 and 1 with their names; None where ``hide_table`` returns None.
-    """
+    """Generator of Progress: return what ``hide_table`` does; the label map has the names, too."""
     if volume.value_unit != "HU" or volume.frames > 1:
         return None
     try:
@@ -84,8 +67,8 @@ def body_map_steps(volume: Volume, transfer_function):
     shown = transfer_function.alpha_at(volume.physical(volume.voxels[every])) > LEAST_SHOWN
     if np.count_nonzero(shown & ~body[every]) < LEAST_BESIDE * max(np.count_nonzero(shown), 1):
         return None
-    named = tuple(NamedLabel(label, name) for label, name in NAMES.items())
-    return replace(put_segment(empty_map(volume), BODY, body), named_labels=named)
+    found = replace(put_segment(empty_map(volume), BODY, body), named_labels=NAMES)
+    return Labels(found, {BACKGROUND: None})
 
 
 def body_steps(volume: Volume):
