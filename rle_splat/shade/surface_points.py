@@ -95,9 +95,7 @@ def points_for(light, normals, offsets, index_to_world) -> Points:
     elif light is not None:
         kind, place = NEAR_LAMP, light.matrix_world[:3, 3]
     numbers = place, way, matrix[:3], to_index
-    return Points(
-        read_only(normals), read_only(offsets), (kind, *(tuple(each.ravel().tolist()) for each in numbers))
-    )
+    return Points(read_only(normals), read_only(offsets), (kind, *(tuple(each.ravel().tolist()) for each in numbers)))
 
 
 def faces_of(clips, index_to_world) -> Faces:
