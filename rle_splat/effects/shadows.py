@@ -349,11 +349,12 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
             sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
             cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
             nodes = yield from map_steps(node_light_steps([cleared], [1.0], occluders), lambda _: along(0.0))
-            steps = read_nodes_steps(nodes, 1, 1.0, occluders.voxels, points, None, free, 0, threads=occluders.threads)
+            given = nodes, 1, 1.0, occluders.voxels, points
+            steps = read_nodes_steps(*given, None, free, 0, threads=occluders.threads)
             yield from map_steps(steps, lambda _: along(0.0))
         steps = trace_steps(
-            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], scattered, sums,
-            threads=occluders.threads,
+            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], scattered,
+            sums, threads=occluders.threads,
         )  # fmt: skip
         yield from map_steps(steps, along)
     codes = np.empty(len(sums), np.int16)

@@ -110,9 +110,8 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
         steps = arriving_steps(scene, occluders, job, clock, side)
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
-    steps = job.steps(
-        "codes", (key, IN_ROWS), lambda: _join_steps(placed, scene, scalars.voxels, key, arriving, job, threads)
-    )
+    given = placed, scene, scalars.voxels, key, arriving, job, threads
+    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(*given))
     with clock.stage("shade"):
         return (yield from announce(steps, 0.1, 0.1, "Casting shadows")), key
 

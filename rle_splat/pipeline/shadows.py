@@ -77,9 +77,8 @@ def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Jo
             return (yield from brick_steps(occluders.voxels, extinction, threads=occluders.threads))
 
         bricks = yield from job.steps("bricks", occluders.medium_key, make)
-        return (
-            yield from traced_light_steps(light, occluders, bricks, points(None if scattered else light), scattered)
-        )
+        where = points(None if scattered else light)
+        return (yield from traced_light_steps(light, occluders, bricks, where, scattered))
 
     for scattered in (False, True)[: 1 + (scene.indirect_light > 0.0)]:
         for number in casting(scene):

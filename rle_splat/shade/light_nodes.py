@@ -118,7 +118,7 @@ def read_nodes_steps(
     channel: int,
     *,
     threads: int = 0,
-):
+):  # fmt: skip
     """Write the light at points beside voxels to a channel of their codes.
 
     Parameters
@@ -357,12 +357,9 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
         own, y, z = column[at:stop], np.float64(row % rows), np.float64(row // rows)
         for i in range(own.size):
             xs[i] = np.int32(own[i]) * voxel
-            wx, wy, wz = towards_lamp(lamp, np.float64(own[i]), y, z, normals, offsets, at + i)
-            ways[3 * i], ways[3 * i + 1], ways[3 * i + 2] = (
-                np.int16(np.rint(wx)),
-                np.int16(np.rint(wy)),
-                np.int16(np.rint(wz)),
-            )
+            way = towards_lamp(lamp, np.float64(own[i]), y, z, normals, offsets, at + i)
+            for axis in range(3):
+                ways[3 * i + axis] = np.int16(np.rint(way[axis]))
         starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
         for i in range(0, own.size, BLOCK):
             read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)

@@ -118,8 +118,8 @@ def _distances(shown) -> np.ndarray:
 
 
 def trace_steps(
-    voxels: VisibleVoxels, points: Points, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float, free,
-    scattered: bool, sums, *, threads: int = 0,
+    voxels: VisibleVoxels, points: Points, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float,
+    free, scattered: bool, sums, *, threads: int = 0,
 ):  # fmt: skip
     """Add the light of one point to what arrives at points beside voxels.
 

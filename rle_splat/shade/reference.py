@@ -256,14 +256,10 @@ def find_surfaces(smoothed, low, n_z, first, last, _wanted, lists, slopes, floor
     whole = np.maximum(mean + least**2, size[there])
     usable = (whole > 0.0) & (whole < np.inf)
     scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)
-    found, least = gradient[there], 0.04 * np.sqrt(mean)
-    found[size[there] == 0.0, 0] = 1.0
-    length = np.linalg.norm(found, axis=1)
-    found *= np.divide(np.maximum(np.sqrt(size[there]), least), length, out=np.ones(len(length)), where=length > 0.0)[
-        :, None
-    ]
+    found, length = gradient[there], np.sqrt(size[there])
+    found[:, 0] += np.maximum(0.04 * np.sqrt(mean) - length, 0.0)
     vectors[begin:end] = np.rint(found * scale[:, None])
-    steep[begin:end] = np.sqrt(size[there]) / per_mm
+    steep[begin:end] = length / per_mm
 
 
 def _differences(values, axis: int) -> np.ndarray:

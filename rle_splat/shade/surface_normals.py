@@ -7,7 +7,7 @@ Stored values are smoothed by a Gaussian of some millimeters, so that slices far
 is kept of each voxel, at most 1 long: N is the central difference of the smoothed values, R the root mean square of
 its length over the 27 voxels around, and E the length that errors of stored values give it.  So m is about 1 long at a
 surface, short where there is little but noise, and nearly 0 where normals turn over, as in the middle of a wall.  So
-that walls differ from what is flat, N is made LEAST R long where it is shorter, along x where it is 0.
+that walls differ from what is flat, what |N| lacks of LEAST R is added to N along x.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FLOAT_STEPS = 256.0  # machine epsilons: what values carry, and what smoothing i
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
 _ZERO, _ONE, _TWO, _THREE = (np.float32(n) for n in range(4))
-_SHORT = np.float32(LEAST**2)
+_LEAST = np.float32(LEAST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -421,13 +421,10 @@ def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, fl
             size = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
             whole = max(around + least * least, size)
             scale = _invert_root(whole) if _ZERO < whole < np.inf else _ZERO
-            short = _SHORT * around
-            if _ZERO < size < short:
-                scale *= np.sqrt(short / size)
+            length = np.sqrt(size)
+            gx[x] += max(_LEAST * np.sqrt(around) - length, _ZERO)
             gx[x], gy[x], gz[x] = np.rint(gx[x] * scale), np.rint(gy[x] * scale), np.rint(gz[x] * scale)
-            size_of[x] = np.sqrt(size)
-            if size == _ZERO:
-                gx[x] = np.rint(np.sqrt(short) * scale)
+            size_of[x] = length
         for i in range(xs.size):
             x = np.uint64(xs[i])
             found[i, 0], found[i, 1], found[i, 2] = np.int16(gx[x]), np.int16(gy[x]), np.int16(gz[x])
