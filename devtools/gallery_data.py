@@ -77,4 +77,4 @@ def skull(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
-light = skull  # the first of its scans
+light = lamps = skull  # the first of light's scans

@@ -1,5 +1,5 @@
-"""The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe
-(runs in an environment with bpy).
+"""The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
+a skull whose lamps are added one by one (runs in an environment with bpy).
 
 Every step is an operator or a setting that a user has, too.
 """
@@ -79,12 +79,40 @@ RECIPES = (
 )
 
 
-def light(stage: Stage):
-    """Each scan twice; yields NAME-before and NAME-after."""
+LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
+    ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
+    ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
+    ("rim", 90.0, 1.0, (1.2, 1.6, 1.2), COLD, False),
+)
+
+
+def _ready(stage: Stage) -> None:
+    """What all pictures of this page share."""
     view_transform("Standard")
     stage.without_background()
     bpy.context.scene.cycles.use_denoising = False
     stage.settings.quality = "fine"
+
+
+def lamps(stage: Stage):
+    """A skull as it is imported, and with a key, a fill and a rim light, each added to those before."""
+    _ready(stage)
+    volume = stage.volume
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    bpy.ops.rle_splat.remove_table()
+    for key, value in OPAQUE.items():
+        setattr(volume.rle_splat, key, value)
+    stage.camera((0.9, -1.7, 0.35), 85.0, (0.0, 0.0, -0.03))
+    yield "headlight"
+    volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 0.7
+    for name, watts, side, place, color, shadow in LAMPS:
+        stage.area(name.capitalize(), watts, place, color, side, use_shadow=shadow)
+        yield name
+
+
+def light(stage: Stage):
+    """Each scan twice; yields NAME-before and NAME-after."""
+    _ready(stage)
     for recipe in RECIPES:
         for one in list(bpy.data.objects):  # the scan before
             bpy.data.objects.remove(one)

@@ -38,14 +38,14 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
 
 
 def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
-    """Two pairs of pictures in a row, with the name before the hyphen above each."""
+    """Four pictures in a row, each with the name before the hyphen above it, pairs with one."""
     width, height = next(iter(pictures.values())).size
     sheet = Image.new("RGB", (4 * width + GAP, (height + TITLE) * -(-len(pictures) // 4)), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
     for number, (name, picture) in enumerate(pictures.items()):
         left, top = width * (number % 4) + GAP * (number % 4 // 2), (height + TITLE) * (number // 4)
         sheet.paste(picture, (left, top + TITLE))
-        if number % 2 == 0:
+        if not name.endswith("-after"):
             pen.text((left + 2, top + 3), name.partition("-")[0].capitalize(), fill="black", font=font)
     return sheet
 

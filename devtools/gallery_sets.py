@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 from demo_scene import rod
-from gallery_light import light
+from gallery_light import lamps, light
 from gallery_skull import skull
 from gallery_studio import (
     COLD,
@@ -24,17 +24,19 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
-# Names, a place of each in mm from the middle of the scan, and the place of its text in the picture: from its middle,
-# in widths.
+# Names, places of each in mm from the middle of the scan, and the place of its text in the picture: from its middle, in
+# widths.
 NAMES = (
-    ("Brachiocephalic trunk", (-38.0, -18.0, 92.0), (-0.2, 0.24)),
-    ("Left common carotid artery", (-3.0, -14.0, 114.0), (-0.2, 0.3)),
-    ("Left subclavian artery", (52.0, -4.0, 116.0), (0.2, 0.3)),
-    ("True lumen", (4.0, 36.0, -20.0), (-0.2, 0.02)),
-    ("False lumen", (18.0, 60.0, 20.0), (0.2, 0.08)),
-    ("Celiac trunk", (-20.0, -12.0, -114.0), (-0.2, -0.12)),
-    ("T12", (-2.0, 80.0, -97.0), (0.2, -0.12)),
+    ("Brachiocephalic trunk", ((-38.0, -18.0, 92.0),), (-0.18, 0.24)),
+    ("Left common carotid artery", ((-6.0, -14.0, 108.0),), (-0.18, 0.3)),
+    ("Left subclavian artery", ((4.0, 2.0, 114.0), (52.0, -4.0, 116.0)), (0.2, 0.27)),
+    ("Ascending aorta", ((-20.0, -30.0, 40.0),), (-0.18, 0.1)),
+    ("True lumen", ((-6.0, 18.0, -56.0),), (-0.18, -0.04)),
+    ("False lumen", ((18.0, 60.0, 20.0),), (0.2, 0.08)),
+    ("Celiac trunk", ((-20.0, -12.0, -114.0),), (-0.18, -0.12)),
+    ("T12", ((-2.0, 80.0, -97.0),), (0.2, -0.12)),
 )
+VIOLET = (0.22, 0.1, 0.42)  # of the false lumen: blue is for veins
 
 
 def _lay_slice(stage: Stage) -> None:
@@ -49,24 +51,26 @@ def _lay_slice(stage: Stage) -> None:
     ours.slice_center, ours.slice_width = 150.0, 900.0
 
 
-def _name(stage: Stage, camera, body: str, place: Vector, at: tuple[float, float], coat) -> None:
-    """A name in the plane half-way to the middle, and a line from it to what is seen at a place."""
+def _name(stage: Stage, camera, body: str, places, at: tuple[float, float], coat) -> None:
+    """A name in the plane half-way to the middle, and a line from it to what is seen at each place."""
     data = camera.data
-    into = camera.matrix_world.inverted() @ place
     depth = 0.5 * (camera.matrix_world.translation - stage.middle).length
     width = depth * data.sensor_width / data.lens
-    end = into * (depth / -into.z)
     begin = Vector((at[0] * width, at[1] * width, -depth))
     side = -1.0 if at[0] < 0.0 else 1.0
     text = camera.matrix_world @ Matrix.Translation(begin + Vector((side * 0.008 * width, 0.0, 0.0)))
-    letters(body, text, 0.024 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
-    rod(f"Line to {body}", camera.matrix_world @ begin, camera.matrix_world @ end, 0.0007 * width, coat)
+    letters(body, text, 0.0255 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
+    for place in places:
+        into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
+        end = camera.matrix_world @ (into * (depth / -into.z))
+        rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
 
 
 def aorta(stage: Stage):
     """Segments of a dissected aorta, with their names, on an axial slice of the same scan."""
     stage.read_labels(stage.folder / "segmentations")
     bpy.ops.rle_splat.color_anatomy()
+    next(row for row in stage.volume.rle_splat.labels if row.label_name == "aorta_false_lumen").color = VIOLET
     _lay_slice(stage)
     white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
     at = Matrix.Translation(stage.middle)
@@ -75,8 +79,8 @@ def aorta(stage: Stage):
     scale_bar("50 mm", at @ Matrix.Translation(MM * Vector((-40.0, -118.0, ground))), 50.0 * MM, 13.0 * MM, white)
     camera = stage.camera((1.2, -1.7, 0.5), lens=45.0, aim=(0.0, 0.0, -0.07))
     bpy.context.view_layer.update()
-    for body, place, at in NAMES:
-        _name(stage, camera, body, stage.middle + MM * Vector(place), at, white)
+    for body, places, at in NAMES:
+        _name(stage, camera, body, places, at, white)
     stage.without_background(12)
     bpy.context.scene.cycles.use_denoising = True
     stage.key(3.0, (-0.8, -1.5, 1.4))
@@ -91,4 +95,4 @@ def aorta(stage: Stage):
     yield RENDER
 
 
-SETS = {"skull": skull, "aorta": aorta, "light": light}
+SETS = {"skull": skull, "aorta": aorta, "light": light, "lamps": lamps}
