@@ -108,15 +108,7 @@ def _layers(sweep: Sweep, place) -> tuple:
 
 
 def read_nodes_steps(
-    nodes,
-    pitch: int,
-    strength: float,
-    voxels: VisibleVoxels,
-    points: Points,
-    known,
-    codes,
-    channel: int,
-    *,
+    nodes, pitch: int, strength: float, voxels: VisibleVoxels, points: Points, known, codes, channel: int, *,
     threads: int = 0,
 ):  # fmt: skip
     """Write the light at points beside voxels to a channel of their codes.
