@@ -17,8 +17,6 @@ before the strongest other.  In a cell of two functions the interpolated leads d
 boundary have up to KINDS functions and their weights.  They also have the slopes of these, for light.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

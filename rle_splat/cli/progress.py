@@ -1,7 +1,5 @@
 """A progress line on stderr."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import time

@@ -14,8 +14,6 @@ lowest shown value, because anything lower is transparent; for the smallest valu
 highest shown value.  A mean needs every voxel.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -92,7 +90,7 @@ class ValueMap:
         Whether a ray without any kept voxel shows ``origin``, which is transparent.
     """
 
-    tf: TransferFunction
+    tf: "TransferFunction"
     slope: float
     intercept: float
     sign: float

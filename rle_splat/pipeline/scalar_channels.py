@@ -1,7 +1,5 @@
 """Further channels of a post-classified scan: what is known of each beside the volume itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,8 +37,8 @@ class ScalarChannel:
     transfer : LookupTable
     """
 
-    volume: Volume
-    function: TransferFunction
+    volume: "Volume"
+    function: "TransferFunction"
     voxels: VisibleVoxels
     reach: Reach
     ends: tuple

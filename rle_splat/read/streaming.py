@@ -1,7 +1,5 @@
 """Voxels read in pieces from files and from packed streams, so that reading can be canceled at any time."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import math

@@ -14,8 +14,6 @@ in the surface, more or less deep: with half of every slice, balls with an opaci
 Lights of several samples share a grid: each sample takes from it, at most as much as it gives.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

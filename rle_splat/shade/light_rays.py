@@ -8,8 +8,6 @@ Extinction lies in bricks of SIDE^3 cells with all corners of theirs, so that a 
 passes over empty ones.  Lengths are those of the world, positions are voxel indices.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple

@@ -10,8 +10,6 @@ surface, short where there is little but noise, and passes through 0 where norma
 wall.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,7 +172,7 @@ class Smoothing:
     per_mm: float
 
     @classmethod
-    def of(cls, volume, sigma: float) -> Smoothing:
+    def of(cls, volume, sigma: float) -> "Smoothing":
         voxels = np.asarray(volume.voxels)
         spacing = np.asarray(volume.spacing, np.float64)
         taps = [gaussian(sigma, distance) for distance in spacing]

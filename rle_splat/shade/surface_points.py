@@ -10,8 +10,6 @@ in which a are the voxel's edges, w is the trust of ``sample_light`` and depth e
 the surface: the distance to the nearest value that shows nothing, over the steepness of the values.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple

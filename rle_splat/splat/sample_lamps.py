@@ -1,7 +1,5 @@
 """A SampleLight, and where the samples of a base plane lie, as the kernels of ``sample_block`` take them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Splat one set of run-length tables on to its base plane, front to back."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from time import perf_counter
 

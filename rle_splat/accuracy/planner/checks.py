@@ -1,7 +1,5 @@
 """Which scenes a tolerance can be kept for, and which an accuracy sweep can measure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...effects.analyze import analyze_effects
