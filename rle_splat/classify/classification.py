@@ -147,6 +147,10 @@ class ClassifiedVolume:
 def unit_length(volume, index_to_world) -> float:
     """World length of one of the volume's units.
 
+    This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
+    and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
+    axes counts.
+
     Parameters
     ----------
     volume : Volume
@@ -156,12 +160,6 @@ def unit_length(volume, index_to_world) -> float:
     ------
     RleSplatError
         If a matrix flattens the volume.
-
-    Notes
-    -----
-    This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
-    and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
-    axes counts.
     """
     return _unit_length(volume.affine.tobytes(), index_to_world.tobytes())
 
@@ -226,16 +224,14 @@ def classify(volume, tf, index_to_world, *, threads: int = 0) -> ClassifiedVolum
 def classify_voxels(shown: Visibility, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
     """Optical properties of visible voxels.
 
+    Extinction is -log(1 - alpha) per opacity unit distance. A gradient opacity multiplies the extinction.
+
     Parameters
     ----------
     length : float
         World length of one of the volume's units.
     threads : int
         0 for one per core.
-
-    Notes
-    -----
-    Extinction is -log(1 - alpha) per opacity unit distance. A gradient opacity multiplies the extinction.
     """
     volume, tf = shown.volume, shown.tf
     distance = opacity_distance(volume, tf, length)

@@ -46,14 +46,12 @@ BLURS = (
 def list_exposures(scene: Scene) -> list[Scene]:
     """The sharp, still scenes whose mean is the scene's picture.
 
+    Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
+
     Returns
     -------
     list of Scene
         The scene alone if nothing is blurred.
-
-    Notes
-    -----
-    Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
     count = max(blur.pictures(scene) for blur in BLURS)
     if count == 1:

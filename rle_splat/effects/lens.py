@@ -27,6 +27,8 @@ FEWEST_POINTS = 4
 def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float = 1.0, times=None) -> np.ndarray:
     """Points spread evenly over an aperture of radius 1, with its mean and second moments.
 
+    The points lie on the spiral of golden angles (Vogel 1979).
+
     Parameters
     ----------
     count : int
@@ -44,10 +46,6 @@ def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float
     -------
     (count, 2) ndarray of float64
         To the right and up.
-
-    Notes
-    -----
-    The points lie on the spiral of golden angles (Vogel 1979).
     """
     number = np.arange(count)
     radius, angle = np.sqrt((number + 0.5) / count), GOLDEN_ANGLE * number

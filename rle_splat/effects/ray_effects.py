@@ -146,6 +146,8 @@ class RayEffects:
     def clamp_to_clip(self, depth: np.ndarray) -> np.ndarray:
         """Clamp depths to the camera's clip distances where rays were shortened.
 
+        A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
+
         Parameters
         ----------
         depth : (H, W) ndarray of float32
@@ -154,10 +156,6 @@ class RayEffects:
         Returns
         -------
         (H, W) ndarray of float32
-
-        Notes
-        -----
-        A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
         """
         if not any(effect.moves_depth for effect in self._chain):
             return depth

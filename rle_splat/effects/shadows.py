@@ -267,15 +267,13 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
     It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
 
+    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
+    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+
     Returns
     -------
     (2, nz + 2, ny + 2, nx + 2) ndarray of uint16
         FULL times the share T that arrives, and the mean U, by their weights, of its further OCTAVES.
-
-    Notes
-    -----
-    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
-    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
     """
     factors, powers = OCTAVES
     least, code = powers[-1], np.arange(FULL + 1.0) / FULL
@@ -305,6 +303,8 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, scattered: bool):
     """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
 
+    What meshes leave of the light is swept to the nodes of a grid and read from it.
+
     Parameters
     ----------
     light : Light or None
@@ -325,10 +325,6 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
     -------
     (1 or 2, m) ndarray of int16
         ONE times the share that arrives, and times U.
-
-    Notes
-    -----
-    What meshes leave of the light is swept to the nodes of a grid and read from it.
     """
     if light is None:
         points, weights = SKY_DIRECTIONS, SKY_WEIGHTS

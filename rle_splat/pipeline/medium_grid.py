@@ -106,6 +106,8 @@ def shadow_factors(scene: Scene, lights) -> tuple[int, int, int]:
 def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache | None = None):
     """Generator of Progress: make the grid of a scene's medium.
 
+    A mean of extinctions keeps the optical depth of what is averaged.
+
     Parameters
     ----------
     factors : (fx, fy, fz)
@@ -125,10 +127,6 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
     ------
     RleSplatError
         If the volume is a .rle file, or there is not enough memory.
-
-    Notes
-    -----
-    A mean of extinctions keeps the optical depth of what is averaged.
     """
     if not scene.volume.holds_values:
         raise RleSplatError("A .rle file holds no values to make a grid of; import the scan that it was made from.")

@@ -32,6 +32,8 @@ def recognizes_mgh(head: Head) -> bool:
 def read_mgh_steps(path, frame=None):
     """Generator of Progress: read an MGH or MGZ file; return the Volume.
 
+    The header gives the place of voxel (nx/2, ny/2, nz/2), the center, in RAS (FreeSurfer's description of the format).
+
     Parameters
     ----------
     path : str or Path
@@ -47,10 +49,6 @@ def read_mgh_steps(path, frame=None):
     ------
     RleSplatError
         If the file is damaged, cut short, or of another kind.
-
-    Notes
-    -----
-    The header gives the place of voxel (nx/2, ny/2, nz/2), the center, in RAS (FreeSurfer's description of the format).
     """
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")

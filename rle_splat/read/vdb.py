@@ -235,6 +235,9 @@ def lost_in_vdb(volume: Volume) -> list[str]:
 def write_vdb_steps(volume: Volume, path):
     """Generator of Progress: write one sparse grid ``density`` of physical values.
 
+    Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
+    DoubleGrid, they are stored as float too; see ``remark_on_rounding``.
+
     Parameters
     ----------
     volume : Volume
@@ -246,11 +249,6 @@ def write_vdb_steps(volume: Volume, path):
     -------
     dict
         Empty: no options are needed to read the file back.
-
-    Notes
-    -----
-    Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
-    DoubleGrid, they are stored as float too; see ``remark_on_rounding``.
     """
     openvdb = load_openvdb()
     double = _needs_double(volume) and hasattr(openvdb, "DoubleGrid")

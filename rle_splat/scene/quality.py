@@ -171,6 +171,13 @@ def midpoints_of(depth_rule: str) -> int | None:
 class Quality:
     """Settings that trade time for accuracy. The command line and the panel use the same names.
 
+    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
+    the preset "standard".
+
+    Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
+    which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
+    proportionally larger limit, up to 65536 rays.
+
     Parameters
     ----------
     classification : {"post", "pre"}
@@ -223,15 +230,6 @@ class Quality:
     ------
     RleSplatError
         If a value is out of range, or two settings exclude each other.
-
-    Notes
-    -----
-    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
-    the preset "standard".
-
-    Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
-    which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
-    proportionally larger limit, up to 65536 rays.
     """
 
     classification: str = DEFAULT_CLASSIFICATION

@@ -12,6 +12,10 @@ OF_SPHERE = 2.0 / 3.0  # mean radiance of a white Lambert sphere whose light com
 def relative_brightness(falling: Lighting, point) -> float:
     """The diffuse light on a white sphere as the eye sees it, over that of a headlight.
 
+    A Lambert sphere whose light and eye are apart by the angle a has (sin a + (pi - a) cos a) / pi of the brightness
+    that it has for a = 0 (its phase function).  Two-sided surfaces are lit from behind, too, which adds the same of
+    pi - a.  A sphere under a sky of uniform radiance W has the mean radiance W.
+
     Parameters
     ----------
     falling : Lighting
@@ -23,12 +27,6 @@ def relative_brightness(falling: Lighting, point) -> float:
     -------
     float
         1 for one headlight; shadows are not considered.
-
-    Notes
-    -----
-    A Lambert sphere whose light and eye are apart by the angle a has (sin a + (pi - a) cos a) / pi of the brightness
-    that it has for a = 0 (its phase function).  Two-sided surfaces are lit from behind, too, which adds the same of
-    pi - a.  A sphere under a sky of uniform radiance W has the mean radiance W.
     """
     points = np.asarray(point, np.float64)[None]
     eye = unit_vectors(falling.eye[:3] - falling.eye[3] * points)[0]

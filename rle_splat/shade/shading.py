@@ -45,6 +45,11 @@ def components(normals: np.ndarray) -> np.ndarray:
 def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int = 0) -> np.ndarray:
     """Shaded colors of visible voxels.
 
+    For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
+    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
+    normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
+    voxel without normal is reduced by the share of all light that arrives.
+
     Parameters
     ----------
     classified : ClassifiedVolume
@@ -59,13 +64,6 @@ def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int
     -------
     (m, 3) ndarray of float32
         Unassociated scene-linear colors.
-
-    Notes
-    -----
-    For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
-    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
-    normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
-    voxel without normal is reduced by the share of all light that arrives.
     """
     if falling is None:
         return classified.color

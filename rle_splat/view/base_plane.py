@@ -35,6 +35,9 @@ OFFSET_BITS = 51  # of the 53 bits of a float64; the other two allow to add a pl
 class BasePlane:
     """One intermediate image: its geometry, and which of its pixels are needed.
 
+    A ``window`` is a base plane too, with fewer pixels. Results for its pixels have the same bits as in the whole
+    plane, because coordinates are integers plus ``origin``, and subtracting integers from ``offset`` is exact.
+
     Attributes
     ----------
     axis : {0, 1, 2}
@@ -59,11 +62,6 @@ class BasePlane:
     view : IndexView
     seen : (2, height) ndarray of int64
         For each row, the first pixel that the picture reads and the one after the last. An empty row has end <= first.
-
-    Notes
-    -----
-    A ``window`` is a base plane too, with fewer pixels. Results for its pixels have the same bits as in the whole
-    plane, because coordinates are integers plus ``origin``, and subtracting integers from ``offset`` is exact.
     """
 
     axis: int
