@@ -307,7 +307,6 @@ class LitField(ScalarField):
     ----------
     values, transfer_function, world_distance, physical, further
         As ``ScalarField`` takes them.
-    light : PostLight
     """
 
     is_lit = True

@@ -38,7 +38,6 @@ class Tracer:
 
     Parameters
     ----------
-    scene : Scene
     world_distance : float
         World length of the opacity unit distance.
     """

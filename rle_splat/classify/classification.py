@@ -35,7 +35,6 @@ class ClassifiedVolume:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     properties : (n, 5) ndarray of float32
         Optical properties: extinction in 1 / world length, opacity (alpha per ``opacity_distance``), and unassociated,
         unshaded scene-linear red, green, blue. With ``by_value`` one row per bit pattern of a stored value, else one

@@ -87,7 +87,6 @@ def read_rows(lines: list[str], name: str, what: str) -> list[FileFunction]:
 
     Parameters
     ----------
-    lines : list of str
     name : str
         Of the transfer function.
     what : str

@@ -45,7 +45,6 @@ class _Part:
 
     Attributes
     ----------
-    volume : Volume
     functions : tuple of TransferFunction or None
         Function 0 is the default; None hides.
     labels : (nz, ny, nx) ndarray of integers or None
@@ -219,10 +218,8 @@ class Mixture:
 
     Parameters
     ----------
-    volume : Volume
     tf : TransferFunction
         Transfer function of ``volume``.
-    labels : Labels or None
     channels : tuple of Channel
     """
 

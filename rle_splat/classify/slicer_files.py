@@ -83,7 +83,6 @@ def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
 
     Parameters
     ----------
-    lines : list of str
     name : str
         Of the transfer function.
     what : str

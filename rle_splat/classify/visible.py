@@ -71,11 +71,6 @@ class Visibility:
     """The values of a volume that a transfer function shows.
 
     8- and 16-bit volumes use a lookup table over all stored values (``by_table``), others the points themselves.
-
-    Parameters
-    ----------
-    volume : Volume
-    tf : TransferFunction
     """
 
     volume: "Volume"

@@ -99,10 +99,8 @@ class Checked:
 
     Attributes
     ----------
-    quality : Quality
     poses, mixing, sky
         The results of ``read_motion``, ``read_mixing`` and ``read_sky``.
-    crop : tuple or None
     is_encoded : bool
         Whether the volume is a .rle file.
     """

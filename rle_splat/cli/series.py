@@ -16,7 +16,6 @@ class FrameSeries:
     ----------
     args : argparse.Namespace
         Of the command.
-    checked : Checked
     line : ProgressLine
     """
 

@@ -53,8 +53,6 @@ class Effect(NamedTuple):
 
     Attributes
     ----------
-    name : str
-    on : bool
     reason : str
         Why, as words behind "on" or "off".
     by_hand : bool or None
@@ -77,12 +75,7 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True)
 class EffectSet:
-    """The state of every effect in one scene, in the order of EFFECTS.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-    """
+    """The state of every effect in one scene, in the order of EFFECTS."""
 
     effects: tuple[Effect, ...]
 

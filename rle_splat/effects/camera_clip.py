@@ -40,7 +40,6 @@ class CameraClip(RayEffect):
     Parameters
     ----------
     camera : Camera
-    quality : Quality
     cuts : bool
         Whether a clip plane cuts the volume; else only meshes end rays.
     """

@@ -13,7 +13,6 @@ def cover_steps(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix):
 
     Parameters
     ----------
-    clips : tuple of Clip
     matrix : (4, 4) ndarray of float64
         Voxel index (x, y, z) to world.
 

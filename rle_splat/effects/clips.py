@@ -35,13 +35,7 @@ def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
 
 
 class ClipBodies(RayEffect):
-    """Cuts out of rays what the scene's clip objects cut away.
-
-    Parameters
-    ----------
-    cuts : Cuts
-    quality : Quality
-    """
+    """Cuts out of rays what the scene's clip objects cut away."""
 
     stage = "clip objects"
     nothing_left = NOTHING_LEFT

@@ -27,10 +27,6 @@ def is_sampled(scene: Scene) -> bool:
 def split_light(scene: Scene) -> list[Scene]:
     """The scenes of single channels whose pictures add up to that of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     list of Scene
@@ -64,7 +60,6 @@ def add_light_steps(scene: Scene, scenes: list[Scene], make_steps):
 
     Parameters
     ----------
-    scene : Scene
     scenes : list of Scene
         Its ``split_light``.
     make_steps : callable

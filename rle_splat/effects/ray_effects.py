@@ -32,10 +32,6 @@ class RayEffects:
     ----------
     scene : Scene
         Without the effects that are off, its volume on the grid that is splatted.
-    view : IndexView
-    quality : Quality
-    effects : EffectSet
-    clock : Clock
     """
 
     def __init__(self, scene: Scene, view: IndexView, quality: Quality, effects: EffectSet, clock: Clock):
@@ -50,12 +46,7 @@ class RayEffects:
         return any(effect.shortens_rays for effect in self._chain)
 
     def leave_out_idle_steps(self, planes: list[BasePlane]):
-        """Generator of fractions done: drop the effects that do nothing to the rays of some base planes.
-
-        Parameters
-        ----------
-        planes : list of BasePlane
-        """
+        """Generator of fractions done: drop the effects that do nothing to the rays of some base planes."""
         left = []
         for effect in self._chain:
             with self._clock.stage(effect.stage):
@@ -68,10 +59,6 @@ class RayEffects:
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:
         """The passes over the base planes.
-
-        Parameters
-        ----------
-        planes : list of BasePlane
 
         Returns
         -------
@@ -180,10 +167,6 @@ class RayEffects:
         picture : (rgba, depth)
         some_visible : bool
             Whether the volume has any visible voxel.
-
-        Returns
-        -------
-        list of str
         """
         sentences = [effect.nothing_left for effect in self._chain if effect.nothing_left]
         return sentences if sentences and some_visible and not picture[0][..., 3].any() else []

@@ -42,7 +42,6 @@ class Occluders:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     find_extinction : callable
         ``find_extinction()``: generator of fractions done that returns the extinction of the voxels, (m,) float32,
         1 / world length, in their own order.

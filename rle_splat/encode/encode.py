@@ -57,10 +57,6 @@ def encode(
     threads : int
         0 for one per core.
 
-    Returns
-    -------
-    RunLengthVolume
-
     Raises
     ------
     RleSplatError

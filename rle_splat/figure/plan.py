@@ -47,7 +47,6 @@ class FigureStyle:
         is the middle of the volume.
     sides : {"auto", "letters", "cube", "off"}
         The patient's sides: letters at the edges, or a cube. "auto" is letters where the file knows the sides.
-    color_bar : bool
 
     Raises
     ------
@@ -127,7 +126,6 @@ class Figure:
     ----------
     panels : tuple of Panel
         Row by row. All pictures have the same size.
-    style : FigureStyle
 
     Raises
     ------

@@ -61,7 +61,6 @@ class Sidecar:
 
     Attributes
     ----------
-    sources : Sources
     content : dict
         The whole file.
     """

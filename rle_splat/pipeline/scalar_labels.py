@@ -36,7 +36,6 @@ class LabelFunctions:
 
     Attributes
     ----------
-    labels : Labels
     functions : tuple of TransferFunction or None
         Number 0 is the scene's own; None hides.
     known : (k,) ndarray of integers
@@ -125,8 +124,6 @@ class ScalarLabels:
 
     Attributes
     ----------
-    functions : LabelFunctions
-    cells : LabelCells
     tables : tuple of LookupTable
         One for each function.
     """

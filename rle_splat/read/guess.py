@@ -72,7 +72,6 @@ class RawGuess:
     dtype : str or None
         One of STORED_TYPES; None if nothing indicates a type.
     byte_order : {"little", "big"}
-    header_bytes : int
     spacing : (sx, sy, sz) or None
         Spacing in the file's name.
     certain : bool

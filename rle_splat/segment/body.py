@@ -65,7 +65,6 @@ def body_map_steps(volume: Volume, transfer_function):
 
     Parameters
     ----------
-    volume : Volume
     transfer_function : TransferFunction
 
     Returns

@@ -28,10 +28,6 @@ PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 def terms_of(environment: Environment | None) -> np.ndarray:
     """Coefficients of B(n) - m.
 
-    Parameters
-    ----------
-    environment : Environment or None
-
     Returns
     -------
     (3, TERMS) ndarray of float64

@@ -117,7 +117,6 @@ def read_nodes_steps(
         Voxels from node to node, a power of two.
     strength : float
         1, or what is left of shadows: of ambient occlusion.
-    voxels : VisibleVoxels
     offsets : (m, 3) ndarray of int16
         From the voxels to their points along x, y, z, in STEPS of a voxel.
     known : (m, w) ndarray of int16 or None

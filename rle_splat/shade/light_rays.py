@@ -123,16 +123,12 @@ def trace_steps(
 
     Parameters
     ----------
-    voxels : VisibleVoxels
     offsets : (m, 3) ndarray of int16
         From the voxels to their points along x, y, z, in STEPS of a voxel.
-    bricks : Bricks
     to_world : (4, 4) ndarray of float64
         Voxel index to world.
     light : (3,) ndarray of float64
         World position of the light, or the direction in which a sun shines.
-    is_sun : bool
-    cuts : Cuts
     weight : float
         Of this point of the light.
     free : (m,) ndarray of int16

@@ -97,10 +97,8 @@ def light_records(
 
     Parameters
     ----------
-    classified : ClassifiedVolume
     normals : (m, 3) ndarray of float32 or None
         None without ``falling``.
-    falling : Lighting or None
     model : {"extinction", "opacity", None}
         A record is (density * RGB, density). The density is the extinction or the opacity, or 1 for None.
     positions : RecordPositions

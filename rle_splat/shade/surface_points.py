@@ -116,11 +116,9 @@ def place_steps(
     ----------
     surfaces : Surfaces
         Of the voxels.
-    voxels : VisibleVoxels
     volume : Volume
     transfer_function : TransferFunction
     index_to_world : (4, 4) ndarray of float64
-    faces : Faces
     with_points : bool
         Whether points are asked for.
     threads : int

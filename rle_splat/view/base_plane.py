@@ -55,11 +55,9 @@ class BasePlane:
         Size in sheet pixels.
     homography : (3, 3) ndarray of float64
         (X, Y, 1) to homogeneous pixel of the picture.
-    sheets : Sheets
     scale, offset : (n, 2) ndarray of float64
         Per sheet i: u = scale[i, 0] * x + offset[i, 0] for the voxel coordinate x along the scanline; v likewise, with
         index 1, for the scanline number.
-    view : IndexView
     seen : (2, height) ndarray of int64
         For each row, the first pixel that the picture reads and the one after the last. An empty row has end <= first.
     """

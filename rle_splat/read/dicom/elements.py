@@ -61,12 +61,10 @@ class Elements:
 
     Attributes
     ----------
-    path : Path
     syntax : str
         UID of the transfer syntax; "" if the file does not say.
     is_directory : bool
         Whether the file is a DICOMDIR.
-    little_endian : bool
     dataset : pydicom.Dataset
         The named elements.
     frames : tuple of pydicom.Dataset

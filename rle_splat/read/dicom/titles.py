@@ -29,7 +29,6 @@ class SeriesInfo:
     size : (columns, rows)
     spacing : tuple of float or None
         Distances between columns, rows and slices in mm; None if the files do not say or the series is no stack.
-    frames : int
     axis : str
         What the frames differ in.
     problem : str
