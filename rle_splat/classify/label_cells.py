@@ -103,7 +103,7 @@ class LabelCells:
 
 
 def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
-    """Find what voxels at boundaries know.
+    """Generator of the fraction done: find what voxels at boundaries know.
 
     Parameters
     ----------
@@ -114,11 +114,6 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
     shape_xyz : (nx, ny, nz)
     smooth : bool
         Whether edges are smooth; else they show the voxels.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

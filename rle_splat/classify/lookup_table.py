@@ -131,7 +131,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
 
 
 def extinction_steps(table: LookupTable, stored, kind, infinite=()):
-    """Find the extinction of stored values.
+    """Generator of the fraction done: find the extinction of stored values.
 
     Parameters
     ----------
@@ -141,11 +141,6 @@ def extinction_steps(table: LookupTable, stored, kind, infinite=()):
         Type of the stored values.
     infinite : (low, high) or ()
         Values that replace minus and plus infinity, if any.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

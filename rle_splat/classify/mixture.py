@@ -246,12 +246,7 @@ class Mixture:
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
     def mark_steps(self, *, threads: int = 0):
-        """Mark the visible voxels.
-
-        Yields
-        ------
-        float
-            Fraction done.
+        """Generator of the fraction done: mark the visible voxels.
 
         Returns
         -------
@@ -298,12 +293,7 @@ class Mixture:
         return ClassifiedVolume(voxels, properties, False, length, distance)
 
     def reveal_steps(self, *, threads: int = 0):
-        """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
-
-        Yields
-        ------
-        float
-            Fraction done.
+        """Generator of the fraction done: the volume for labels that only hide, whose hidden values must show nowhere.
 
         Returns
         -------
@@ -330,7 +320,7 @@ class Mixture:
         return replace(self.volume, voxels=voxels)
 
     def factor_steps(self, voxels: VisibleVoxels, depth, *, threads: int = 0):
-        """What labels that only hide leave of the extinction of post-classified voxels.
+        """Generator of the fraction done: what labels that only hide leave of the extinction of post-classified voxels.
 
         Parameters
         ----------
@@ -340,11 +330,6 @@ class Mixture:
             Their optical depth over the smallest spacing.
         threads : int
             0 for one per core.
-
-        Yields
-        ------
-        float
-            Fraction done.
 
         Returns
         -------

@@ -137,7 +137,7 @@ def row_offsets(counts: np.ndarray) -> np.ndarray:
 
 
 def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
-    """Mark the visible voxels, which ``relevant.count_kept`` and ``relevant.gather_kept`` count and list.
+    """Generator of the fraction done: mark the visible voxels, for ``count_kept`` and ``gather_kept`` of ``relevant``.
 
     Parameters
     ----------
@@ -145,11 +145,6 @@ def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
         Of the same volume.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -71,7 +71,7 @@ def list_exposures(scene: Scene) -> list[Scene]:
 
 
 def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
-    """Render the mean of the pictures of some scenes.
+    """Generator of Progress: render the mean of the pictures of some scenes.
 
     Parameters
     ----------
@@ -81,10 +81,6 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
         Its ``list_exposures``.
     sharp_steps : callable
         ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
-
-    Yields
-    ------
-    Progress
 
     Returns
     -------

@@ -121,17 +121,12 @@ class Occluders:
 
 
 def pool_occluders_steps(occluders: Occluders, side: int):
-    """Average what blocks light over cubes of voxels.
+    """Generator of the fraction done: average what blocks light over cubes of voxels.
 
     Parameters
     ----------
     side : int
         Voxels along a side of a cube.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -216,17 +211,12 @@ def sky_passes(occluders: Occluders, *, nodes: bool):
 
 
 def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Find the weighted mean of the light of several samples at each voxel.
+    """Generator of the fraction done: find the weighted mean of the light of several samples at each voxel.
 
     Parameters
     ----------
     passes, weights
         As ``light_passes`` returns them.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -300,7 +290,7 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
 
 def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, scattered: bool):
-    """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
+    """Generator of the fraction done: what arrives of a light at points beside voxels, by rays to all its points.
 
     What meshes leave of the light is swept to the nodes of a grid and read from it.
 
@@ -314,11 +304,6 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
         As ``light_rays.trace_steps`` takes them.
     scattered : bool
         Whether U of the light is asked for, too.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -93,7 +93,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
 
 
 def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
-    """Run-length tables of the visible voxels, without records.
+    """Generator of the fraction done: run-length tables of the visible voxels, without records.
 
     Parameters
     ----------
@@ -101,11 +101,6 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
         Principal axis: x, y or z.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -131,7 +126,7 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
 def record_steps(
     tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *, threads: int = 0
 ):
-    """Add voxel records to run-length tables.
+    """Generator of the fraction done: add voxel records to run-length tables.
 
     Parameters
     ----------
@@ -147,11 +142,6 @@ def record_steps(
         As of ``records.decoding_of``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -193,7 +183,7 @@ def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthV
 
 
 def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
-    """Copy records from the order of the voxels to the order of run-length tables.
+    """Generator of the fraction done: copy records from the order of the voxels to the order of run-length tables.
 
     Parameters
     ----------
@@ -203,11 +193,6 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
         Output, in the order of ``tables``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     for fraction, first_plane, last_plane in _cut_chunks(voxels):
         yield fraction
@@ -217,7 +202,7 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
 
 
 def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
-    """Copy records back from the order of run-length tables to the order of the voxels.
+    """Generator of the fraction done: copy records back from the order of run-length tables to the order of the voxels.
 
     Parameters
     ----------
@@ -229,11 +214,6 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
         Records in the order of ``tables``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     if tables.axis != 0:
         raise ValueError(f"records are fetched from scanlines along y (axis 0) only, not from axis {tables.axis}")

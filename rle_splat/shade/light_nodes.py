@@ -51,7 +51,7 @@ def lit_nodes_steps(shape_xyz):
 
 
 def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, nodes, share: int, *, threads: int = 0):
-    """Take from the nodes that a sweep reaches what does not arrive at them.
+    """Generator of the fraction done: take from the nodes that a sweep reaches what does not arrive at them.
 
     Parameters
     ----------
@@ -67,11 +67,6 @@ def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, 
         What the light gives to a node that nothing shades.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     place = sweep.to_sheet @ matrix
     if not compiled():
@@ -108,7 +103,7 @@ def _layers(sweep: Sweep, place) -> tuple:
 def read_nodes_steps(
     nodes, pitch: int, strength: float, voxels: VisibleVoxels, offsets, known, codes, channel: int, *, threads: int = 0
 ):
-    """Write the light at points beside voxels to a channel of their codes.
+    """Generator of the fraction done: write the light at points beside voxels to a channel of their codes.
 
     Parameters
     ----------
@@ -127,11 +122,6 @@ def read_nodes_steps(
         Number of the channel, at least NORMAL.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     copied = 0 if known is None else known.shape[1]
     known = codes if known is None else known

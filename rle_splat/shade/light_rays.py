@@ -119,7 +119,7 @@ def trace_steps(
     voxels: VisibleVoxels, offsets, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float, free,
     sums, *, threads: int = 0,
 ):  # fmt: skip
-    """Add the light of one point to what arrives at points beside voxels.
+    """Generator of the fraction done: add the light of one point to what arrives at points beside voxels.
 
     Parameters
     ----------
@@ -137,11 +137,6 @@ def trace_steps(
         The shares that arrive: of the light itself, and of what scatters on the way, the mean of its further OCTAVES.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     matrix = np.asarray(to_world, np.float64)
     inverse = np.linalg.inv(matrix[:3, :3])

@@ -110,7 +110,7 @@ def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
 ):  # fmt: skip
-    """Turn the vectors of kept voxels to where extinction falls, and find where their shadows begin.
+    """Generator of the fraction done: turn vectors to where extinction falls, and find where shadows begin.
 
     Parameters
     ----------
@@ -123,11 +123,6 @@ def place_steps(
         Whether points are asked for.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -34,7 +34,7 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
 
 
 def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0):
-    """Unit normals of selected voxels, in world space.
+    """Generator of the fraction done: unit normals of selected voxels, in world space.
 
     A gradient is a covector: it is transformed by the inverse transpose of the matrix.
 
@@ -49,11 +49,6 @@ def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
         Voxel index (x, y, z) to world; any invertible affine.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
