@@ -17,6 +17,8 @@ before the strongest other.  In a cell of two functions the interpolated leads d
 boundary have up to KINDS functions and their weights.  They also have the slopes of these, for light.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,7 +105,7 @@ class LabelCells:
 
 
 def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
-    """Generator of the fraction done: find what voxels at boundaries know.
+    """Find what voxels at boundaries know.
 
     Parameters
     ----------
@@ -114,6 +116,11 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
     shape_xyz : (nx, ny, nz)
     smooth : bool
         Whether edges are smooth; else they show the voxels.
+
+    Yields
+    ------
+    float
+        Fraction done.
 
     Returns
     -------

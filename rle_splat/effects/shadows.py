@@ -290,9 +290,7 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
 
 def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, scattered: bool):
-    """Generator of the fraction done: what arrives of a light at points beside voxels, by rays to all its points.
-
-    What meshes leave of the light is swept to the nodes of a grid and read from it.
+    """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
 
     Parameters
     ----------
@@ -305,10 +303,19 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
     scattered : bool
         Whether U of the light is asked for, too.
 
+    Yields
+    ------
+    float
+        Fraction done.
+
     Returns
     -------
     (1 or 2, m) ndarray of int16
         ONE times the share that arrives, and times U.
+
+    Notes
+    -----
+    What meshes leave of the light is swept to the nodes of a grid and read from it.
     """
     if light is None:
         points, weights = SKY_DIRECTIONS, SKY_WEIGHTS

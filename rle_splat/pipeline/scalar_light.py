@@ -8,6 +8,8 @@ What each depends on, so that a lamp that moves or an object that turns redoes n
     codes     normals and shadows; where one lamp moved, only what arrives of it is written anew
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np
@@ -113,7 +115,7 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
         return (yield from announce(steps, 0.1, 0.1, "Casting shadows")), key
 
 
-def _join_steps(placed: "Placed", voxels, key, arriving: list[Arriving], job: Job, threads: int):
+def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job, threads: int):
     """Generator of fractions: codes of normals and of what arrives beside the voxels, (m, channels) int16.
 
     Channels that earlier codes have, before a lamp moved, are copied.

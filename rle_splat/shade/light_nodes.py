@@ -14,6 +14,8 @@ in the surface, more or less deep: with half of every slice, balls with an opaci
 Lights of several samples share a grid: each sample takes from it, at most as much as it gives.
 """
 
+from __future__ import annotations
+
 import math
 from itertools import pairwise
 
@@ -51,7 +53,7 @@ def lit_nodes_steps(shape_xyz):
 
 
 def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, nodes, share: int, *, threads: int = 0):
-    """Generator of the fraction done: take from the nodes that a sweep reaches what does not arrive at them.
+    """Take from the nodes that a sweep reaches what does not arrive at them.
 
     Parameters
     ----------
@@ -67,6 +69,11 @@ def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, 
         What the light gives to a node that nothing shades.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
     """
     place = sweep.to_sheet @ matrix
     if not compiled():
@@ -103,7 +110,7 @@ def _layers(sweep: Sweep, place) -> tuple:
 def read_nodes_steps(
     nodes, pitch: int, strength: float, voxels: VisibleVoxels, offsets, known, codes, channel: int, *, threads: int = 0
 ):
-    """Generator of the fraction done: write the light at points beside voxels to a channel of their codes.
+    """Write the light at points beside voxels to a channel of their codes.
 
     Parameters
     ----------
@@ -112,6 +119,7 @@ def read_nodes_steps(
         Voxels from node to node, a power of two.
     strength : float
         1, or what is left of shadows: of ambient occlusion.
+    voxels : VisibleVoxels
     offsets : (m, 3) ndarray of int16
         From the voxels to their points along x, y, z, in STEPS of a voxel.
     known : (m, w) ndarray of int16 or None
@@ -122,6 +130,11 @@ def read_nodes_steps(
         Number of the channel, at least NORMAL.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
     """
     copied = 0 if known is None else known.shape[1]
     known = codes if known is None else known

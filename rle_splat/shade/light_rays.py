@@ -8,6 +8,8 @@ Extinction lies in bricks of SIDE^3 cells with all corners of theirs, so that a 
 passes over empty ones.  Lengths are those of the world, positions are voxel indices.
 """
 
+from __future__ import annotations
+
 import math
 from itertools import pairwise
 from typing import NamedTuple
@@ -119,16 +121,20 @@ def trace_steps(
     voxels: VisibleVoxels, offsets, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float, free,
     sums, *, threads: int = 0,
 ):  # fmt: skip
-    """Generator of the fraction done: add the light of one point to what arrives at points beside voxels.
+    """Add the light of one point to what arrives at points beside voxels.
 
     Parameters
     ----------
+    voxels : VisibleVoxels
     offsets : (m, 3) ndarray of int16
         From the voxels to their points along x, y, z, in STEPS of a voxel.
+    bricks : Bricks
     to_world : (4, 4) ndarray of float64
         Voxel index to world.
     light : (3,) ndarray of float64
         World position of the light, or the direction in which a sun shines.
+    is_sun : bool
+    cuts : Cuts
     weight : float
         Of this point of the light.
     free : (m,) ndarray of int16
@@ -137,6 +143,11 @@ def trace_steps(
         The shares that arrive: of the light itself, and of what scatters on the way, the mean of its further OCTAVES.
     threads : int
         0 for one per core.
+
+    Yields
+    ------
+    float
+        Fraction done.
     """
     matrix = np.asarray(to_world, np.float64)
     inverse = np.linalg.inv(matrix[:3, :3])
