@@ -12,18 +12,11 @@ from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
 from ..segment.body import hide_table_steps
 from ..volume.checks import check_values
-from . import options
+from . import light_options, options
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import writer_for
-from .light_options import (
-    add_light_effect_options,
-    check_light_effects,
-    read_sky,
-    refuse_light_effects,
-    with_light_effects,
-)
 from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
@@ -62,7 +55,7 @@ def add_arguments(parser) -> None:
         "while the shutter is open",
     )
     options.add_clip_option(parser)
-    add_light_effect_options(parser)
+    light_options.add_light_effect_options(parser)
     add_mixing_options(parser)
     parser.add_argument(
         "--keep-table",
@@ -199,11 +192,11 @@ def _check(args, frames) -> Checked:
     check_outputs([*outputs, *report], inputs=inputs)
     _check_background(args.background)
     check_scene_options(args)
-    check_light_effects(args)
+    light_options.check_light_effects(args)
     check_tiles(args)
     check_dask(args)
     crop = None if args.crop is None else check_crop(args.crop, *args.size)
-    poses, mixing, sky = read_motion(args.motion), read_mixing(args), read_sky(args)
+    poses, mixing, sky = read_motion(args.motion), read_mixing(args), light_options.read_sky(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
@@ -324,7 +317,7 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
         like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, camera, matrix))
     scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
     described = {"name": like.function.name, "reason": like.reason}
-    scene = with_light_effects(args, scene, checked.sky)
+    scene = light_options.with_light_effects(args, scene, checked.sky)
     return PreparedScene(
         scene, checked.quality, read_ms, described, options.quality_remarks(args, checked.quality)
     ), like
@@ -338,7 +331,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, _ = read_lights(args)
-    refuse_light_effects(args)
+    light_options.refuse_light_effects(args)
     if options.volume_options(args):
         option = next(iter(options.volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
