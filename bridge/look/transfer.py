@@ -97,17 +97,12 @@ def why_unusable(volume_object) -> str:
 
 
 def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
-    """Read the transfer function of a volume object.
+    """Read the transfer function of a volume object; RleSplatError if the object has no usable transfer function.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph, optional
         The evaluated scene, for the animated values at its frame.
-
-    Raises
-    ------
-    RleSplatError
-        If the object has no usable transfer function.
     """
     if encoded.is_of(volume_object):
         return encoded.transfer_of(volume_object)

@@ -144,7 +144,7 @@ class ClassifiedVolume:
 
 
 def unit_length(volume, index_to_world) -> float:
-    """World length of one of the volume's units.
+    """World length of one of the volume's units; RleSplatError if a matrix flattens the volume.
 
     This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
     and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
@@ -154,11 +154,6 @@ def unit_length(volume, index_to_world) -> float:
     ----------
     volume : Volume
     index_to_world : (4, 4) ndarray of float64
-
-    Raises
-    ------
-    RleSplatError
-        If a matrix flattens the volume.
     """
     return _unit_length(volume.affine.tobytes(), index_to_world.tobytes())
 

@@ -79,7 +79,7 @@ def read_mrml(content: bytes, what: str) -> list[FileFunction]:
 
 
 def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
-    """Read a volume property file.
+    """Read a volume property file; RleSplatError if a line is missing or wrong.
 
     Parameters
     ----------
@@ -92,11 +92,6 @@ def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
     -------
     list of FileFunction
         Of one.
-
-    Raises
-    ------
-    RleSplatError
-        If a line is missing or wrong.
     """
     if len(lines) < len(LINES):
         raise RleSplatError(f"{what} ends after {len(lines)} lines, where a .vp file has {len(LINES)}; save it anew.")
@@ -187,7 +182,7 @@ def _gradient_opacity(points) -> tuple[GradientOpacity | None, tuple]:
 
 
 def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
-    """Read a volume property file in JSON.
+    """Read a volume property file in JSON; RleSplatError if one is incomplete or wrong.
 
     Parameters
     ----------
@@ -202,11 +197,6 @@ def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
     -------
     list of FileFunction
         One for each volume property.
-
-    Raises
-    ------
-    RleSplatError
-        If one is incomplete or wrong.
     """
     properties = _check_type(mapping.get("volumeProperties"), list, f"{what}: volumeProperties")
     if not properties:

@@ -135,7 +135,7 @@ def _milliseconds(effect: Effect, clock: Clock) -> float | None:
 
 
 def check_overrides(overrides) -> dict[str, bool]:
-    """Check the overrides of a scene.
+    """Check the overrides of a scene; RleSplatError for a name that no effect has.
 
     Parameters
     ----------
@@ -145,11 +145,6 @@ def check_overrides(overrides) -> dict[str, bool]:
     Returns
     -------
     dict of str to bool
-
-    Raises
-    ------
-    RleSplatError
-        For a name that no effect has.
     """
     for name in overrides:
         if name not in EFFECTS:

@@ -214,7 +214,7 @@ class StoredVolume:
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
         source: str = "", remarks=(), space: str | None = None, key: str | None = None,
     ) -> "StoredVolume":  # fmt: skip
-        """A volume in memory.
+        """A volume in memory; RleSplatError if the encodings do not match.
 
         Parameters
         ----------
@@ -226,11 +226,6 @@ class StoredVolume:
         Returns
         -------
         StoredVolume
-
-        Raises
-        ------
-        RleSplatError
-            If the encodings do not match.
         """
         kinds = {
             (one.shape_xyz, one.model, one.record, one.decoding is not None and one.decoding.tobytes())

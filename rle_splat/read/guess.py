@@ -98,7 +98,7 @@ class RawGuess:
 def guess_raw(
     path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
 ) -> RawGuess:
-    """Guess the layout of a raw file.
+    """Guess the layout of a raw file; RleSplatError if a known part is out of range or the file cannot be read.
 
     Parameters
     ----------
@@ -107,11 +107,6 @@ def guess_raw(
         Known parts of the layout, as in RawLayout; None for unknown parts, which are guessed.
     limit : int
         Bytes after which counting the size of a packed file stops.
-
-    Raises
-    ------
-    RleSplatError
-        If a known part is out of range or the file cannot be read.
     """
     return drain(guess_raw_steps(path, shape, dtype, byte_order, header_bytes, limit))
 

@@ -97,7 +97,7 @@ def preintegrated_of(depth_rule: str) -> int | None:
 
 
 def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dict:
-    """Values of PRESET_KNOBS that the quality preset ``name`` sets.
+    """Values of PRESET_KNOBS that the quality preset ``name`` sets; RleSplatError if there is no such preset.
 
     Parameters
     ----------
@@ -110,11 +110,6 @@ def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dic
     -------
     dict
         Field of Quality -> value.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such preset.
     """
     if name not in QUALITY_PRESETS:
         raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")

@@ -93,7 +93,7 @@ def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
     records, *, threads: int = 0,
 ) -> float:  # fmt: skip
-    """Shade voxels and write their records.
+    """Shade voxels and write their records; RleSplatError if light is above BRIGHTEST.
 
     Parameters
     ----------
@@ -112,11 +112,6 @@ def light_records(
     -------
     float
         Largest channel of any color.
-
-    Raises
-    ------
-    RleSplatError
-        If it is above BRIGHTEST.
     """
     most = np.zeros(max(len(positions.data_starts), 1), np.float32)
     properties, density = classified.properties, DENSITY[model]

@@ -119,7 +119,7 @@ def _integer_edges(volume: Volume, bins: int, low: float, high: float) -> np.nda
 
 
 def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
-    """Exact percentiles of the finite values of a volume.
+    """Exact percentiles of the finite values of a volume; RleSplatError if a percentage is outside 0 to 100.
 
     The q-th percentile is the smallest value that at least q % of the finite voxels do not exceed (numpy's
     "inverted_cdf"). It is found by radix selection, with one pass over the volume for every 16 bits of a voxel.
@@ -133,11 +133,6 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
     -------
     (len(percents),) ndarray of float64
         Physical values; 0 if no voxel is finite.
-
-    Raises
-    ------
-    RleSplatError
-        If a percentage is outside 0 to 100.
     """
     return drain(percentile_steps(volume, percents))
 

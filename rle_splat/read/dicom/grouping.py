@@ -264,7 +264,7 @@ def _frames_of(name: str, split: dict, count: int):
 
 
 def choose_group(groups, series: int | None, titles, key: str | None = None) -> Group:
-    """The group to read.
+    """The group to read; RleSplatError if there is no such group, or several and none is given (SeveralSeries).
 
     Parameters
     ----------
@@ -276,11 +276,6 @@ def choose_group(groups, series: int | None, titles, key: str | None = None) -> 
     key : str or None
         ``Series.key`` of a series that was read before: it is taken wherever it is in the list now, and ``series`` only
         tells its groups apart. Where it is not in the list, the only one that is a stack of slices is taken.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such group, or several and none is given (SeveralSeries).
     """
     if key is not None:
         own = [group for group in groups if group.first.series.key == key]
