@@ -83,7 +83,7 @@ class _FunctionTables:
 
         ``lengths`` (n,): between two samples, in the volume's unit.
         """
-        at = self._at(samples)
+        at = np.clip((samples - self.low) * self.rate, 0.0, ENTRIES - 1.0)  # positions in the tables
         gaps = np.diff(at, axis=1)[..., None]
         steep = np.abs(gaps) > 0.5
         means = np.diff(_table_at(self.sums, at), axis=1) / np.where(steep, gaps, 1.0)
@@ -94,10 +94,6 @@ class _FunctionTables:
         share = np.exp(own - depth) * -np.expm1(-own) / np.maximum(own, 1e-30)
         color = (thick[..., :3] * share[..., None]).sum(axis=1)
         return np.concatenate((color, -np.expm1(-depth[:, -1])[..., None]), axis=-1)
-
-    def _at(self, values) -> np.ndarray:
-        """Values as positions in the tables."""
-        return np.clip((values - self.low) * self.rate, 0.0, ENTRIES - 1.0)
 
 
 def _table_at(table, at) -> np.ndarray:

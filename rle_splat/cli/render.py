@@ -190,7 +190,9 @@ def _check(args, frames) -> Checked:
     report = [args.json] if args.json else []
     outputs = outputs_of(args) if frames[0] is args else frames.find_outputs_at_stake(report)
     check_outputs([*outputs, *report], inputs=inputs)
-    _check_background(args.background)
+    if args.background is not None and not all(np.isfinite(c) and c >= 0.0 for c in args.background):
+        numbers = " ".join(f"{c:g}" for c in args.background)
+        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
     check_scene_options(args)
     light_options.check_light_effects(args)
     check_tiles(args)
@@ -286,12 +288,6 @@ def picture_steps(args, prepared: PreparedScene, job: RenderJob):
 
     own = {"earlier": job.earlier, **({} if args.probes is None else {"probes": args.probes})}
     return (yield from tolerance_steps(scene, args.tolerance, quality, job.cache, **refuse, **own)), None
-
-
-def _check_background(background) -> None:
-    if background is not None and not all(np.isfinite(c) and c >= 0.0 for c in background):
-        numbers = " ".join(f"{c:g}" for c in background)
-        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
 
 
 def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:

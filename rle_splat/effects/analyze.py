@@ -185,7 +185,7 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
         if by_hand is False:
             effect = Effect(name, False, "by hand", False)
         else:
-            left = left if by_hand is None else _with_forced_on(left, kind)
+            left = left if by_hand is None or kind.with_default is None else kind.with_default(left)
             on, reason = kind.called_for(left, quality)
             reason = reason if on else scene.reasons_off.get(name, reason)
             if by_hand and not on and not kind.may_be_idle:
@@ -204,7 +204,3 @@ def _without_forced_off(scene: Scene, overrides: dict) -> Scene:
     for name, by_hand in overrides.items():
         scene = EFFECTS[name].without(scene) if by_hand is False else scene
     return scene
-
-
-def _with_forced_on(scene: Scene, kind: Kind) -> Scene:
-    return scene if kind.with_default is None else kind.with_default(scene)

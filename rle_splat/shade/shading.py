@@ -93,7 +93,7 @@ def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
     records, *, threads: int = 0,
 ) -> float:  # fmt: skip
-    """Shade voxels and write their records; RleSplatError if light is above BRIGHTEST.
+    """Shade voxels and write their records; RleSplatError if a color is above BRIGHTEST.
 
     Parameters
     ----------
