@@ -44,14 +44,9 @@ BLURS = (
 
 
 def list_exposures(scene: Scene) -> list[Scene]:
-    """The sharp, still scenes whose mean is the scene's picture.
+    """The sharp, still scenes whose mean is the scene's picture; the scene alone if nothing is blurred.
 
     Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
-
-    Returns
-    -------
-    list of Scene
-        The scene alone if nothing is blurred.
     """
     count = max(blur.pictures(scene) for blur in BLURS)
     if count == 1:

@@ -127,13 +127,7 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 
 
 def widest_blur(scene: Scene) -> float:
-    """The widest blur of any point in the volume's box.
-
-    Returns
-    -------
-    float
-        Diameter in pixels; 0 without a lens.
-    """
+    """The widest blur of any point in the volume's box, a diameter in pixels; 0 without a lens."""
     camera = scene.camera
     if camera.aperture_radius == 0.0:
         return 0.0
@@ -144,13 +138,7 @@ def widest_blur(scene: Scene) -> float:
 
 
 def lens_pictures(scene: Scene) -> int:
-    """The number of lens points that a picture needs.
-
-    Returns
-    -------
-    int
-        1 for a sharp picture.
-    """
+    """The number of lens points that a picture needs; 1 for a sharp one."""
     blur = widest_blur(scene)
     if blur <= SHARP:
         return 1

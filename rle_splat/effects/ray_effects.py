@@ -58,13 +58,7 @@ class RayEffects:
         self._chain = left
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:
-        """The passes over the base planes.
-
-        Returns
-        -------
-        list of RayPass
-            Usually one; meshes with silhouettes add another.
-        """
+        """The passes over the base planes: usually one; meshes with silhouettes add another."""
         passes = [RayPass(self._scene.region, list(enumerate(planes)))]
         for effect in self._chain:
             passes = effect.passes(passes, self._reach)

@@ -104,7 +104,7 @@ def shadow_factors(scene: Scene, lights) -> tuple[int, int, int]:
 
 
 def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache | None = None):
-    """Generator of Progress: make the grid of a scene's medium.
+    """Generator of Progress: make the grid of a scene's medium; returns the number of visible voxels.
 
     A mean of extinctions keeps the optical depth of what is averaged.
 
@@ -117,11 +117,6 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
         extinction times lit color and extinction, in 1 / world length.
     cache : StageCache, optional
         Shared with pictures, which have most stages in common.
-
-    Returns
-    -------
-    int
-        Number of visible voxels of the volume.
 
     Raises
     ------

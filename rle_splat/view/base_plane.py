@@ -114,13 +114,7 @@ class BasePlane:
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
     def section(self, number: int, count: int) -> "BasePlane | None":
-        """The plane with one of ``count`` parts of its sheets, numbered from front to back.
-
-        Returns
-        -------
-        BasePlane or None
-            None if there are fewer sheets than parts, and none is left for this one.
-        """
+        """The plane with one of ``count`` parts of its sheets, front to back; None if it has fewer and none is left."""
         first, last = (n * len(self.sheets) // count for n in (number, number + 1))
         if first == last:
             return None

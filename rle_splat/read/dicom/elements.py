@@ -208,18 +208,13 @@ def _to_dataset(stream):
 
 
 def read_elements(path, contours: bool = False):
-    """Generator: read the named elements of one file; yields None now and then, so that it can be stopped.
+    """Generator of None now and then: read the named elements of one file; returns None if it is not DICOM.
 
     Parameters
     ----------
     path : str or Path
     contours : bool
         Whether to read the contours of an RTSTRUCT.
-
-    Returns
-    -------
-    Elements or None
-        None if the file is not DICOM.
 
     Raises
     ------
