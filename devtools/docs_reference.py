@@ -48,6 +48,7 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
         "always (*On*) or never (*Off*).",
     ),
 }
+FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
     "VolumeProperties": "object.rle_splat",
@@ -346,8 +347,13 @@ def operators() -> str:
     for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_idname")):
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
+        properties = _properties(one)
+        if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
+            properties = {name: entry for name, entry in properties.items()
+                          if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
+            parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")
         rows = [(f"`{name}`", entry["name"], entry["default"], entry["range"], _meaning(entry, True))
-                for name, entry in _properties(one).items()]  # fmt: skip
+                for name, entry in properties.items()]  # fmt: skip
         parts += [_table(("property", "label", "default", "range", "what it does"), rows)] if rows else []
     return "\n\n".join(parts)
 

@@ -166,8 +166,8 @@ def _clues(log: Path) -> list[str]:
     if not begun:
         return lines[-CLUES:]
     head, *after = lines[begun[-1] :]
-    frames, half = list(takewhile(lambda line: line.startswith(" "), after)), CLUES // 2
-    return [head, *frames[-half:], *after[len(frames) :][:half]]
+    frames = list(takewhile(lambda line: line.startswith(" "), after))
+    return [head, *frames[-CLUES // 2 :], *after[len(frames) :]][:CLUES]
 
 
 def measured(name: str, command, environ, report: Path, aside: bool = False) -> Stage:

@@ -40,14 +40,11 @@ NOTHING, MADE_KERNELS, EVERYTHING = "nothing", "kernels", "everything"  # what a
 # What the core's folders wait for; others wait for kernels.
 AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)
 
-# Files of tests/unit that call none of the kernels: they run while those are compiled.
+# Files of tests/unit that call no kernel of a package: they run while those are compiled.
 WITHOUT_KERNELS = tuple(
     TESTS_FOLDER / "unit" / f"test_{name}.py"
-    for name in (
-        "contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "plain_numba", "presets",
-        "ray_light", "sections", "store", "view",
-    )
-)  # fmt: skip
+    for name in ("contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "view")
+)
 WITHOUT_KERNELS_STAGE = "core, unit without kernels"
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of

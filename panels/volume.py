@@ -52,7 +52,7 @@ def _draw_in_renders(layout, is_on: bool) -> None:
 def _draw_views(layout, properties) -> None:
     """Buttons that move the view to the volume, for a patient from each side."""
     is_patient = properties.space == PATIENT
-    row = layout.split(factor=0.42, align=True) if is_patient else layout
+    row = layout.split(factor=0.5, align=True) if is_patient else layout
     row.operator("rle_splat.frame_volume", icon="ZOOM_SELECTED").side = "NONE"
     if is_patient:
         sides = row.row(align=True)

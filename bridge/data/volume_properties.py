@@ -231,8 +231,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Opacity Unit Distance", description="Length of material that has the opacity of the curve: smaller is "
-        "more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
+        name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
+        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0,
+        precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
@@ -279,7 +280,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Highlight Model", description="How the shape of the highlights is computed", default="BLINN_PHONG",
+        name="Highlights", description="How the shape of the highlights is computed", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(

@@ -22,6 +22,7 @@ FLOAT_STEPS = 256.0
 # Gradients that are E long have the trust .02, gradients from 13 E on the trust 1 (16-bit scans: .6 stored values per
 # voxel after smoothing by one voxel).
 NOISE = 40.0
+LEAST = 0.04  # of R: N is made so long where it is shorter, along x where it is 0
 BRICK = 16  # voxels along a side of what is computed at once
 MOST_BRICKS = 1024  # are kept, of 131 KB each
 
@@ -147,7 +148,11 @@ def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np
     if voxels.dtype.kind == "f":
         step = FLOAT_STEPS * float(np.finfo(np.float32).eps) * np.abs(np.nan_to_num(smoothed))
     squared = (gradient**2).sum(axis=-1)
-    scale = np.sqrt(box_mean(squared) + (NOISE * noise_of_gradient(sigma, spacing) * step) ** 2)[..., None]
+    mean, length = box_mean(squared), np.sqrt(squared)
+    gradient[length == 0.0, 0] = 1e-300
+    least = LEAST * np.sqrt(mean) / np.maximum(length, 1e-300)
+    gradient *= np.maximum(least, 1.0)[..., None]
+    scale = np.sqrt(mean + (NOISE * noise_of_gradient(sigma, spacing) * step) ** 2)[..., None]
     vector = np.divide(gradient, scale, out=np.zeros_like(gradient), where=scale > 0.0)
     vector /= np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1.0)
     return np.where(np.isfinite(values)[..., None], vector, 0.0), np.sqrt(squared)

@@ -282,8 +282,8 @@ def add_quality_options(parser) -> None:
     """Add the options of the quality, the knobs, and the machine."""
     group = parser.add_argument_group(
         "quality",
-        f"one of --quality, --paper, or single knobs; --classification may be combined with --quality and knobs "
-        f"(default {DEFAULT_CLASSIFICATION}, or pre if a knob needs it)",
+        "--quality, --paper, or single settings; --classification may be combined with --quality and settings "
+        f"(default {DEFAULT_CLASSIFICATION}, or pre if a setting needs it)",
     )
     group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
     group.add_argument("--paper", action="store_true", help="the algorithm exactly as published, classification pre")
@@ -298,7 +298,8 @@ def add_tolerance_options(parser) -> None:
     from ..accuracy.probes import PROBES
 
     group = parser.add_argument_group(
-        "tolerance", "instead of a quality: knobs are chosen, the error is measured, and refined if it is too large"
+        "tolerance",
+        "instead of a quality: settings are chosen, the error is measured, and finer ones follow if it is too large",
     )
     group.add_argument(
         "--tolerance", type=float, metavar="LEVELS", help="largest allowed error of any channel, in levels of 1/255"

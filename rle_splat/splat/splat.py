@@ -1,7 +1,6 @@
 """Splat one set of run-length tables on to its base plane, front to back."""
 
 from functools import lru_cache
-from time import perf_counter
 
 import numpy as np
 
@@ -19,7 +18,9 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-STEP = 0.01  # seconds of a step: a sample takes 4 to 40 ns, depending on kernel and medium
+# Pixels and voxels along the rows of all sheets, for each thread between two steps: 10 ms of a draft, 25 of the
+# other presets.  With labels or channels each takes up to MIXED times as long.
+WORK_AT_ONCE, MIXED = 6_000_000, 8
 BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
 
@@ -60,13 +61,16 @@ def splat_steps(
     workers = thread_count(quality.threads)
     scratch = scratch_for(workers, tables, sheets, rays, wide)
     arguments = (tables, sheets, rays, wide, *model, around)
-    yield from row_steps(splat_rows, arguments, plane, scratch, workers, image.arrays)
+    yield from row_steps(splat_rows, arguments, plane, sheets, scratch, workers, image.arrays)
     return image
 
 
-def row_steps(splat_rows, arguments, plane: BasePlane, scratch, workers: int, out):
+def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, out, mixed=False):
     """Generator: yields LOADING where that is to be done, then fractions done; all rows of a base plane by a kernel
-    like ``splat_rows``, whose first ``arguments`` are given, into the arrays ``out``."""
+    like ``splat_rows``, whose first ``arguments`` are given, into the arrays ``out``.
+
+    ``mixed``: whether it has labels or channels.
+    """
 
     def splat(first, last, threads):
         with parallel_call(threads):
@@ -77,14 +81,12 @@ def row_steps(splat_rows, arguments, plane: BasePlane, scratch, workers: int, ou
         yield LOADING
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
         note_loaded(splat_rows, given)
-    least = BAND * workers * BANDS_EACH if workers > 1 else BAND // 2
-    first, rows = 0, least
-    while first < plane.height:
+    work = BAND * (plane.width + arguments[0].width) * len(sheets.begin) * (MIXED if mixed else 1)
+    bands = WORK_AT_ONCE // work
+    rows_at_once = int(BAND * workers * max(BANDS_EACH if workers > 1 else 0.5, bands))
+    for first in range(0, plane.height, rows_at_once):
         yield first / plane.height
-        began, last = perf_counter(), min(first + rows, plane.height)
-        splat(first, last, workers)
-        fitting = rows * STEP / max(perf_counter() - began, 1e-9)
-        first, rows = last, least * max(int(min(fitting, 4 * rows) / least), 1)
+        splat(first, min(first + rows_at_once, plane.height), workers)
 
 
 def sheet_list(encoded, plane: BasePlane) -> SheetList:

@@ -1,6 +1,7 @@
 """Every text of the interface has a German translation, and no translation is left over."""
 
 import re
+from collections import Counter
 
 import bpy
 import pytest
@@ -36,6 +37,12 @@ def test_translations_end_as_the_texts_do(german):
     wrong = [text for text, words in german.items() for end in ".…"
              if text.endswith(end) != words.endswith(end) and not words.endswith(".)")]  # fmt: skip
     assert not wrong, "\n".join(wrong)
+
+
+def test_a_name_is_written_in_one_way(german):
+    """Not X-ray here and X-Ray there."""
+    ways = Counter(text.casefold() for text in german)
+    assert [text for text in german if ways[text.casefold()] > 1] == []
 
 
 @WITH_SOURCES

@@ -203,7 +203,7 @@ def test_A5_bands_and_threads_change_no_bit(record, monkeypatch, rows, threads, 
     calls, work = [], getattr(module, name)
     with monkeypatch.context() as patch:
         patch.setattr(splat, "BAND", {1: 2 * rows, 2: rows // 2}[threads])
-        patch.setattr(splat, "STEP", 0.0)
+        patch.setattr(splat, "WORK_AT_ONCE", 0)
         patch.setattr(splat, "BANDS_EACH", 1)
         patch.setattr(module, name, lambda *a: calls.append(a[first_row : first_row + 2]) or work(*a))
         split = STAGE.render(scene, threads=threads, classification=classification)

@@ -39,24 +39,21 @@ def two_pictures():
     return first, Scene(volume, brighter, wide, 40, 40, headlight=False)
 
 
+@pytest.mark.parametrize("mixed", (False, True))
 @pytest.mark.parametrize("workers", (1, 2))
-@pytest.mark.parametrize("of_row", (1e-6, 1e-4, 1e-2))  # seconds
-def test_as_many_rows_are_splatted_at_once_as_fit_into_a_step(of_row, workers, monkeypatch):
-    clock, calls = [0.0], []
-
-    def splat_rows(_tables, first, last, *_):
-        calls.append((first, last))
-        clock[0] += of_row * (last - first)
-
+@pytest.mark.parametrize("columns, sheets", ((900, 20), (900, 100), (2000, 600)))
+def test_rows_are_splatted_a_few_at_a_time(columns, sheets, workers, mixed, monkeypatch):
+    """Of a small volume so many that a thread works for 10 to 25 ms, of a large one as few as threads can share."""
+    calls = []
     monkeypatch.setattr(splat, "is_loaded", lambda *_: True)
-    monkeypatch.setattr(splat, "perf_counter", lambda: clock[0])
-    steps = list(splat.row_steps(splat_rows, (None,), SimpleNamespace(height=1000), None, workers, ()))
-    assert len(steps) == len(calls) and calls[-1][1] == 1000
-    assert [first for first, _ in calls] == [0, *(last for _, last in calls[:-1])]
+    plane, of_sheets = SimpleNamespace(width=columns, height=1000), SimpleNamespace(begin=np.zeros(sheets))
+    arguments = (SimpleNamespace(width=24),), plane, of_sheets, None, workers, (), mixed
+    steps = list(splat.row_steps(lambda *given: calls.append(given[1:3]), *arguments))
+    assert len(steps) == len(calls) and [first for first, _ in calls[1:]] == [last for _, last in calls[:-1]]
+    most = max(last - first for first, last in calls)
     least = splat.BAND // 2 if workers == 1 else 2 * splat.BAND * splat.BANDS_EACH
-    rows = [last - first for first, last in calls]
-    assert rows[0] == least and all(few == least or of_row * few <= splat.STEP for few in rows[:-1])
-    assert of_row > 1e-6 or len(calls) < 8, "quick rows are done in few steps"
+    assert calls[-1][1] == 1000
+    assert most == least or most * (columns + 24) * sheets <= (750_000 if mixed else 6_000_000) * workers
 
 
 @pytest.mark.parametrize("record", (16, 8))
