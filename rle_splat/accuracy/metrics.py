@@ -61,7 +61,7 @@ def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
 
 
 def ssim(image, reference) -> float:
-    """Mean structural similarity of two premultiplied scene-linear pictures (H, W, 4) over black, as a display shows them."""
+    """Mean structural similarity of two premultiplied scene-linear pictures (H, W, 4), as shown over black."""
     return float(ssim_map(display_encoded(image), display_encoded(reference)).mean())
 
 
