@@ -96,13 +96,12 @@ class RawGuess:
 
 
 def guess_raw(
-    path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
+    path: str | Path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
 ) -> RawGuess:
     """Guess the layout of a raw file; RleSplatError if a known part is out of range or the file cannot be read.
 
     Parameters
     ----------
-    path : str or Path
     shape, dtype, byte_order, header_bytes
         Known parts of the layout, as in RawLayout; None for unknown parts, which are guessed.
     limit : int
@@ -374,12 +373,11 @@ def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
     return found
 
 
-def layout_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
+def layout_steps(path: str | Path, shape=None, dtype=None, byte_order=None, header_bytes=None):
     """Generator of Progress: complete the layout of a raw file by a guess.
 
     Parameters
     ----------
-    path : str or Path
     shape, dtype, byte_order, header_bytes
         Known parts of the layout, as in RawLayout; None for unknown parts.
 

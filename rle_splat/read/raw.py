@@ -129,12 +129,8 @@ def _gzip_steps(path, layout: RawLayout, doing: str):
     return (yield from streaming.storable_steps(voxels, doing))
 
 
-def write_raw_steps(volume: Volume, path):
+def write_raw_steps(volume: Volume, path: str | Path):
     """Generator of Progress: write the stored voxels, little-endian, x fastest, packed if the name ends in .gz.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Returns
     -------

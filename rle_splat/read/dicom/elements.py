@@ -207,12 +207,11 @@ def _to_dataset(stream):
     return syntax, kind == DIRECTORY_CLASS, bool(implicit), bool(little_endian)
 
 
-def read_elements(path, contours: bool = False):
+def read_elements(path: str | Path, contours: bool = False):
     """Generator of None now and then: read the named elements of one file; returns None if it is not DICOM.
 
     Parameters
     ----------
-    path : str or Path
     contours : bool
         Whether to read the contours of an RTSTRUCT.
 
