@@ -132,7 +132,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
 
 
 def extinction_steps(table: LookupTable, stored, kind, infinite=()):
-    """Generator of the fraction done: find the extinction of stored values.
+    """Generator of fractions done: find the extinction of stored values.
 
     Parameters
     ----------

@@ -246,7 +246,7 @@ class Mixture:
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
     def mark_steps(self, *, threads: int = 0):
-        """Generator of the fraction done: mark the visible voxels.
+        """Generator of fractions done: mark the visible voxels.
 
         Returns
         -------
@@ -293,7 +293,7 @@ class Mixture:
         return ClassifiedVolume(voxels, properties, False, length, distance)
 
     def reveal_steps(self, *, threads: int = 0):
-        """Generator of the fraction done: the volume for labels that only hide, whose hidden values must show nowhere.
+        """Generator of fractions done: the volume for labels that only hide, whose hidden values must show nowhere.
 
         Returns
         -------
@@ -320,7 +320,7 @@ class Mixture:
         return replace(self.volume, voxels=voxels)
 
     def factor_steps(self, voxels: VisibleVoxels, depth, *, threads: int = 0):
-        """Generator of the fraction done: what labels that only hide leave of the extinction of post-classified voxels.
+        """Generator of fractions done: what labels that only hide leave of the extinction of post-classified voxels.
 
         Parameters
         ----------

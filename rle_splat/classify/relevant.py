@@ -137,7 +137,7 @@ def _find_stored_ends(kind, slope: float, intercept: float, begin: float, end: f
 
 
 def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
-    """Generator of the fraction done: mark the voxels to keep.
+    """Generator of fractions done: mark the voxels to keep.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
 
 
 def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
-    """Generator of the fraction done: list the kept voxels and their stored values.
+    """Generator of fractions done: list the kept voxels and their stored values.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from .visible import VisibleVoxels
 
 
 def nearby_steps(volume, voxels: VisibleVoxels, infinite):
-    """Generator of the fraction done: find the smallest and the largest stored value around kept voxels.
+    """Generator of fractions done: find the smallest and the largest stored value around kept voxels.
 
     Parameters
     ----------

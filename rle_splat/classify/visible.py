@@ -137,7 +137,7 @@ def row_offsets(counts: np.ndarray) -> np.ndarray:
 
 
 def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
-    """Generator of the fraction done: mark the visible voxels, for ``count_kept`` and ``gather_kept`` of ``relevant``.
+    """Generator of fractions done: mark the visible voxels, for ``count_kept`` and ``gather_kept`` of ``relevant``.
 
     Parameters
     ----------

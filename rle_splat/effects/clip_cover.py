@@ -9,7 +9,7 @@ AT_ONCE = 1 << 16  # voxels looked at together, between two chances to cancel, 1
 
 
 def cover_steps(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix):
-    """Generator of the fraction done: find the share of each voxel that all clip objects keep.
+    """Generator of fractions done: find the share of each voxel that all clip objects keep.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ class Occluders:
 
 
 def pool_occluders_steps(occluders: Occluders, side: int):
-    """Generator of the fraction done: average what blocks light over cubes of voxels.
+    """Generator of fractions done: average what blocks light over cubes of voxels.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def sky_passes(occluders: Occluders, *, nodes: bool):
 
 
 def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Generator of the fraction done: find the weighted mean of the light of several samples at each voxel.
+    """Generator of fractions done: find the weighted mean of the light of several samples at each voxel.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
 
 
 def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
-    """Generator of the fraction done: run-length tables of the visible voxels, without records.
+    """Generator of fractions done: run-length tables of the visible voxels, without records.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
 def record_steps(
     tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *, threads: int = 0
 ):
-    """Generator of the fraction done: add voxel records to run-length tables.
+    """Generator of fractions done: add voxel records to run-length tables.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthV
 
 
 def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
-    """Generator of the fraction done: copy records from the order of the voxels to the order of run-length tables.
+    """Generator of fractions done: copy records from the order of the voxels to the order of run-length tables.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
 
 
 def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
-    """Generator of the fraction done: copy records back from the order of run-length tables to the order of the voxels.
+    """Generator of fractions done: copy records back from the order of run-length tables to the order of the voxels.
 
     Parameters
     ----------

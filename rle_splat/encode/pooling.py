@@ -14,7 +14,7 @@ VOXELS_AT_ONCE = 1 << 20  # kept voxels that are averaged between two chances to
 
 
 def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0):
-    """Generator of the fraction done: average the extinction of kept voxels to nodes.
+    """Generator of fractions done: average the extinction of kept voxels to nodes.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ def gaussian(sigma: float, spacing: float) -> np.ndarray:
 
 
 def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: float, *, threads: int = 0):
-    """Generator of the fraction done: find m of kept voxels.
+    """Generator of fractions done: find m of kept voxels.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
 ):  # fmt: skip
-    """Generator of the fraction done: turn vectors to where extinction falls, and find where shadows begin.
+    """Generator of fractions done: turn vectors to where extinction falls, and find where shadows begin.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ def list_stored_values(dtype) -> np.ndarray:
 
 
 def count_steps(voxels: np.ndarray):
-    """Generator of the fraction done: count the voxels of each stored value, plane by plane.
+    """Generator of fractions done: count the voxels of each stored value, plane by plane.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
 
 
 def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0):
-    """Generator of the fraction done: unit normals of selected voxels, in world space.
+    """Generator of fractions done: unit normals of selected voxels, in world space.
 
     A gradient is a covector: it is transformed by the inverse transpose of the matrix.
 
