@@ -79,19 +79,9 @@ def read_mrml(content: bytes, what: str) -> list[FileFunction]:
 
 
 def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
-    """Read a volume property file; RleSplatError if a line is missing or wrong.
+    """Read a volume property file, of one function; RleSplatError if a line is missing or wrong.
 
-    Parameters
-    ----------
-    name : str
-        Of the transfer function.
-    what : str
-        Names the file in messages.
-
-    Returns
-    -------
-    list of FileFunction
-        Of one.
+    Arguments as of ``color_maps.read_rows``.
     """
     if len(lines) < len(LINES):
         raise RleSplatError(f"{what} ends after {len(lines)} lines, where a .vp file has {len(LINES)}; save it anew.")

@@ -65,19 +65,7 @@ class RayEffects:
         return passes
 
     def intervals(self, ray_pass: RayPass, number: int, plane: BasePlane):
-        """The ray intervals of a base plane.
-
-        Parameters
-        ----------
-        number : int
-            Number of the plane.
-
-        Returns
-        -------
-        (BasePlane, ndarray or None) or None
-            The part of the plane that has rays, and their intervals, (2 + 2 holes, H, W) float32 voxels along the
-            viewing direction, None for whole rays; None where no ray is left.
-        """
+        """The part of a base plane that has rays, and their intervals, or None; see ``RayEffect.shorten``."""
         found = plane, None
         for effect in self._chain:
             with self._clock.stage(effect.stage_of(ray_pass)):
@@ -87,15 +75,7 @@ class RayEffects:
         return found
 
     def complete(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
-        """The intermediate image of a plane, completed by the effects.
-
-        Parameters
-        ----------
-        number : int
-            Number of the plane.
-        image : IntermediateImage
-            Changed in place.
-        """
+        """The intermediate image of a plane, completed in place by the effects; see ``RayEffect.complete``."""
         for effect in self._chain:
             with self._clock.stage(effect.stage):
                 effect.complete(ray_pass, number, image)
