@@ -70,7 +70,7 @@ class _Floor:
     parallel: bool
 
     @classmethod
-    def of(cls, view: ViewportView, part) -> "_Floor":
+    def of(cls, view: ViewportView, part) -> _Floor:
         left, top, right, bottom = part
         window, matrix = view.window, view.camera.matrix_world
         # World z of the view's axes, and of the eye.
