@@ -4,6 +4,8 @@ The source is a file or a series that holds several volumes, or numbered files t
 from 1, as on the command line.
 """
 
+from __future__ import annotations
+
 import math
 
 import bpy

@@ -1,5 +1,7 @@
 """The add-on preferences: Edit > Preferences > Add-ons > RLE Splat."""
 
+from __future__ import annotations
+
 import os
 import shutil
 import time

@@ -4,6 +4,8 @@ The grid is drawn with little opacity, but its lines are in the viewport's depth
 would cut lines into the volume, which near the horizon become a pattern of dots.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The level and window with which a mode of grays begins, so that its first picture is neither blank nor saturated."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ...rle_splat.scene import MODES

@@ -6,6 +6,8 @@ Nothing runs in background mode, during a render, beside an operator, while a vi
 or once the tab is not shown.
 """
 
+from __future__ import annotations
+
 import zipfile
 from contextlib import suppress
 from dataclasses import dataclass

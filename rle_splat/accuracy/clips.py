@@ -1,5 +1,7 @@
 """Clip objects along rays: where rays cross their planes, and which points they keep."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from .rays import WorldRays
@@ -17,7 +19,7 @@ class Clipping:
         self._clips = [(clip, np.linalg.inv(clip.matrix_world)) for clip in clips]
         self._rays = rays
 
-    def __getitem__(self, chosen) -> "Clipping":
+    def __getitem__(self, chosen) -> Clipping:
         part = Clipping((), self._rays[chosen])
         part._clips = self._clips
         return part

@@ -6,6 +6,8 @@ Pieces are halved until both halves together agree with the whole, and are then 
 size and there are no sheets.  Rays are integrated together, as arrays.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,18 +62,18 @@ class _Pieces:
     seen: np.ndarray
     allowed: np.ndarray
 
-    def __getitem__(self, chosen) -> "_Pieces":
+    def __getitem__(self, chosen) -> _Pieces:
         names = list(self.__dataclass_fields__)[1:]
         return _Pieces(self.table, *(getattr(self, name)[chosen] for name in names))
 
-    def cut(self, share) -> "_Pieces":
+    def cut(self, share) -> _Pieces:
         """The first ``share`` of each piece, a number or (P,)."""
         return replace(
             self, end=self.begin + share * (self.end - self.begin), far=self.near + share * (self.far - self.near),
             length=share * self.length,
         )  # fmt: skip
 
-    def halves(self) -> "tuple[_Pieces, _Pieces]":
+    def halves(self) -> tuple[_Pieces, _Pieces]:
         first = replace(self.cut(0.5), allowed=0.5 * self.allowed)
         return first, replace(first, begin=first.end, end=self.end, near=first.far, far=self.far)
 

@@ -6,6 +6,8 @@ interpolated values are cubics along a ray (``cubics``).  ``split`` cuts such a 
 ``fields`` returns source and extinction on it.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from .transfer import Segments, extinction, extinction_and_color, optical_depth
@@ -90,7 +92,7 @@ class ClassifiedField(_Field):
         self._set_fields(extinction.shape, lambda indices: extinction[indices], lambda indices, _: color[indices])
 
     @classmethod
-    def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> "ClassifiedField":
+    def of_scalars(cls, voxels, physical, transfer_function, world_distance: float, color=None) -> ClassifiedField:
         """Make one from stored scalars, which are classified at the corners of the cells that rays cross.
 
         Parameters

@@ -3,6 +3,8 @@
 Nothing here is shared with ``rle_splat.view``, so that a mistake in one of them shows as a difference.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +39,7 @@ class WorldRays:
         """(N, 3) world points at the given planar depths."""
         return self.origin + self.step * np.broadcast_to(depth, self.length_per_depth.shape)[:, None]
 
-    def __getitem__(self, chosen) -> "WorldRays":
+    def __getitem__(self, chosen) -> WorldRays:
         return WorldRays(self.origin[chosen], self.direction[chosen], self.length_per_depth[chosen])
 
 

@@ -4,6 +4,8 @@ There are two steps: find the visible voxels (``visible.py``), and compute their
 that shows the same values in another way needs only the second step.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -61,7 +63,7 @@ class ClassifiedVolume:
     def from_lists(
         cls, shape_xyz, row_start, column, extinction, opacity, color, nan_voxels=0, unit_length=1.0,
         opacity_distance=1.0,
-    ) -> "ClassifiedVolume":  # fmt: skip
+    ) -> ClassifiedVolume:  # fmt: skip
         """Make a ClassifiedVolume from one array per property of its m voxels.
 
         Parameters

@@ -5,6 +5,8 @@ Common arguments: ``rows`` (planes * ny, nx), stored values of some planes; ``n_
 per voxel, lowest bit first.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import kernel

@@ -5,6 +5,8 @@ The cost of a run is mostly a mispredicted branch at its end, and in a noisy sca
 its own samples: either all voxels of a sample are kept, or nothing between them is visible (``relevant``).
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import kernel, run_either

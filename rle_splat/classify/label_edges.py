@@ -12,6 +12,8 @@ the exact boundary in voxels, without smoothing and with it: silhouette 0.74 and
 place of 0.11) and blurs more; 1 widens the silhouette by a whole voxel.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,6 +6,8 @@ classified by its own label, or, beside an edge, by the functions that share it 
 voxels interpolate classified voxels, as in the paper's pipeline.
 """
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -55,7 +57,7 @@ class _Part:
         Whether voxels beside edges of labels are shared.
     """
 
-    volume: "Volume"
+    volume: Volume
     functions: tuple
     labels: np.ndarray | None = None
     known: np.ndarray | None = None
@@ -223,9 +225,9 @@ class Mixture:
     channels : tuple of Channel
     """
 
-    volume: "Volume"
-    tf: "TransferFunction"
-    labels: "Labels | None" = None
+    volume: Volume
+    tf: TransferFunction
+    labels: Labels | None = None
     channels: tuple = ()
 
     @cached_property

@@ -4,6 +4,8 @@ The table entry of a voxel is ``size``
 times the number of its function, plus the bit pattern of its value.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -4,6 +4,8 @@ A plane z of voxels meets one scanline per row, or, where scanlines run along y,
 within a scanline, so one cursor per scanline of a plane suffices.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +34,7 @@ class RecordPositions:
     data_starts: np.ndarray
 
     @classmethod
-    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> "RecordPositions":
+    def in_order(cls, voxels: VisibleVoxels, first_plane: int, last_plane: int) -> RecordPositions:
         """Records in the order of the voxels of planes [``first_plane``, ``last_plane``), from position 0 on."""
         ny = voxels.shape_xyz[1]
         starts = voxels.row_start[first_plane * ny : last_plane * ny]

@@ -3,6 +3,8 @@
 A repeated value is a step. Steps are right-continuous. Outside the points the end values hold.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

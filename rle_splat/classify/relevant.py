@@ -6,6 +6,8 @@ anywhere in that range, and a voxel is kept if it is a corner of a visible cell.
 kept is transparent.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -39,12 +41,12 @@ class Reach:
     ends: np.ndarray
 
     @classmethod
-    def of(cls, volume, tf) -> "Reach":
+    def of(cls, volume, tf) -> Reach:
         """Reach of a TransferFunction on ``volume``."""
         return cls.of_values(volume, positive_intervals(pieces(tf.opacity)))
 
     @classmethod
-    def of_values(cls, volume, shown) -> "Reach":
+    def of_values(cls, volume, shown) -> Reach:
         """Reach of ``shown``, (k, 2) ascending disjoint half-open intervals of physical values."""
         stored = volume.voxels.dtype, volume.slope, volume.intercept
         found = [_find_stored_ends(*stored, begin, end) for begin, end in np.asarray(shown).tolist()]
@@ -56,7 +58,7 @@ class Reach:
         """Key for the stage cache."""
         return (self.ends.dtype.str, self.ends.tobytes())
 
-    def covers(self, other: "Reach") -> bool:
+    def covers(self, other: Reach) -> bool:
         """Whether this shows every cell that ``other`` shows."""
         inside = (self.ends[:, 0] <= other.ends[:, :1]) & (self.ends[:, 1] >= other.ends[:, 1:])
         return bool(inside.any(axis=1).all())

@@ -5,6 +5,8 @@ step; at the value itself the last of the repeated points counts (right-continuo
 values. NaN is transparent, because it marks missing data.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import math
@@ -278,7 +280,7 @@ class TransferFunction:
         """Lowest and highest value of any point."""
         return min(self.opacity[0][0], self.color[0][0]), max(self.opacity[-1][0], self.color[-1][0])
 
-    def remapped(self, low: float, high: float, unit: str | None = None) -> "TransferFunction":
+    def remapped(self, low: float, high: float, unit: str | None = None) -> TransferFunction:
         """Copy with the points moved linearly.
 
         Parameters
@@ -311,7 +313,7 @@ class TransferFunction:
         ends = self.gradient_opacity
         return ends if ends is None else replace(ends, low=ends.low * times, high=ends.high * times)
 
-    def windowed(self, center: float, width: float) -> "TransferFunction":
+    def windowed(self, center: float, width: float) -> TransferFunction:
         """Copy with the points spread over a radiological window with level ``center`` and width ``width``."""
         center, width = _number(center, "The window's center"), _number(width, "The window's width")
         if width < 0.0:
@@ -332,7 +334,7 @@ class TransferFunction:
         return _digest((self.classification_key, None if self.shade is None else self.shade.to_json()))
 
     @classmethod
-    def from_json(cls, source) -> "TransferFunction":
+    def from_json(cls, source) -> TransferFunction:
         """Make a TransferFunction from JSON.
 
         Parameters

@@ -3,6 +3,8 @@
 The voxels are looked at once and marked by a bit each; blocks whose range of values is hidden are skipped.
 """
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
@@ -73,8 +75,8 @@ class Visibility:
     8- and 16-bit volumes use a lookup table over all stored values (``by_table``), others the points themselves.
     """
 
-    volume: "Volume"
-    tf: "TransferFunction"
+    volume: Volume
+    tf: TransferFunction
 
     @property
     def by_table(self) -> bool:

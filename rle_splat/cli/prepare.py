@@ -1,5 +1,7 @@
 """``rle-splat prepare``: compile what a default picture needs, so that the first one does not wait for it."""
 
+from __future__ import annotations
+
 from dataclasses import asdict
 from time import perf_counter
 

@@ -1,5 +1,7 @@
 """A progress line on stderr."""
 
+from __future__ import annotations
+
 import shutil
 import sys
 import time

@@ -1,5 +1,7 @@
 """``rle-splat render``: render a volume file to picture files."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -126,7 +128,7 @@ class RenderJob:
 
     start: float
     earlier: dict | None = None
-    cache: "StageCache | None" = None
+    cache: StageCache | None = None
     scene_hash: str | None = None
     refuse_empty_view: bool = True
 
@@ -135,7 +137,7 @@ class RenderJob:
 class Like:
     """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
 
-    function: "TransferFunction"
+    function: TransferFunction
     reason: str
     camera: Camera
     matrix: np.ndarray

@@ -4,6 +4,8 @@ Every class here is a context manager with ``write(rgba, depth)``, called with t
 the arguments are those of ``images``, which writes whole pictures by the same classes.
 """
 
+from __future__ import annotations
+
 import errno
 import struct
 import zlib

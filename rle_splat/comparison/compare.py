@@ -1,5 +1,7 @@
 """All systems on one scene: time, memory, and error against the truth T1 at probe pixels."""
 
+from __future__ import annotations
+
 import time
 
 from ..accuracy.metrics import difference

@@ -4,6 +4,8 @@ In parallel projection the footprints of all voxels differ only by their offset 
 integrated once for a view, for a table of offsets.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -4,6 +4,8 @@ D. Laur and P. Hanrahan, Hierarchical splatting: a progressive refinement algori
 1991: the paper's [9].
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

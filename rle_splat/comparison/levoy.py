@@ -3,6 +3,8 @@
 M. Levoy, Efficient ray tracing of volume data, ACM Transactions on Graphics 9(3), 1990: the paper's [3].
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

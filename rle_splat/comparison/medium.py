@@ -1,5 +1,7 @@
 """The medium that all systems draw, classified and shaded once."""
 
+from __future__ import annotations
+
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -5,6 +5,8 @@ transform in advance, which makes the interpolation exact except for aliases fro
 exp(-pi w sqrt(1 - 1 / oversampling)), 2e-5 here).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -5,6 +5,8 @@ grows with the picture and not with the volume.  But there is no occlusion: the 
 parallel projection.
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

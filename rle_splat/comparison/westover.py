@@ -5,6 +5,8 @@ paper's [5] and [6].  Footprints are combined in two ways: each is composited by
 parallel to a face of the volume, are first added in a sheet buffer.
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

@@ -4,6 +4,8 @@ Later stages see only that scene.  A disabled effect therefore adds no work, and
 scene without it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -90,7 +92,7 @@ class EffectSet:
         """Names of those that are on."""
         return tuple(effect.name for effect in self.effects if effect.on)
 
-    def turn_off(self, name: str, reason: str) -> "EffectSet":
+    def turn_off(self, name: str, reason: str) -> EffectSet:
         """The same set with an effect off that a stage has found to change nothing."""
         found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))

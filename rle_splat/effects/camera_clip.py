@@ -1,5 +1,7 @@
 """The camera's clip distances: whether they cut the volume, and the scene without them."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..scene import LARGEST_LENGTH, LEAST_LENGTH, Quality, Scene
@@ -44,7 +46,7 @@ class CameraClip(RayEffect):
         self.moves_depth = cuts
 
     @classmethod
-    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> "CameraClip | None":
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> CameraClip | None:
         """The effect, None where neither clip planes nor meshes can end rays; parameters as of ``RayEffects``."""
         cuts = is_cut(scene, view, quality)
         return cls(scene.camera, quality, cuts) if cuts or scene.hides_volume else None

@@ -1,5 +1,7 @@
 """Clip objects: which of a scene's planes and boxes cut the volume, and where they lie among its voxels."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..scene import CLIP_KINDS, Clip, Quality, Scene
@@ -38,7 +40,7 @@ class ClipBodies(RayEffect):
         self._cuts, self._quality = cuts, quality
 
     @classmethod
-    def of(cls, scene: Scene, view, quality: Quality) -> "ClipBodies | None":
+    def of(cls, scene: Scene, view, quality: Quality) -> ClipBodies | None:
         """The effect, None where nothing is cut; parameters as of ``RayEffects``."""
         cuts = cuts_of(scene, quality)
         return None if cuts is None else cls(cuts, quality)

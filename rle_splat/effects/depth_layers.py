@@ -5,6 +5,8 @@ mean depth would be wrong for both.  Such a pixel therefore mixes two pictures b
 The warp reads neighbors, so each layer is continued a few pixels past the silhouette.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

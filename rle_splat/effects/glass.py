@@ -6,6 +6,8 @@ Refraction would bend the rays, and reflections are the mesh renderer's: they ar
 lies over the render.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -111,7 +113,7 @@ class Glass(RayEffect):
         self._middle = np.float32(sum(find_volume_depths(scene, view, quality)) / 2.0)
 
     @classmethod
-    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> "Glass | None":
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> Glass | None:
         """The effect, None where the scene has no panes; parameters as of ``RayEffects``."""
         return None if scene.panes is None else cls(scene, view, quality)
 

@@ -5,6 +5,8 @@ inverse of a triangle's 3x3 matrix of homogeneous vertices gives its edge functi
 positive the ray meets the triangle in front of the camera.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

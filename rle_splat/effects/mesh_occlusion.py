@@ -1,5 +1,7 @@
 """Meshes in the volume: whether any may end a ray in it, and where the rays end."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..scene import Quality, RleSplatError, Scene
@@ -30,7 +32,7 @@ class MeshSurfaces(RayEffect):
         self._layers: DepthLayers | None = None
 
     @classmethod
-    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> "MeshSurfaces | None":
+    def of(cls, scene: Scene, view: IndexView, quality: Quality) -> MeshSurfaces | None:
         """The effect, None for a scene without meshes; parameters as of ``RayEffects``."""
         return cls(scene, view, quality) if scene.hides_volume else None
 

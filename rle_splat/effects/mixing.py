@@ -1,5 +1,7 @@
 """Labels and channels: whether a scene has any that change its picture."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.steps import rescale

@@ -1,5 +1,7 @@
 """The interface of an effect on rays, and one pass over the base planes."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,7 +37,7 @@ class RayPass:
     planes: list[tuple[int, BasePlane]]
     surface: np.ndarray | None = None
     first_pixel: tuple[int, int] = (0, 0)
-    before: "RayPass | None" = None
+    before: RayPass | None = None
     intervals: dict = field(default_factory=dict)
     images: dict = field(default_factory=dict)
     alike: dict = field(default_factory=dict)

@@ -14,6 +14,8 @@ lowest shown value, because anything lower is transparent; for the smallest valu
 highest shown value.  A mean needs every voxel.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -89,7 +91,7 @@ class ValueMap:
         Whether a ray without any kept voxel shows ``origin``, which is transparent.
     """
 
-    tf: "TransferFunction"
+    tf: TransferFunction
     slope: float
     intercept: float
     sign: float

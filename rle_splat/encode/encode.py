@@ -5,6 +5,8 @@ planes at a time, so that shaded colors never exist for all voxels at once. A ch
 step. The result does not depend on the number of threads.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.placing import RecordPositions

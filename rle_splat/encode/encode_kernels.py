@@ -4,6 +4,8 @@ Their reference implementations are in encode.py. Common arguments: ``row_start`
 (m,) of the visible voxels; ``bits``, see ``line_bits``; ``runs`` as in ``tables.RunLengthVolume``.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.bits import copy_1, copy_4, copy_16, count_bits, lowest_bit

@@ -4,6 +4,8 @@ The tables of a chunk are appended to the files; so nothing that is on disk is e
 killed goes on behind the last chunk that its journal names.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
@@ -90,7 +92,7 @@ class FolderWriter:
         self._open = ExitStack()
         self._is_held_up = False  # whether all is done but for the folder that is replaced
 
-    def __enter__(self) -> "FolderWriter":
+    def __enter__(self) -> FolderWriter:
         _check_output(self.path)
         with ExitStack() as held, writing(self.path):
             if not held.enter_context(only_one(self.path.with_name(f".{self.path.name}.lock"))):

@@ -4,6 +4,8 @@ Scanlines along y are processed in strips of 64 rows of a plane z: one word of e
 ``bits``: of ``classify.visible.VisibleVoxels``.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.bits import lowest_bit

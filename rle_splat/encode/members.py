@@ -12,6 +12,8 @@ Members are mapped, not read. The header has a checksum of each chunk of each ta
 runs are validated, before a kernel reads it.
 """
 
+from __future__ import annotations
+
 import json
 import mmap
 import os
@@ -90,7 +92,7 @@ class FolderMembers:
         with open(self.path / name, "rb") as stream:  # a buffer of so many bytes is made whatever the size of the file
             return stream.read(min(os.fstat(stream.fileno()).st_size, most))
 
-    def inside(self, name: str) -> "FolderMembers":
+    def inside(self, name: str) -> FolderMembers:
         """The members of a folder inside."""
         return FolderMembers(self.path / name)
 
@@ -134,7 +136,7 @@ class FileMembers:
         begin, size = self._place(name)
         return self._mapping[begin : begin + min(size, most)]
 
-    def inside(self, name: str) -> "FileMembers":
+    def inside(self, name: str) -> FileMembers:
         """The members of a folder inside."""
         found = copy(self)
         found._prefix += f"{name}/"

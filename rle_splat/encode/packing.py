@@ -1,5 +1,7 @@
 """Coding of records of 8 bytes."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import compiled, kernel, parallel_call

@@ -3,6 +3,8 @@
 Averages of extinction preserve the optical depth.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.visible import VisibleVoxels

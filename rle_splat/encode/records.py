@@ -9,6 +9,8 @@ The rounding error is at most 2^-12 of a value, and only values below 2^-30 of t
 product convert them to float32.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.buffer_pool import empty

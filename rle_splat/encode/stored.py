@@ -1,5 +1,7 @@
 """A volume that is run-length encoded: in memory, or in stored members (``encode.members``), checked axis by axis."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import zlib
@@ -191,7 +193,7 @@ class StoredVolume:
     affine: np.ndarray
     unit: str
     unit_length: float
-    transfer_function: "TransferFunction"
+    transfer_function: TransferFunction
     lighting: object
     source: str
     remarks: tuple
@@ -205,7 +207,7 @@ class StoredVolume:
     key: str | None
     opened: dict = field(default_factory=dict)  # principal axis -> the tables checked already, and the planes read
     planes: tuple[int, int] | None = None  # first plane z and the end of those that pictures along z are made of
-    coarse: "StoredVolume | None" = None  # the same volume in larger voxels, for drafts; only of a large one
+    coarse: StoredVolume | None = None  # the same volume in larger voxels, for drafts; only of a large one
 
     holds_values: ClassVar[bool] = False
 
@@ -213,7 +215,7 @@ class StoredVolume:
     def of(
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
         source: str = "", remarks=(), space: str | None = None, key: str | None = None,
-    ) -> "StoredVolume":  # fmt: skip
+    ) -> StoredVolume:  # fmt: skip
         """A volume in memory; RleSplatError if the encodings do not match.
 
         Parameters
@@ -271,7 +273,7 @@ class StoredVolume:
         dtype, slope, intercept, *_ = self.values
         return Volume(np.zeros((1, 1, 1), dtype), self.affine, self.unit, slope, intercept)
 
-    def of_planes(self, first: int, last: int) -> "StoredVolume":
+    def of_planes(self, first: int, last: int) -> StoredVolume:
         """The volume for pictures along z of the planes [``first``, ``last``): nothing else is read for them.
 
         Along x and y each chunk on the disk has voxels of every slice, and is read for its checksum.

@@ -1,5 +1,7 @@
 """The paper's four run-length tables for one principal axis, and one derived table (algorithm.md 1.1)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -83,7 +85,7 @@ class RunTables(OnAxis):
         """Bytes of each table by name, including the derived one."""
         return {name: getattr(self, name).nbytes for name in (*TABLES, DERIVED) if hasattr(self, name)}
 
-    def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> "RunLengthVolume":
+    def with_voxels(self, model: str, voxel_data, decoding, most_color: float) -> RunLengthVolume:
         """RunLengthVolume of these tables and ``voxel_data``, whose records are in the order of the tables."""
         mine = (getattr(self, entry.name) for entry in fields(RunTables))
         return RunLengthVolume(*mine, model, voxel_data, decoding, most_color)

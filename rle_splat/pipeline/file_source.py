@@ -1,5 +1,7 @@
 """Source of a ``.rle`` file or folder: voxels that are classified, lit and encoded already."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from ..classify.classification import opacity_distance, unit_length
@@ -53,7 +55,7 @@ class FileSource(Source):
         yield from ()
         return self
 
-    def shade_steps(self, voxels: "FileSource", work: Work):
+    def shade_steps(self, voxels: FileSource, work: Work):
         """Generator of nothing: the ClassifiedVoxels of the file, which are lit already."""
         yield from ()
         stored = self.scene.volume

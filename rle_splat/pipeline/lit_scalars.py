@@ -1,5 +1,7 @@
 """The relevant voxels of a scene and their light, which are encoded along an axis, drawn in sheets and traced."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -67,9 +69,9 @@ class LitScalars:
         Whose functions classify in place of ``transfer``.
     """
 
-    source: "ScalarSource"
+    source: ScalarSource
     work: Work
-    volume: "Volume"
+    volume: Volume
     voxels: VisibleVoxels
     key: tuple
     ends: tuple

@@ -5,6 +5,8 @@ first, which takes no memory for each of them; the table tells the rest.  No ker
 a file does not wait for a compiler.
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -57,7 +59,7 @@ class VoxelCount(NamedTuple):
     held: int
 
     @classmethod
-    def in_rows(cls, volume, counted, dtype=None) -> "VoxelCount":
+    def in_rows(cls, volume, counted, dtype=None) -> VoxelCount:
         """From ``counted``: voxels and connected pieces per row, (nz * ny,) each; ``dtype``: other than the voxels'."""
         count, pieces = (int(n.sum(dtype=np.int64)) for n in counted)  # numpy 1 on Windows sums int32 as int32
         return cls(
@@ -213,7 +215,7 @@ class MemoryEstimate:
         """JSON-ready."""
         return {**{name: getattr(self, name) for name in PARTS}, "volume": self.volume, "needed": self.needed}
 
-    def one_axis(self) -> "MemoryEstimate":
+    def one_axis(self) -> MemoryEstimate:
         """What is still to be taken for one more principal axis, or for the same one under another light."""
         axes = self.tables.axes
         return replace(

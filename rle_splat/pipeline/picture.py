@@ -1,5 +1,7 @@
 """A sharp picture that is being made: its source, its view, the effects on its rays, and the work on it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from ..effects.ray_effects import RayEffects

@@ -19,6 +19,8 @@ times of the scene's pilots, or of its latest picture, too (``choose.Speed``).  
 threshold, whose number only their picture gives, so their times are measured, over that of ``standard``.
 """
 
+from __future__ import annotations
+
 import json
 import zlib
 from dataclasses import asdict, dataclass, field
@@ -202,7 +204,7 @@ class Model:
     family_factor: dict = field(default_factory=dict)
 
     @classmethod
-    def of(cls, classification: str) -> "Model":
+    def of(cls, classification: str) -> Model:
         """The calibrated model of a classification; raises RleSplatError where there is none."""
         entries = _calibration()["classifications"]
         if classification not in entries:

@@ -6,6 +6,8 @@ the lights, the projection and the principal axis, not from any size.  So a volu
 same kernels as a scan does.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter

@@ -32,6 +32,8 @@ stages up to the tables make, by what they were made from: the next frame makes 
 splats.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures

@@ -1,5 +1,7 @@
 """The report of a picture: what was made, by which plan, in which time and memory, and what is worth a remark."""
 
+from __future__ import annotations
+
 import math
 
 from ..effects.clips import NOTHING_LEFT

@@ -1,5 +1,7 @@
 """Further channels of a post-classified scan: what is known of each beside the volume itself."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,8 +36,8 @@ class ScalarChannel:
         Stored values that stand for minus and plus infinity; empty where nothing is infinite.
     """
 
-    volume: "Volume"
-    function: "TransferFunction"
+    volume: Volume
+    function: TransferFunction
     voxels: VisibleVoxels
     reach: Reach
     ends: tuple

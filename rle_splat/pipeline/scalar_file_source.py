@@ -1,5 +1,7 @@
 """Source of a folder of post-classified tables: scalars and codes of their normals, encoded already."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +32,7 @@ class ScalarFileSource(FileSource):
     light: SampleLight | None = None  # of a folder that is lit, once it is shaded
 
     @classmethod
-    def of(cls, scene: Scene, quality: Quality, *more) -> "ScalarFileSource":
+    def of(cls, scene: Scene, quality: Quality, *more) -> ScalarFileSource:
         if quality.classification != "post":
             raise RleSplatError(
                 "This .rle folder holds values that are classified in the picture; render it with the classification "
@@ -51,7 +53,7 @@ class ScalarFileSource(FileSource):
         yield from ()
         return self
 
-    def shade_steps(self, voxels: "ScalarFileSource", work: Work):
+    def shade_steps(self, voxels: ScalarFileSource, work: Work):
         """Generator of nothing: the ScalarVoxels of the folder, under its own lights."""
         yield from ()
         scene, stored, values = self.scene, self.scene.volume, self.scene.volume.values

@@ -1,5 +1,7 @@
 """Labels of a post-classified scan: the functions that classify it, and where each of them does."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -50,7 +52,7 @@ class LabelFunctions:
     numbers: np.ndarray
 
     @classmethod
-    def of(cls, labels: Labels, own: TransferFunction) -> "LabelFunctions":
+    def of(cls, labels: Labels, own: TransferFunction) -> LabelFunctions:
         """Of the labels of a scene whose own transfer function is ``own``."""
         kind = labels.volume.voxels.dtype
         possible = np.iinfo(kind)
@@ -138,7 +140,7 @@ class ScalarLabels:
     tables: tuple[LookupTable, ...]
 
     @classmethod
-    def of(cls, functions: LabelFunctions, cells: LabelCells, volume, ends, length: float) -> "ScalarLabels":
+    def of(cls, functions: LabelFunctions, cells: LabelCells, volume, ends, length: float) -> ScalarLabels:
         """``ends``: smallest and largest stored value of ``volume``; ``length``: world length of its unit."""
         shown = (CLEAR if function is None else function for function in functions.functions)
         tables = (lookup_table(volume, one, ends, opacity_distance(volume, one, length)) for one in shown)

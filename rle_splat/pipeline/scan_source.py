@@ -11,6 +11,8 @@ What each stage result depends on, so that a change redoes no more than it must:
     records     properties, normals, lights and shadows, the model, and the principal axis
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -59,7 +61,7 @@ class LitVolume:
         Of the visible voxels, world space; None without ``falling``, and before they are shaded.
     """
 
-    source: "ScanSource"
+    source: ScanSource
     classified: ClassifiedVolume
     falling: Lighting | None
     visible_key: tuple = ()

@@ -4,6 +4,8 @@ Single rays go through the same voxels, lookup table and light as the sheets, an
 them.  They leave out the resampling of sheets and the warp.
 """
 
+from __future__ import annotations
+
 from dataclasses import MISSING, fields, replace
 
 import numpy as np

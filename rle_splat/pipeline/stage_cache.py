@@ -6,6 +6,8 @@ failed half-way therefore leaves the cache as it was.  Jobs of several threads m
 renders beside its window.  So a job never relies on a result to be still there.
 """
 
+from __future__ import annotations
+
 import math
 import time
 
@@ -63,7 +65,7 @@ class StageCache:
         """(stage, key) of every result, the least recently used first."""
         return tuple(self._results.copy())
 
-    def job(self, frame=None) -> "Job":
+    def job(self, frame=None) -> Job:
         """A new job, which reads this cache and stores its own results in it when all of its work is done.
 
         ``frame``: key of a volume in time, whose results are counted by themselves, so that a loop makes each frame

@@ -1,5 +1,7 @@
 """The view of a picture: the base planes that its rays belong to, and the principal axes that fade into each other."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +22,7 @@ class Fade:
     planes: list[BasePlane]
     share: float = 1.0
 
-    def window(self, scene: Scene, quality: Quality) -> "Fade":
+    def window(self, scene: Scene, quality: Quality) -> Fade:
         """The parts of the planes that the wanted pixels need."""
         if scene.crop is None:
             return self

@@ -1,5 +1,7 @@
 """What surrounds the steps of every picture: messages for a person, kernels' names, files cut short, memory run out."""
 
+from __future__ import annotations
+
 from ..runtime.jit import NotingKernels, compiled, first_load_steps, nothing_compiled_yet
 from ..runtime.steps import Clock, Progress, announce, map_steps, step_within
 from ..scene import RleSplatError, Scene

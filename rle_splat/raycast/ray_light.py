@@ -1,5 +1,7 @@
 """Light on samples along single rays, by the formula of ``shade.sample_light``."""
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 

@@ -1,5 +1,7 @@
 """What single rays go through and where they go: rows of kept voxels, bricks of them, and rays within the box."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +32,7 @@ class RowVoxels(NamedTuple):
     codes: np.ndarray | None
     shown: np.ndarray
     shape: tuple[int, int, int]
-    further: "ChannelVoxels | None" = None
+    further: ChannelVoxels | None = None
 
 
 class ChannelVoxels(NamedTuple):

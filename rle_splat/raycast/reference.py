@@ -3,6 +3,8 @@
 All rays go at a time, from one cut to the next (algorithm.md 1.14).
 """
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

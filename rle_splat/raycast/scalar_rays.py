@@ -7,6 +7,8 @@ and light is that of the slab's middle (``ray_light``).  A bit tells whether a v
 its row which of the kept ones it is; bricks without any are leaped over.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Follow single rays through the tables of a scalar volume."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.lookup_table import LookupTable

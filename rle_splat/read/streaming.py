@@ -1,5 +1,7 @@
 """Voxels read in pieces from files and from packed streams, so that reading can be canceled at any time."""
 
+from __future__ import annotations
+
 import bz2
 import gzip
 import math

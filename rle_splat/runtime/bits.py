@@ -1,5 +1,7 @@
 """Words of bits: which blocks or voxels are meant, a bit each; finding and counting them takes one instruction."""
 
+from __future__ import annotations
+
 from .llvm import intrinsic, ir, types
 
 

@@ -1,5 +1,7 @@
 """The folder on disk where compiled kernels are kept."""
 
+from __future__ import annotations
+
 import hashlib
 import os
 import shutil

@@ -1,5 +1,7 @@
 """Which kernels run: their names, collected for the report of a picture."""
 
+from __future__ import annotations
+
 from contextvars import ContextVar
 
 _NAMES: ContextVar[set | None] = ContextVar("called_kernels", default=None)

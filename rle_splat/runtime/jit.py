@@ -11,6 +11,8 @@ There are three cases, decided once when this module is imported:
 No setting of numba or of the process is changed: other programs in the same process use the same numba.
 """
 
+from __future__ import annotations
+
 import os
 import queue
 import sys

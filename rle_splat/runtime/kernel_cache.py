@@ -13,6 +13,8 @@ deleted.)
 This module relies on numba's internals; only ``numba_internals`` imports it.
 """
 
+from __future__ import annotations
+
 import hashlib
 import os
 from contextlib import contextmanager, suppress

@@ -8,6 +8,8 @@ not part of it, nor is any function that the kernel does not use, nor the name t
 Code of numba, llvmlite, numpy and Python is covered by name: the cache is emptied for another version of numba.
 """
 
+from __future__ import annotations
+
 import hashlib
 import sys
 from collections.abc import Iterator

@@ -4,6 +4,8 @@ LLVM's straight-line vectorizer is off in numba, so without these two instructio
 one float at a time (measured: 2.9 ns a pixel against 1.5).  The vectors are LLVM's own, good on any processor.
 """
 
+from __future__ import annotations
+
 from .llvm import intrinsic, ir, types
 from .vectors import INTEGER, load, place, spread, store
 

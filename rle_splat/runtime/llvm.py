@@ -4,6 +4,8 @@
 ``intrinsic``: makes a function that writes instructions callable from kernels.
 """
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any
 
 from .jit import numba

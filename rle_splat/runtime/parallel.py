@@ -8,6 +8,8 @@ work, or another program on one of the cores, does not hold up the rest.
 With plain numba (see ``jit``) the task runs once, for the whole loop.
 """
 
+from __future__ import annotations
+
 from copy import copy
 
 from .jit import internals, kernel

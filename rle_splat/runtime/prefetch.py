@@ -1,5 +1,7 @@
 """Memory asked for before it is needed: what a loop reads next would else be waited for, one cache line at a time."""
 
+from __future__ import annotations
+
 from .llvm import cgutils, intrinsic, ir, types
 from .vectors import place
 

@@ -1,5 +1,7 @@
 """Long work as generators of steps, and the time that each stage takes."""
 
+from __future__ import annotations
+
 import time
 from typing import NamedTuple
 
@@ -28,7 +30,7 @@ class _Running:
 
     __slots__ = ("_clock",)
 
-    def __init__(self, clock: "Clock"):
+    def __init__(self, clock: Clock):
         self._clock = clock
 
     def __enter__(self) -> None:
@@ -43,7 +45,7 @@ class _Stage:
 
     __slots__ = ("_before", "_clock", "_name")
 
-    def __init__(self, clock: "Clock", name: str):
+    def __init__(self, clock: Clock, name: str):
         self._clock, self._name = clock, name
 
     def __enter__(self) -> None:

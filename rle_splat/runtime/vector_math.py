@@ -4,6 +4,8 @@ Divisions and roots of eight lanes take as long as a dozen products (Agner Fog's
 the exponent field of a float32, so they have the same bits on every processor that fuses products and sums.
 """
 
+from __future__ import annotations
+
 from .llvm import ir
 from .vectors import FLOAT, INTEGER, Vector
 

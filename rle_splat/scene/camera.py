@@ -1,5 +1,7 @@
 """The camera, with Blender's parameters."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import partial
 from reprlib import repr as short
@@ -122,6 +124,6 @@ class Camera:
         put("pixel_aspect", tuple(positive(a, "The camera's pixel_aspect", *limits) for a in aspect))
 
     @classmethod
-    def from_json(cls, path) -> "Camera":
+    def from_json(cls, path) -> Camera:
         """Read a Camera from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the camera file"), "The camera file")

@@ -1,5 +1,7 @@
 """Further volumes on the grid of the scene's volume: labels and channels."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from reprlib import repr as short
 from typing import TYPE_CHECKING
@@ -62,7 +64,7 @@ class Labels:
         If the voxels or a key are not integers.
     """
 
-    volume: "Volume"
+    volume: Volume
     functions: dict = field(default_factory=dict)
     names: dict = field(default_factory=dict)
     smooth: bool = True
@@ -89,5 +91,5 @@ class Channel:
         Transfer function of this volume.
     """
 
-    volume: "Volume"
-    transfer_function: "TransferFunction"
+    volume: Volume
+    transfer_function: TransferFunction

@@ -1,5 +1,7 @@
 """Mist, with Blender's parameters."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from reprlib import repr as short
 
@@ -50,6 +52,6 @@ class Mist:
         object.__setattr__(self, "color", as_color(self.color, "The mist's color"))
 
     @classmethod
-    def from_json(cls, path) -> "Mist":
+    def from_json(cls, path) -> Mist:
         """Read a Mist from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the mist file"), "The mist file")

@@ -1,5 +1,7 @@
 """Quality settings that trade time for accuracy, and presets of them."""
 
+from __future__ import annotations
+
 import re
 import warnings
 from dataclasses import InitVar, dataclass, replace
@@ -84,7 +86,7 @@ KNOB_TEXTS = {
 TRUTHS = {"pre": "T1", "post": "T2"}
 
 
-def truth_of(quality: "Quality") -> str:
+def truth_of(quality: Quality) -> str:
     """The name of the truth that a quality promises to come near to."""
     return TRUTHS[quality.classification]
 
@@ -306,7 +308,7 @@ class Quality:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
     @classmethod
-    def preset(cls, name: str, /, classification: str = DEFAULT_CLASSIFICATION, **overrides) -> "Quality":
+    def preset(cls, name: str, /, classification: str = DEFAULT_CLASSIFICATION, **overrides) -> Quality:
         """Make a Quality from the preset draft, standard, fine or strict.
 
         Parameters
@@ -331,7 +333,7 @@ class Quality:
         mine = preset_knobs(self.name, self.classification)
         return all(getattr(self, knob) == value for knob, value in mine.items())
 
-    def classified(self, classification: str) -> "Quality":
+    def classified(self, classification: str) -> Quality:
         """Copy with another classification. If all settings are those of a preset, the copy has that preset's too."""
         knobs = {"classification": classification, "rays": NO_RAYS if classification == "pre" else self.rays}
         if self.is_preset:
@@ -340,7 +342,7 @@ class Quality:
         return replace(self, **knobs)
 
     @classmethod
-    def paper(cls, **overrides) -> "Quality":
+    def paper(cls, **overrides) -> Quality:
         """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel.
 
         ``overrides`` are fields of Quality that differ.

@@ -1,5 +1,7 @@
 """The scene, which holds everything that a picture depends on, and the rendered picture."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
@@ -129,8 +131,8 @@ class Scene:
         scene with ray ends has motion or depth of field.
     """
 
-    volume: "Volume"
-    transfer_function: "TransferFunction"
+    volume: Volume
+    transfer_function: TransferFunction
     camera: Camera
     width: int = 512
     height: int = 512

@@ -6,6 +6,8 @@ limited to the box around it.  Each function is a generator of Progress that can
 library, and returns a new mask.
 """
 
+from __future__ import annotations
+
 from importlib import import_module
 
 import numpy as np

@@ -1,5 +1,7 @@
 """How bright lights make a volume before it is rendered, compared with a headlight."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from .lighting import BACK, Lighting, unit_vectors

@@ -4,6 +4,8 @@ Kernels take LANES voxels at a time, with the scratch of one chunk in one array 
 ``shading.shade`` is a loop over the chunk, so that it becomes wide SIMD.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop, kernel

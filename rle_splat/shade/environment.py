@@ -15,6 +15,8 @@ The outward side is that of the lower values, away from the gradient, for two-si
 sphere under a bright sky would be as bright from below.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..scene import Environment

@@ -5,6 +5,8 @@ over k. Footprints are two voxels wide, so steps of that width look like a slope
 MOST_SAMPLES.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -8,6 +8,8 @@ get softer with distance.
     sheet pixel  X = scale * i + offset_x,  Y = scale * j + offset_y      for voxel (i, j) of a slice
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,7 +71,7 @@ class Sweep:
         """The pyramid: twice its axis, and one more where it opens upwards; -1 of parallel light."""
         return -1 if self.source is None else 2 * self.axis + int(self.slices[0] > self.source[AXES[self.axis][2]])
 
-    def without_nearest(self, skipped: int) -> "Sweep":
+    def without_nearest(self, skipped: int) -> Sweep:
         """Copy in which a voxel is blocked neither by itself nor by the ``skipped`` slices before it."""
         return replace(self, skipped=skipped, before=np.zeros_like(self.before))
 

@@ -6,6 +6,8 @@ its voxels, half of the voxel's own depth is added, and the transmittance is wri
 independent, except for the row where two meet, which both compute.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

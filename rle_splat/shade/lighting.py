@@ -1,5 +1,7 @@
 """Light on the voxels of a volume: lights, ambient light, headlight, and shadows."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

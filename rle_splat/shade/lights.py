@@ -7,6 +7,8 @@ three bounds: the value at which the light would fill the surface's sky (radius^
 the value at which I would leave the range of float32.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.limits import STRONGEST_LIGHT

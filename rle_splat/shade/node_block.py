@@ -4,6 +4,8 @@ numba computes with whole numbers of 64 bits and LLVM does not vectorize a loop 
 other takes 12 ns, a block of points 4 ns each, with the same bits.
 """
 
+from __future__ import annotations
+
 from ..runtime.llvm import cgutils, intrinsic, ir, types
 from ..runtime.vectors import INTEGER, Vector, load, pick, place, spread, store
 

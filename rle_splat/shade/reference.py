@@ -3,6 +3,8 @@
 Light that reaches voxels and what they reflect (algorithm.md 4.2; the formulas of ``lighting`` and ``lights``).
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.classification import RED

@@ -19,6 +19,8 @@ arrives (``effects.shadows``), and spread(n.l) = (1 + SPREAD) wrap / (wrap + SPR
 Every term is continuous.  A color is multiplied by the light; highlights are added in proportion to the extinction.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -4,6 +4,8 @@ There are two steps. Normals do not depend on the view and can be cached between
 directly into voxel records, for any range of voxels, so that no list of all shaded colors is needed.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..classify.classification import EXTINCTION, OPACITY, RED, ClassifiedVolume

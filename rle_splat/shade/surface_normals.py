@@ -10,6 +10,8 @@ surface, short where there is little but noise, and nearly 0 where normals turn 
 that walls differ from what is flat, N is made LEAST R long where it is shorter, along x where it is 0.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,7 +171,7 @@ class Smoothing:
     per_mm: float
 
     @classmethod
-    def of(cls, volume, sigma: float) -> "Smoothing":
+    def of(cls, volume, sigma: float) -> Smoothing:
         voxels = np.asarray(volume.voxels)
         spacing = np.asarray(volume.spacing, np.float64)
         taps = [gaussian(sigma, distance) for distance in spacing]

@@ -17,6 +17,8 @@ light that arrives at one of them only would show the grid of voxels.  So light 
 in which p is FURTHER FARTHEST widths towards the lamp: a side that faces away from it has no light of a surface.
 """
 
+from __future__ import annotations
+
 import math
 from itertools import pairwise
 from typing import NamedTuple

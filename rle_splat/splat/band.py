@@ -1,5 +1,7 @@
 """A band of rows of the intermediate image: how it begins, which voxels its live pixels reach, and how it ends."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

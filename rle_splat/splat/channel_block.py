@@ -5,6 +5,8 @@ share of the slab that counts, the usual share of its sheet, and where what is s
 last two are averaged by extinction.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

@@ -4,6 +4,8 @@ The scalar is linear from sheet to sheet, so a cut slab is classified by the val
 Otherwise an oblique cut through dense material would show the steps of the sheets.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

@@ -1,5 +1,7 @@
 """Where in a slab the transmittance falls below one half, for the depth channel: a block of pixels at a time."""
 
+from __future__ import annotations
+
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import DOUBLE, INTEGER, Vector, place
 from .pixel_block import BLOCK, kind_of

@@ -1,5 +1,7 @@
 """The intermediate image: what the sheets add up to on the base plane, before the warp."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +26,7 @@ class IntermediateImage:
     filled: np.ndarray
 
     @classmethod
-    def blank(cls, plane: BasePlane) -> "IntermediateImage":
+    def blank(cls, plane: BasePlane) -> IntermediateImage:
         """One that is to be filled in."""
         size = plane.height, plane.width
         return cls(plane, empty((*size, 4), np.float32), empty(size, np.float32), np.empty((2, plane.height), np.int32))

@@ -4,6 +4,8 @@ Clip objects leave short intervals of few rays.  The intervals of a band's block
 splat, and these the voxels of each scanline that they read, before any run of voxels is walked.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

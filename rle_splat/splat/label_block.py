@@ -6,6 +6,8 @@ where it leaves.  Where these differ the boundary lies where the leads, linear i
 two has its share of the slab.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -3,6 +3,8 @@
 The functions' lookup tables are the first of ChannelLookups, those of the volume's own values.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

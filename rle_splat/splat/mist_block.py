@@ -4,6 +4,8 @@ A slab adds weight * color to a pixel, where weight is the difference of transmi
 mist of strength m it adds weight * ((1 - m) * color + m * fog) instead.  The transmittance does not change.
 """
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 

@@ -7,6 +7,8 @@ The row is float32, or float64 behind so many sheets that float32's rounding wou
 float64 ``state`` and ``before``, numba compiles the same formulas once more, when they are first needed.
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -8,6 +8,8 @@ row behind the sheets, where composited pixels have color and transmittance:
     depths   RED the optical depth
 """
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Which part of a slab the rays of a block of pixels cross inside the box, and where a block's samples are."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

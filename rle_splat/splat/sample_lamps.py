@@ -1,5 +1,7 @@
 """A SampleLight, and where the samples of a base plane lie, as the kernels of ``sample_block`` take them."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -5,6 +5,8 @@ sheets (pre-integration: Engel, Kraus and Ertl 2001; the mean, from sums of the 
 shades itself).
 """
 
+from __future__ import annotations
+
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 from ..shade.sample_light import NORMAL

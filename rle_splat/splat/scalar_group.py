@@ -5,6 +5,8 @@ through the transmittance, so the processor works on all sheets of the group at 
 and written once for all of them.
 """
 
+from __future__ import annotations
+
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import Vector, count_lanes, place
 from .pixel_block import BLOCK, TINY, counted, kind_of, laid_over, row_planes, slab, store_row

@@ -4,6 +4,8 @@ A sample that needs a voxel which is not kept is transparent.  So only the inter
 counts, whereas classified voxels add up over the union.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

@@ -1,5 +1,7 @@
 """Splat the tables of a scalar volume on to their base plane, front to back, classified pixel by pixel."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -1,5 +1,7 @@
 """What happens to a block of pixels in one scanline of a sheet, beside the arithmetic of ``pixel_block``."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

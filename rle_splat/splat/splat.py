@@ -1,5 +1,7 @@
 """Splat one set of run-length tables on to its base plane, front to back."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 
 import numpy as np

@@ -4,6 +4,8 @@ Runs are short, a dozen voxels often, too short for what a loop's vectorizer mak
 of a fixed size, of which the last may lie over the one before: a voxel has the same bits in whichever group it is.
 """
 
+from __future__ import annotations
+
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import FLOAT, INTEGER, Vector, pick, place
 from ..shade.sample_light import NORMAL, ONE

@@ -4,6 +4,8 @@ Only runs inside the spans of the rows that are not yet opaque are touched, so b
 here: the volume's (runs) and the image's (live spans).
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

@@ -4,6 +4,8 @@ all are composited.
 Compositing a block reads what looking it up has just stored; with other blocks in between it need not wait for that.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import inner_loop

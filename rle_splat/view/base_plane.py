@@ -5,6 +5,8 @@ never rotated. Voxel scanlines stay parallel to sheet scanlines, and splatting a
 (paper, section 2). One homography then warps the plane to the picture.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -76,7 +78,7 @@ class BasePlane:
     view: IndexView
     seen: np.ndarray
 
-    def window(self, crop: tuple[int, int, int, int], reach: int) -> "BasePlane | None":
+    def window(self, crop: tuple[int, int, int, int], reach: int) -> BasePlane | None:
         """The part of the plane that the pixels of a crop read.
 
         Parameters
@@ -103,7 +105,7 @@ class BasePlane:
         pixels = np.array([corner[:2] for corner in polygon]) * self.density - self.origin
         return self.part(np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)), reach)
 
-    def part(self, first, last, reach: int) -> "BasePlane":
+    def part(self, first, last, reach: int) -> BasePlane:
         """Window with the pixels (u, v) from ``first`` to ``last`` inclusive, and ``reach`` more on either side."""
         first, last = (np.asarray(end).astype(np.int64) for end in (first, last))
         last = np.minimum(last + reach, (self.width - 1, self.height - 1))
@@ -113,7 +115,7 @@ class BasePlane:
         seen = np.clip(self.seen[:, first[1] : first[1] + height] - first[0], 0, width)
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
-    def section(self, number: int, count: int) -> "BasePlane | None":
+    def section(self, number: int, count: int) -> BasePlane | None:
         """The plane with one of ``count`` parts of its sheets, front to back; None if it has fewer and none is left."""
         first, last = (n * len(self.sheets) // count for n in (number, number + 1))
         if first == last:

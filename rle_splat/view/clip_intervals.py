@@ -4,6 +4,8 @@ Convex bodies to keep leave one interval of a ray; a convex body to cut away mak
 end exactly at the planes, also inside a slab.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

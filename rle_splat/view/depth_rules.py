@@ -4,6 +4,8 @@ Positions are in voxels along the principal axis. The classified medium is zero 
 first and last slice extend beyond it (the tent ramps over [-1, 0] and [n-1, n]), and so do the cells.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
@@ -118,7 +120,7 @@ class Sheets:
         """Most depth over which a sheet's samples are used, in voxels."""
         return float((self.far - self.begin).max(initial=0.0))
 
-    def part(self, first: int, last: int) -> "Sheets":
+    def part(self, first: int, last: int) -> Sheets:
         """Sheets that show nothing but the slabs of the sheets [``first``, ``last``).
 
         A sheet whose slab begins at the sheet before follows that sheet, which then only begins it.

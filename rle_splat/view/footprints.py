@@ -6,6 +6,8 @@ one. Gaussian weights are divided by their sum over all voxels, transparent ones
 visited voxels would brighten every boundary.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

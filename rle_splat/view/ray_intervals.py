@@ -1,5 +1,7 @@
 """Ray intervals: where the rays of sheet pixels begin and end, for clip distances and meshes in the volume."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only

@@ -4,6 +4,8 @@ A block is hidden if the transfer function hides all of [low, high]. After a cha
 voxels of visible blocks are read.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

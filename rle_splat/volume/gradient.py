@@ -10,6 +10,8 @@ Sobel's gradient. Float data: eight machine epsilons of the largest neighboring 
 computed constant may carry.
 """
 
+from __future__ import annotations
+
 from itertools import pairwise
 
 import numpy as np

@@ -4,6 +4,8 @@ Central differences, one-sided at the faces of the volume. A neighbor that is no
 itself. Unlike the normals of integer data, the differences are not smoothed, since smoothing would lower the magnitude.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only

@@ -4,6 +4,8 @@ A kernel of its own for each type would have to be compiled for each.  A branch 
 takes at most some hundredths of the time.  (With a branch for each voxel, sizes of gradients took 1.8 times as long.)
 """
 
+from __future__ import annotations
+
 from functools import cache
 from typing import NamedTuple
 

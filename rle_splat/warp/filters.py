@@ -5,6 +5,8 @@ Keys (1981) with a = -1/2, the Catmull-Rom spline, third order. "cubic": the cub
 it interpolate (``spline_prefilter``), fourth order.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +36,7 @@ class WarpFilter(NamedTuple):
     table: np.ndarray
 
     @classmethod
-    def of(cls, name: str) -> "WarpFilter":
+    def of(cls, name: str) -> WarpFilter:
         polynomials, is_prefiltered = POLYNOMIALS[name], name == "cubic"
         to_alpha = np.array([[1, 1, 1, 1], [0, 0, 0, 0]]) if is_prefiltered else [[1, 1, 1, -1], [0, 0, 0, 1]]
         weights = np.repeat(polynomials, 4, axis=1)

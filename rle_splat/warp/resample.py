@@ -1,5 +1,7 @@
 """Resampling of the intermediate image at the rays of the picture's pixels."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import kernel, parallel_call

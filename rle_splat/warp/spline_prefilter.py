@@ -12,6 +12,8 @@ same samples, bit for bit, in any window of an image that has MARGIN samples aro
 samples within MARGIN are zero.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import kernel, parallel_call

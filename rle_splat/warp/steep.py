@@ -5,6 +5,8 @@ Silhouettes are lines, but noise is steep everywhere, so only a limited number o
 tile depends only on its pixels and their neighbors, so a crop has the same steep pixels as the whole frame.
 """
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.jit import kernel, run_either

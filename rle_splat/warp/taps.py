@@ -4,6 +4,8 @@ LLVM's straight-line vectorizer is off in numba (see ``rle_splat.runtime.lanes``
 sixteen floats wide; LLVM splits them for processors with narrower ones.
 """
 
+from __future__ import annotations
+
 from ..runtime.llvm import intrinsic, ir, types
 from ..runtime.vectors import FLOAT, INTEGER, load, pick, place, spread, store
 

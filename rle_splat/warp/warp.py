@@ -1,5 +1,7 @@
 """The warp: each pixel of the picture reads the intermediate image of its base plane at its ray."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..runtime.buffer_pool import empty

@@ -1,5 +1,7 @@
 """Which scenes a tolerance can be kept for, and which an accuracy sweep can measure."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from ...effects.analyze import analyze_effects

@@ -1,5 +1,7 @@
 """The quickest plan that keeps a tolerance, and the next one where the measured error exceeds it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,7 +73,7 @@ class Speed:
     warp: float = 1.0
 
     @classmethod
-    def of(cls, model: Model, features: Features, pilots: dict, plan: Quality, latest: tuple | None = None) -> "Speed":
+    def of(cls, model: Model, features: Features, pilots: dict, plan: Quality, latest: tuple | None = None) -> Speed:
         """Make one from ``pilots``: their names -> pairs of a plan and the milliseconds of its stages.
 
         That of the splat is interpolated between the pilots, and carried on by at most a factor of two in the density:

@@ -6,6 +6,8 @@ that differ can still be equal at single pixels.  Pixels whose estimate exceeds 
 rays.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,7 +40,7 @@ class ErrorEstimate:
     bins: np.ndarray
 
     @classmethod
-    def of(cls, drawn: dict[str, Rendering]) -> "ErrorEstimate":
+    def of(cls, drawn: dict[str, Rendering]) -> ErrorEstimate:
         """Make one from the renderings of the pilots, by name."""
         depth, sheet = (
             np.maximum(_largest_around(difference_of(drawn["coarse"], drawn[name])), FAINTEST).astype(np.float32)

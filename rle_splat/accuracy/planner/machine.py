@@ -5,6 +5,8 @@ the same scene has the same plan at every run, whatever else the machine does me
 several measurements of one synthetic scene.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import platform

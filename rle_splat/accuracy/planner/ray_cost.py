@@ -1,5 +1,7 @@
 """Error and time of single rays, as functions of their number and of the slabs that a voxel's depth is cut into."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 MOST_SLABS = 64
@@ -32,7 +34,7 @@ class RayCost:
     measured_us: tuple[float, float]
     correction: float = 1.0
 
-    def found(self, measured: float, slabs: int) -> "RayCost":
+    def found(self, measured: float, slabs: int) -> RayCost:
         """Correct the cost after rays of ``slabs`` slabs were found to err ``measured`` levels."""
         return replace(self, correction=self.correction * max(measured / max(self.error(slabs), 1e-9), 2.0))
 

@@ -3,6 +3,8 @@
 ``tolerance`` chooses and renders one plan with it; ``measure_plans`` predicts the plans of several tolerances.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Reference implementation of ``label_fields`` and ``label_block``, in numpy: all points at a time."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ...classify.label_cells import CORNERS, NO_KIND, SEVERAL

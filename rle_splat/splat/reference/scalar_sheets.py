@@ -1,5 +1,7 @@
 """Reference implementation of ``scalar_sheets``, in numpy: whole sheets at a time, the same sums."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ...shade.lighting import unit_vectors

@@ -1,5 +1,7 @@
 """Reference implementation of ``sheet_buffer``, in numpy: whole sheets at a time, the same sums."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ...view.footprints import FOOTPRINTS, TENT, footprint_weights
