@@ -57,7 +57,6 @@ class Request:
 
     Attributes
     ----------
-    matrices : Matrices
     volumes : tuple of str
         Keys of the visible volumes.
     drawn : tuple

@@ -118,7 +118,6 @@ def beside_steps(path: str, volume: Volume):
     ----------
     path : str
         Of the scan.
-    volume : Volume
 
     Returns
     -------
@@ -156,8 +155,6 @@ def show(owner, volume: Volume, made: MadeSegment, hide: str = "") -> None:
     Parameters
     ----------
     owner : bpy.types.Object
-    volume : Volume
-    made : MadeSegment
     hide : {"", "BACKGROUND", "OTHERS"}
         What is hidden: nothing more, what is in no segment, or all but the segment.
     """

@@ -110,16 +110,14 @@ def find_sides(opacity, values) -> tuple[np.ndarray, np.ndarray]:
 class PostLight:
     """Light at points of a scene.
 
+    Voxels are looked at when first needed, and kept: T and O take most of the time.
+
     Parameters
     ----------
     scene : Scene
         With a transfer function that shades.
     world_distance : float
         World length of the opacity unit distance.
-
-    Notes
-    -----
-    Voxels are looked at when first needed, and kept: T and O take most of the time.
     """
 
     def __init__(self, scene: Scene, world_distance: float):
@@ -324,7 +322,6 @@ class LitField(ScalarField):
     ----------
     values, transfer_function, world_distance, physical, further
         As ``ScalarField`` takes them.
-    light : PostLight
     """
 
     is_lit = True

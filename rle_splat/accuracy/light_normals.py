@@ -119,6 +119,9 @@ def box_mean(values: np.ndarray) -> np.ndarray:
 def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """Vectors m and lengths of gradients of all voxels of an array.
 
+    A gradient is a covector.  The differences along the voxel axes are transformed by the inverse transpose of the
+    affine's directions.
+
     Parameters
     ----------
     voxels : (nz, ny, nx)
@@ -134,11 +137,6 @@ def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np
         m, along the axes of the volume's own space.
     slope : (nz, ny, nx) float64
         |N|, stored values per mm.
-
-    Notes
-    -----
-    A gradient is a covector.  The differences along the voxel axes are transformed by the inverse transpose of the
-    affine's directions.
     """
     spacing = spacing_of(affine)
     values = voxels.astype(np.float64)

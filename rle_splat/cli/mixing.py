@@ -117,7 +117,6 @@ class Further:
 
     Attributes
     ----------
-    labels : Volume or None
     channels : tuple of Volume
     channel_sources : tuple of (str, dict)
         Path of each channel, and options of ``read_volume`` by which it is read again.

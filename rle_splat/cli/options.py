@@ -174,17 +174,12 @@ def add_effect_options(parser) -> None:
 
 
 def effects_from(args) -> dict[str, bool]:
-    """The overrides of --effect.
+    """The overrides of --effect; RleSplatError for an unknown effect or state.
 
     Returns
     -------
     dict of str to bool
         Name of an effect to its forced state; the last --effect of a name counts.
-
-    Raises
-    ------
-    RleSplatError
-        For an unknown effect or state.
     """
     from ..effects.analyze import check_overrides
 
@@ -334,7 +329,7 @@ def add_machine_options(parser) -> None:
 
 
 def quality_from(args, usual: str | None = None) -> Quality:
-    """The quality from the options.
+    """The quality from the options; RleSplatError if options contradict each other, or a value is out of range.
 
     Parameters
     ----------
@@ -342,11 +337,6 @@ def quality_from(args, usual: str | None = None) -> Quality:
         With the options of ``add_quality_options``, and of ``add_tolerance_options`` if the command has them.
     usual : str, optional
         The classification if none is given.  Without it, pre if a knob needs it, else the default.
-
-    Raises
-    ------
-    RleSplatError
-        If options contradict each other, or a value is out of range.
     """
     knobs, removed = without_removed(_list_given_knobs(args))
     machine = {"threads": args.threads, "record": knobs.pop("record", RECORDS[0])}

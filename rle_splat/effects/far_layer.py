@@ -21,7 +21,6 @@ def layers_to_splat(layers: DepthLayers, region, planes: list[BasePlane], reach:
     ----------
     region : (left, top, right, bottom)
         The pixels wanted of the picture.
-    planes : list of BasePlane
     reach : int
         Sheet pixels on either side of a ray that its pixel depends on.
 

@@ -42,7 +42,6 @@ class Occluders:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     find_extinction : callable
         ``find_extinction()``: generator of fractions done that returns the extinction of the voxels, (m,) float32,
         1 / world length, in their own order.
@@ -122,17 +121,12 @@ class Occluders:
 
 
 def pool_occluders_steps(occluders: Occluders, side: int):
-    """Average what blocks light over cubes of voxels.
+    """Generator of fractions done: average what blocks light over cubes of voxels.
 
     Parameters
     ----------
     side : int
         Voxels along a side of a cube.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -217,17 +211,12 @@ def sky_passes(occluders: Occluders, *, nodes: bool):
 
 
 def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Find the weighted mean of the light of several samples at each voxel.
+    """Generator of fractions done: find the weighted mean of the light of several samples at each voxel.
 
     Parameters
     ----------
     passes, weights
         As ``light_passes`` returns them.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -267,15 +256,13 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
     It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
 
+    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
+    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+
     Returns
     -------
     (2, nz + 2, ny + 2, nx + 2) ndarray of uint16
         FULL times the share T that arrives, and the mean U, by their weights, of its further OCTAVES.
-
-    Notes
-    -----
-    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
-    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
     """
     factors, powers = OCTAVES
     least, code = powers[-1], np.arange(FULL + 1.0) / FULL

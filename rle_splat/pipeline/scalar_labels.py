@@ -38,7 +38,6 @@ class LabelFunctions:
 
     Attributes
     ----------
-    labels : Labels
     functions : tuple of TransferFunction or None
         Number 0 is the scene's own; None hides.
     known : (k,) ndarray of integers
@@ -132,8 +131,6 @@ class ScalarLabels:
 
     Attributes
     ----------
-    functions : LabelFunctions
-    cells : LabelCells
     tables : tuple of LookupTable
         One for each function.
     """

@@ -71,7 +71,7 @@ def gaussian(sigma: float, spacing: float) -> np.ndarray:
 
 
 def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: float, *, threads: int = 0):
-    """Find m of kept voxels.
+    """Generator of fractions done: find m of kept voxels.
 
     Parameters
     ----------
@@ -84,11 +84,6 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
         Standard deviation of the Gaussian in mm, 0 for none.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -151,26 +151,19 @@ def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
 ):  # fmt: skip
-    """Turn the vectors of kept voxels to where extinction falls, and find where their shadows begin.
+    """Generator of fractions done: turn vectors to where extinction falls, and find where shadows begin.
 
     Parameters
     ----------
     surfaces : Surfaces
         Of the voxels.
-    voxels : VisibleVoxels
     volume : Volume
     transfer_function : TransferFunction
     index_to_world : (4, 4) ndarray of float64
-    faces : Faces
     with_points : bool
         Whether points are asked for.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -133,6 +133,9 @@ def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
 def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     """Ray intervals inside the box of the voxel centers, by column and by row.
 
+    The sideways position of a ray along the scanlines depends on its column only, and across them on its row only. So a
+    ray is inside from the later of both begins to the earlier of both ends.
+
     Parameters
     ----------
     shape_xyz : (nx, ny, nz)
@@ -141,11 +144,6 @@ def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     -------
     (2, W) ndarray of float32, (2, H) ndarray of float32
         Begin and end for the columns and for the rows of sheet pixels, voxels along the viewing direction.
-
-    Notes
-    -----
-    The sideways position of a ray along the scanlines depends on its column only, and across them on its row only. So a
-    ray is inside from the later of both begins to the earlier of both ends.
     """
     found = []
     for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):

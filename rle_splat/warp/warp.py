@@ -29,6 +29,8 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
 
     Yields fractions done, and returns the picture.
 
+    A pixel belongs to the image of the principal axis of its ray. A pixel that belongs to no image is transparent.
+
     Parameters
     ----------
     images : list of IntermediateImage
@@ -45,10 +47,6 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
         Premultiplied, scene-linear; the size is that of ``region``.
     depth : (H, W) ndarray of float32
         World units; NO_DEPTH where the transmittance stays above one half.
-
-    Notes
-    -----
-    A pixel belongs to the image of the principal axis of its ray. A pixel that belongs to no image is transparent.
     """
     left, top, right, bottom = region
     with_kernels, (prefiltered, *taps) = compiled(), FILTERS[quality.warp_filter]
