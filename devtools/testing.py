@@ -65,7 +65,7 @@ QUICK = ("project", "unit", "effects", "figure", "read", "cli")  # the core's fo
 # The longest parts, which begin first; the others take a minute or less.
 LONGEST = (
     REAL_BLENDER, "core-unit", f"bpy-{NEWEST}", "hard-cases", "core-truths", "core-effects", "bpy-5.0", "bpy-4.5",
-    "bpy-5.2", "core-read", "core-without-kernels", "core-cli", "extras",
+    "bpy-5.2", "core-read", "core-without-kernels", "core-cli", "extras", "core-planner",
 )  # fmt: skip
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
