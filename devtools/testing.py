@@ -43,8 +43,11 @@ AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVER
 # Files of tests/unit that call no kernel of a package: they run while those are compiled.
 WITHOUT_KERNELS = tuple(
     TESTS_FOLDER / "unit" / f"test_{name}.py"
-    for name in ("contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "view")
-)
+    for name in (
+        "contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "shipped_kernels",
+        "view",
+    )
+)  # fmt: skip
 WITHOUT_KERNELS_STAGE = "core, unit without kernels"
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
