@@ -121,7 +121,12 @@ def _sample(layer, left, top, column, row):
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom) of the picture's pixels at which ``ray_intervals`` reads a layer for this plane."""
     ends = plane.view.width - 1.0, plane.view.height - 1.0
-    column, row = reference.picture_positions(*ends, *_along_and_across(plane))
+    columns, rows = _along_and_across(plane)
+    corners = columns[:, [0, -1]], rows[:, [0, -1]]
+    depths = corners[0][2] + corners[1][2][:, None]
+    if depths.min() * depths.max() > 0.0:  # all before the eye: a projective map has its extremes at the corners
+        columns, rows = corners
+    column, row = reference.picture_positions(*ends, columns, rows)
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
 
 
