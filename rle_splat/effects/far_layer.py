@@ -112,8 +112,10 @@ def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_d
     """
     left, top = behind[0] - region[0], behind[1] - region[1]
     part = slice(top, top + far_depth.shape[0]), slice(left, left + far_depth.shape[1])
-    coverage, near = layers.coverage_of(behind), rgba[part]
+    coverage = layers.coverage_of(behind)
     past = coverage < 1.0  # few pixels
     share = coverage[past][:, None]
-    near[past] = share * near[past] + (1.0 - share) * far_rgba[past]
+    whole, far = (one.view(np.complex128)[..., 0] for one in (rgba[part], far_rgba))  # as in ``take_like``
+    seen, beyond = (one[past].view(np.float32).reshape(-1, 4) for one in (whole, far))
+    whole[past] = (share * seen + (1.0 - share) * beyond).view(np.complex128)[:, 0]
     np.copyto(depth[part], far_depth, where=coverage < 0.5)
