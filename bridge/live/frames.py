@@ -181,9 +181,23 @@ def picture_steps(shot: Shot, drawn: Ends | None, cache, coarseness: int | None)
         if len(scenes) > 1:
             steps = several_steps(scenes, make, MOST_SPANS if coarseness is None else DRAFT_SPANS)
         rendering = yield from steps
+        rgba, crop = without_border(np.ascontiguousarray(rendering.rgba, np.float32), crop)
         place = tuple(edge / whole for edge, whole in zip(crop, 2 * (view.width, view.height)))
-        made.append(RegionPicture(np.ascontiguousarray(rendering.rgba, np.float32), place, max(halved)))
+        made.append(RegionPicture(rgba, place, max(halved)))
     return made
+
+
+def without_border(rgba: np.ndarray, crop) -> tuple:
+    """A picture (H, W, 4) float32 and its part of the view without all but one of the transparent rows and columns at
+    each side: a driver copies the rest.  One that is transparent stays as it is."""
+    left, top = crop[:2]
+    shown = rgba.view(np.complex128)[..., 0] != 0.0
+    rows, columns = (np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return rgba, crop
+    (first, last), (begin, end) = ((max(int(some[0]) - 1, 0), int(some[-1]) + 2) for some in (rows, columns))
+    rgba = np.ascontiguousarray(rgba[first:last, begin:end])
+    return rgba, (left + begin, top + first, left + begin + rgba.shape[1], top + first + rgba.shape[0])
 
 
 def in_larger_voxels(plain: Scene) -> tuple[Scene, int]:

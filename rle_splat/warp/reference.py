@@ -33,19 +33,13 @@ def _weights(fraction, polynomials):
     return _product(polynomials.T, (np.ones_like(fraction), fraction, square, square * fraction))
 
 
-def clear(rgba, depth):
-    """Clear a picture (H, W, 4) and its depths (H, W)."""
-    rgba[...] = 0.0
-    depth[...] = NO_DEPTH
-
-
 def resample(
     pixels, half, sheet_origin, to_sheet, directions, axis, sign, taps, table, most_color, depth_map, picture_origin,
     first, rgba, depth,
 ):  # fmt: skip
     """Fill the pixels that belong to one base plane; arguments as of ``resample``."""
     if first:
-        clear(rgba, depth)
+        rgba[...], depth[...] = 0.0, NO_DEPTH
     height, width = depth.shape
     sheet_height, sheet_width = half.shape
     column, row = np.meshgrid(picture_origin[0] + np.arange(width) + 0.5, picture_origin[1] + np.arange(height) + 0.5)

@@ -304,16 +304,22 @@ def test_drafts_have_fewer_pixels_above_14_ms_fewer_voxels_above_30_and_become_f
     assert after(0.006, 0.006) == 1 and after(0.004) == 0
 
 
+def rows_of_view(viewport) -> float:
+    """How many rows of the first picture's pixels the whole view would have."""
+    (picture,) = viewport.pictures
+    return picture.rgba.shape[0] / (picture.place[3] - picture.place[1])
+
+
 def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
     viewport, clock, surface = made
     drafts = live.viewport.Habits(refines=False, least_coarseness=1)
     viewport.redraw(request_of(live, habits=drafts), 1, surface)
     assert not viewport.is_busy and not viewport.is_refined and viewport._work_on[1] == 1
-    coarse = viewport.pictures[0].rgba.shape
+    assert rows_of_view(viewport) == pytest.approx(SIZE[1] / 2)
     viewport.redraw(request_of(live), 1, surface)  # the preferences have changed
     finish(viewport, clock)
     assert viewport.is_refined and viewport.counts["refinements"] == 1
-    assert abs(viewport.pictures[0].rgba.shape[0] - 2 * coarse[0]) <= 2
+    assert rows_of_view(viewport) == pytest.approx(SIZE[1])
 
 
 def test_depths_are_compared_where_they_were_read(live, bridge):
@@ -332,6 +338,17 @@ def test_depths_are_compared_where_they_were_read(live, bridge):
     one = ends.copy()
     one[12, 12] = 3.0
     assert not differ(ends, one), "a pixel in 2000 is what an engine's samples move"
+
+
+def test_pictures_go_to_the_driver_without_their_transparent_border(live):
+    whole = np.zeros((20, 30, 4), np.float32)
+    whole[5:9, 12:20] = 0.5
+    whole[7, 29, 2] = 0.1  # at the right edge, without opacity
+    rgba, crop = live.frames.without_border(whole, (100, 200, 130, 220))
+    assert crop == (111, 204, 130, 210) and rgba.shape == (6, 19, 4) and rgba.flags.c_contiguous
+    np.testing.assert_array_equal(rgba, whole[4:10, 11:])
+    blank, same = live.frames.without_border(np.zeros_like(whole), (100, 200, 130, 220))
+    assert blank.shape == whole.shape and same == (100, 200, 130, 220)
 
 
 @pytest.mark.parametrize("coarseness, count", [(0, 3), (1, 3), (None, 1)])
