@@ -199,11 +199,11 @@ def lowest_visible(owner, depsgraph=None) -> float:
 
 def brightest_near(volume: Volume, index) -> tuple[int, int, int]:
     """The voxel (x, y, z) with the highest value of the eight around a voxel index of fractions."""
-    ends = np.array(volume.shape_xyz) - 1
-    corners = [np.clip((np.floor(index), np.floor(index) + 1), 0, ends)[:, axis].astype(int) for axis in range(3)]
-    places = np.stack(np.meshgrid(*corners, indexing="ij"), -1).reshape(-1, 3)
-    values = volume.physical(volume.voxels[tuple(places[:, ::-1].T)])
-    return tuple(int(n) for n in places[int(np.argmax(np.nan_to_num(values, nan=-np.inf)))])
+    first = np.clip(np.floor(index), 0, np.array(volume.shape_xyz) - 1).astype(int)
+    near = tuple(slice(n, n + 2) for n in first[::-1])
+    values = np.nan_to_num(volume.physical(volume.voxels[near]), nan=-np.inf)
+    x, y, z = first + np.unravel_index(values.argmax(), values.shape)[::-1]
+    return int(x), int(y), int(z)
 
 
 def is_temporary(path: str) -> bool:
