@@ -32,6 +32,7 @@ from ..runtime.parallel import share_out
 from ..runtime.work_sizes import PLACED_AT_ONCE
 from ..volume.stored_scalars import StoredValues, by_any_type
 from . import reference
+from .lighting import unit_vectors
 from .sample_light import ONE, TRUSTED
 from .surface_normals import LEAST, Surfaces
 
@@ -90,7 +91,7 @@ def points_for(light, normals, offsets, index_to_world) -> Points:
     matrix = np.asarray(index_to_world, np.float64)
     to_index, kind, place, way = np.linalg.inv(matrix[:3, :3]), NO_LAMP, np.zeros(3), np.zeros(3)
     if light is not None and light.type == "SUN":
-        kind, place = FAR_LAMP, light.matrix_world[:3, 2] / np.linalg.norm(light.matrix_world[:3, 2])
+        kind, place = FAR_LAMP, unit_vectors(light.matrix_world[None, :3, 2])[0]
         way = STEPS * FURTHER * FARTHEST * np.abs(place @ matrix[:3, :3]).sum() * (to_index @ place)
     elif light is not None:
         kind, place = NEAR_LAMP, light.matrix_world[:3, 3]
